@@ -1,0 +1,1 @@
+"""Types and errors that every room of the house shares; depends on NumPy alone."""

@@ -1,0 +1,98 @@
+"""What passes between arena, actor and learner, whatever the transport."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+JOINTS = 6
+ARM_FEATURES = 3 * JOINTS
+SHAPES = ("CUBE", "SPHERE", "CYLINDER", "CAPSULE")
+COLORS = ("RED", "GREEN", "BLUE", "YELLOW", "MAGENTA")
+OBJECT_FEATURE_NAMES = (
+    *("x", "y", "z"),  # metres, hand frame
+    *("qx", "qy", "qz", "qw"),  # orientation in the hand frame, qw >= 0
+    *(f"shape_{name.lower()}" for name in SHAPES),  # one-hot; all zero for the hand
+    *(f"color_{name.lower()}" for name in COLORS),
+)
+OBJECT_FEATURES = len(OBJECT_FEATURE_NAMES)  # 16
+
+
+def arm_features(position: Float64, velocity: Float64) -> Float32:
+    """Arm part of Ω: sin, cos (of rad) and velocity (rad/s) of the 6 joints, [18] float32."""
+    return np.concatenate([np.sin(position), np.cos(position), velocity]).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """One control step as an agent sees it. Arrays are owned by this object."""
+
+    episode: int
+    step: int  # 0 is the observation a reset returns
+    stamp_ns: int  # simulation time; never goes back, not even at a reset
+    objects: Float32  # [N, 16], OBJECT_FEATURE_NAMES; the hand is one of the N
+    joint_position: Float64  # [6] rad
+    joint_velocity: Float64  # [6] rad/s
+    hand_index: int
+    program_id: str  # the program the verifier scores this step under
+
+    @property
+    def arm(self) -> Float32:
+        """Arm features, [18]."""
+        return arm_features(self.joint_position, self.joint_velocity)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the verifier says of the state that an Observation of the same step describes."""
+
+    episode: int
+    step: int
+    stamp_ns: int
+    program_id: str
+    reward: float  # +1 satisfied, -1 not
+    satisfied: bool
+    distance: float  # metres, hand to the nearest object the program names; inf if there is none
+    truncated: bool  # the episode's time limit was reached (not a termination)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """T consecutive transitions of one episode under one program, from one agent.
+
+    Transition t goes from row t to row t + 1 of `objects` and `arm`. By construction nothing
+    joins two episodes, programs or agents.
+    """
+
+    agent_id: str
+    sequence: int  # 0, 1, 2, … per agent_id; makes inserting idempotent and gaps visible
+    policy_version: int  # of the weights that acted
+    episode: int
+    first_step: int
+    program: str  # canonical text
+    hand_index: int
+    objects: Float32  # [T + 1, N, 16]
+    arm: Float32  # [T + 1, 18]
+    actions: Float32  # [T, 6] in [-1, 1], as executed
+    rewards: Float32  # [T], of row t + 1
+    ends_episode: bool
+    terminated: bool  # always False for the reaching tasks: their time limit is a truncation
+    vocabulary_digest: str
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+
+@dataclass(frozen=True)
+class PolicySnapshot:
+    """Weights of an actor at one version: the only thing that flows from learner to agents."""
+
+    version: int
+    architecture: str  # canonical JSON of the network's configuration
+    vocabulary_digest: str
+    tensors: dict[str, Float32]  # state-dict names; float32, C-contiguous
