@@ -1,0 +1,1 @@
+"""Replay, exploration noise, actor, DPG, checkpoints and the loop."""

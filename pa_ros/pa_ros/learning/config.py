@@ -1,0 +1,123 @@
+"""Every choice of the learning algorithm, with the paper's value or why it is ours."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pa_ros.core.errors import ConfigError
+
+RELABEL = ("none", "all-goals")
+BACKENDS = ("auto", "fused", "torch")
+DTYPES = ("float32", "float64")
+NOISE_SCALES = ("stationary", "diffusion")
+
+
+@dataclass(frozen=True)
+class LearnerConfig:
+    """Deterministic policy gradient (paper, appendix "Training parameters").
+
+    Given by the paper: `batch_size`, `discount`, `replay_frames`, one update per action, the clip
+    of ∂Q/∂a, hard target copies after each episode, `noise_sigma` and `noise_damping`. Everything
+    else is not stated there and is a choice of ours.
+    """
+
+    batch_size: int = 64
+    discount: float = 0.99
+    replay_frames: int = 1_000_000  # observations kept
+    updates_per_frame: float = 1.0
+    action_gradient_clip: float = 1.0  # per element of ∂Q/∂a
+    actor_rate: float = 1e-4  # not stated; Adam's, as in Lillicrap et al.
+    critic_rate: float = 3e-4  # not stated; 1e-3 lets the critic forget the action
+    adam_beta1: float = 0.9
+    adam_beta2: float = 0.999
+    adam_epsilon: float = 1e-8
+    warmup_frames: int = 1000  # frames before the first update
+    reward_shift: float = 0.0  # added to every reward that the learner uses
+    relabel: str = "none"  # the paper's; "all-goals": see pa_ros.learning.relabel
+    programs_per_transition: int = 1  # K; more than one needs relabeling
+    relabel_keeps_original: bool = True  # the program that acted is always one of the K
+    near_threshold: float = 0.20  # metres; of the verifier, for relabeling alone
+    stretch_steps: int = 100  # transitions per stretch: an episode
+    policy_lag: int = 1  # stretches; 0 is the paper's interleaving
+    noise_sigma: float = 0.3
+    noise_damping: float = 1.0  # per second
+    noise_dt: float = 0.1  # seconds per control step
+    noise_scale: str = "stationary"  # what sigma is the standard deviation of
+    backend: str = "auto"  # "auto": the fused CPU update where it applies, else torch
+    device: str = "cpu"
+    dtype: str = "float32"
+    threads: int = 1  # of the backend
+
+    def __post_init__(self) -> None:
+        _check_choices(self)
+        _check_integers(self)
+        _check_numbers(self)
+        if self.programs_per_transition > 1 and self.relabel == "none":
+            raise ConfigError(
+                "learner programs_per_transition: expected 1 without relabeling, "
+                f"got {self.programs_per_transition}"
+            )
+
+    def to_json(self) -> str:
+        """Canonical JSON of every field."""
+        return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, text: str) -> LearnerConfig:
+        """The inverse of `to_json`; ConfigError when the text is not such a configuration."""
+        try:
+            return cls(**json.loads(text))
+        except (ValueError, TypeError) as error:
+            raise ConfigError(f"learner configuration: {error}: got {text[:200]!r}") from error
+
+
+def _refuse(name: str, expected: str, received: Any) -> None:
+    raise ConfigError(f"learner {name}: expected {expected}, got {received!r}")
+
+
+def _check_choices(config: LearnerConfig) -> None:
+    choices = {
+        "relabel": RELABEL,
+        "backend": BACKENDS,
+        "dtype": DTYPES,
+        "noise_scale": NOISE_SCALES,
+    }
+    for name, allowed in choices.items():
+        if getattr(config, name) not in allowed:
+            _refuse(name, f"one of {allowed}", getattr(config, name))
+
+
+def _check_integers(config: LearnerConfig) -> None:
+    least = {
+        "batch_size": 1,
+        "replay_frames": 2,
+        "warmup_frames": 0,
+        "programs_per_transition": 1,
+        "stretch_steps": 1,
+        "policy_lag": 0,
+        "threads": 1,
+    }
+    for name, minimum in least.items():
+        value = getattr(config, name)
+        if not isinstance(value, int) or isinstance(value, bool) or value < minimum:
+            _refuse(name, f"an integer of at least {minimum}", value)
+    if config.stretch_steps >= config.replay_frames:
+        _refuse("replay_frames", f"more than stretch_steps = {config.stretch_steps}",
+                config.replay_frames)  # fmt: skip
+
+
+def _check_numbers(config: LearnerConfig) -> None:
+    positive = ("action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon")
+    positive += ("near_threshold", "noise_dt")
+    for name in (*positive, "updates_per_frame", "noise_sigma", "noise_damping", "reward_shift"):
+        value = getattr(config, name)
+        if not (isinstance(value, (int, float)) and math.isfinite(value)):
+            _refuse(name, "a finite number", value)
+        if (name in positive and value <= 0) or (name != "reward_shift" and value < 0):
+            _refuse(name, "a positive number" if name in positive else "at least 0", value)
+    for name in ("discount", "adam_beta1", "adam_beta2"):
+        if not 0 <= getattr(config, name) < 1:
+            _refuse(name, "a number in [0, 1)", getattr(config, name))

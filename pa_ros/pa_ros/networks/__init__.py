@@ -1,0 +1,1 @@
+"""Batched programs, programmable and canonical networks (torch), and their tensors (NumPy)."""
