@@ -1,0 +1,53 @@
+# One command each; every one prepares .venv first and is quick the second time.
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# What is compiled; Python sources are installed editable and always current.
+COMPILED := pyproject.toml constraints.txt $(shell find msgs_schema pa_ros/native -type f 2>/dev/null)
+# The requirements of one extra, so that asking for it does not compile the interfaces again.
+extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$(1)']))")
+
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: install install-dev install-bench run train test bench lint clean
+
+install: $(VENV)/.installed
+install-dev: $(VENV)/.installed-dev
+install-bench: $(VENV)/.installed-bench
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: $(COMPILED) | $(BIN)/python
+	$(PIP_INSTALL) --editable .
+	touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	$(PIP_INSTALL) $(call extra,dev)
+	touch $@
+
+$(VENV)/.installed-bench: $(VENV)/.installed
+	$(PIP_INSTALL) $(call extra,bench)
+	touch $@
+
+run: install
+	$(BIN)/pa_ros demo
+
+train: install
+	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 200000 --out runs/train
+
+lint: install-dev
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/python -m pytest -q
+
+bench: install
+	$(BIN)/pa_ros bench codec
+	$(BIN)/pa_ros bench sim
+	$(BIN)/pa_ros bench graph
+
+clean:
+	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

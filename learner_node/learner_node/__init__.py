@@ -1,0 +1,1 @@
+"""Shell that puts the learner on the graph: transitions in, policy weights out."""
