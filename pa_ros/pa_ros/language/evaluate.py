@@ -1,0 +1,116 @@
+"""What a program means: crisply over true properties, softly over a matrix Φ.
+
+These are the readable definitions, one object at a time. Batches of different programs run in
+`pa_ros.networks.programs`, which agrees with `relevance` to float precision.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence, Set
+from functools import reduce
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language.errors import NamesNothingError, ProgramError, one_of, refuse_word
+from pa_ros.language.span import Span
+from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
+
+
+def satisfying(
+    program: Program, objects: Sequence[Set[str]], hand_index: int | None
+) -> tuple[bool, ...]:
+    """Say for each object whether the program names it, given each object's true words.
+
+    A word that names nothing in the world is in no object's set. The hand is never a target, not
+    even of NOT(RED); `hand_index` is None if the hand is not among `objects`.
+    Raises ConfigError if the index is not one of the objects.
+    """
+    _check_hand(hand_index, len(objects))
+    return tuple(
+        i != hand_index and describes(program.target, words) for i, words in enumerate(objects)
+    )
+
+
+def require_target(
+    program: Program, objects: Sequence[Set[str]], hand_index: int | None
+) -> tuple[bool, ...]:
+    """Like `satisfying`, but raise NamesNothingError if the program names no object."""
+    named = satisfying(program, objects, hand_index)
+    if not any(named):
+        present = [" ".join(sorted(w)) for i, w in enumerate(objects) if i != hand_index]
+        source = str(program)
+        raise NamesNothingError(
+            source,
+            Span(len("NEAR(HAND, "), len(source) - 1),
+            expected=f"an object of the scene ({one_of(present) if present else 'it is empty'})",
+            received=f"{program.target}",
+        )
+    return named
+
+
+def describes(expression: Expression, words: Set[str]) -> bool:
+    """Crisp truth of an expression for one object whose true words are given."""
+    match expression:
+        case Word(name):
+            return name in words
+        case Not(operand):
+            return not describes(operand, words)
+        case And(operands):
+            return all(describes(operand, words) for operand in operands)
+        case Or(operands):
+            return any(describes(operand, words) for operand in operands)
+
+
+def relevance(
+    program: Program, phi: Sequence[Sequence[float]], row: Mapping[str, int], hand_index: int
+) -> list[float]:
+    """Relevant objects p = OR(HAND, e) over soft sets (paper, eq. logic), one object at a time.
+
+    `phi` is [V][N], a row for each word and a column for each object, elements in [0, 1]; `row`
+    gives the row of each word. Returns p, [N]; p of the hand is 1.
+    Raises UnknownWordError if the program names a word without a row.
+    """
+    for word in program.words:
+        if word not in row:
+            raise unknown_word(program, word, row)
+    columns = len(phi[0]) if phi else 0
+    _check_hand(hand_index, columns)
+
+    def degree(j: int) -> float:
+        return _degree(program.target, lambda word: phi[row[word]][j])
+
+    return [_either(1.0 if j == hand_index else 0.0, degree(j)) for j in range(columns)]
+
+
+def unknown_word(program: Program, word: str, known: Mapping[str, int]) -> ProgramError:
+    """Error for a program of another vocabulary, pointing into its canonical text."""
+    source = str(program)
+    place = re.search(rf"\b{re.escape(word)}\b", source)
+    span = Span(*place.span()) if place else program.span
+    return refuse_word(source, span, word, known)
+
+
+def _degree(expression: Expression, value: Callable[[str], float]) -> float:
+    """Soft truth for one object; AND and OR of more than two fold from the left."""
+    match expression:
+        case Word(name):
+            return value(name)
+        case Not(operand):
+            return 1.0 - _degree(operand, value)
+        case And(operands):
+            return reduce(_both, (_degree(operand, value) for operand in operands))
+        case Or(operands):
+            return reduce(_either, (_degree(operand, value) for operand in operands))
+
+
+def _both(x: float, y: float) -> float:
+    return x * y
+
+
+def _either(x: float, y: float) -> float:
+    return x + y - x * y
+
+
+def _check_hand(hand_index: int | None, objects: int) -> None:
+    if hand_index is not None and not 0 <= hand_index < objects:
+        raise ConfigError(f"hand_index: expected one of {objects} objects, got {hand_index}")

@@ -1,0 +1,76 @@
+"""Tree to straight-line code, so that a batch of different programs can run in one pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache, reduce
+
+from pa_ros.language.evaluate import unknown_word
+from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
+from pa_ros.language.vocabulary import Vocabulary
+
+NOT, AND, OR, COPY = range(4)
+"""Operations: 1 - x, xy, x + y - xy (paper, eq. logic) and x (padding)."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlatProgram:
+    """Instructions over registers, each a vector over objects.
+
+    With V words: registers 0 … V-1 are the rows of Φ, register V is HAND (1 for the hand, else
+    0), and instruction k writes register V+1+k = op[k](register a[k], register b[k]). The last
+    register is p = OR(HAND, e). Equal subexpressions share a register. NOT and COPY have b == a.
+    """
+
+    op: tuple[int, ...]
+    a: tuple[int, ...]
+    b: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.op)
+
+
+@lru_cache(maxsize=4096)
+def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
+    """Compile a program for the rows of `vocabulary`, once; later calls answer from a cache.
+
+    Raises UnknownWordError (or WrongCaseError) if the program is of another vocabulary.
+    """
+    for word in program.words:
+        if word not in vocabulary.row:
+            raise unknown_word(program, word, vocabulary.row)
+    code = _Code(vocabulary)
+    target = code.emit_expression(program.target)
+    code.emit(OR, len(vocabulary.words), target)
+    op, a, b = zip(*code.instructions, strict=True)
+    return FlatProgram(op, a, b)
+
+
+class _Code:
+    """Instructions so far; a dictionary in order of writing, so equal ones are written once."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self._row = vocabulary.row
+        self.instructions: dict[tuple[int, int, int], int] = {}
+
+    def emit(self, op: int, a: int, b: int) -> int:
+        """Write an instruction unless it is there already; return its register."""
+        first = len(self._row) + 1
+        return self.instructions.setdefault((op, a, b), first + len(self.instructions))
+
+    def emit_expression(self, expression: Expression) -> int:
+        """Write what computes an expression; return the register that will hold it."""
+        match expression:
+            case Word(name):
+                return self._row[name]
+            case Not(operand):
+                source = self.emit_expression(operand)
+                return self.emit(NOT, source, source)
+            case And(operands):
+                return self._fold(AND, operands)
+            case Or(operands):
+                return self._fold(OR, operands)
+
+    def _fold(self, op: int, operands: tuple[Expression, ...]) -> int:
+        sources = map(self.emit_expression, operands)
+        return reduce(lambda x, y: self.emit(op, x, y), sources)

@@ -1,0 +1,100 @@
+"""The tree of a program. Frozen and hashable; spans are carried along but never compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language.span import NOWHERE, Span
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """The objects that have a property of the vocabulary: RED."""
+
+    name: str
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """The objects that `operand` doesn't describe: NOT(RED)."""
+
+    operand: Expression
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return f"NOT({self.operand})"
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """The objects that every operand describes: AND(RED, CUBE). Two operands or more."""
+
+    operands: tuple[Expression, ...]
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        _check_operands("AND", self.operands)
+
+    def __str__(self) -> str:
+        return f"AND({', '.join(map(str, self.operands))})"
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """The objects that at least one operand describes: OR(RED, CUBE). Two operands or more."""
+
+    operands: tuple[Expression, ...]
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        _check_operands("OR", self.operands)
+
+    def __str__(self) -> str:
+        return f"OR({', '.join(map(str, self.operands))})"
+
+
+Expression: TypeAlias = Word | Not | And | Or
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """The hand should be near an object that `target` describes (paper, eq. program-example).
+
+    `str()` gives the canonical text; parsing that gives an equal program.
+    """
+
+    target: Expression
+    span: Span = field(default=NOWHERE, compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return f"NEAR(HAND, {self.target})"
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Property words that the program names, each once, in order of appearance."""
+        names = (node.name for node in walk(self.target) if isinstance(node, Word))
+        return tuple(dict.fromkeys(names))
+
+
+def walk(expression: Expression) -> Iterator[Expression]:
+    """Yield an expression and all it is made of, from left to right, outer before inner."""
+    pending = [expression]
+    while pending:
+        node = pending.pop()
+        yield node
+        if isinstance(node, Not):
+            pending.append(node.operand)
+        elif isinstance(node, And | Or):
+            pending.extend(reversed(node.operands))
+
+
+def _check_operands(name: str, operands: tuple[Expression, ...]) -> None:
+    if not isinstance(operands, tuple) or len(operands) < 2:
+        raise ConfigError(f"{name}: expected a tuple of two or more operands, got {operands!r}")
