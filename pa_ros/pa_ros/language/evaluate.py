@@ -25,7 +25,7 @@ def satisfying(
     even of NOT(RED); `hand_index` is None if the hand is not among `objects`.
     Raises ConfigError if the index is not one of the objects.
     """
-    _check_hand(hand_index, len(objects))
+    check_hand(hand_index, len(objects))
     return tuple(
         i != hand_index and describes(program.target, words) for i, words in enumerate(objects)
     )
@@ -74,7 +74,7 @@ def relevance(
         if word not in row:
             raise unknown_word(program, word, row)
     columns = len(phi[0]) if phi else 0
-    _check_hand(hand_index, columns)
+    check_hand(hand_index, columns)
 
     def degree(j: int) -> float:
         return _degree(program.target, lambda word: phi[row[word]][j])
@@ -111,6 +111,7 @@ def _either(x: float, y: float) -> float:
     return x + y - x * y
 
 
-def _check_hand(hand_index: int | None, objects: int) -> None:
+def check_hand(hand_index: int | None, objects: int) -> None:
+    """Raise ConfigError unless `hand_index` is None or the index of one of so many objects."""
     if hand_index is not None and not 0 <= hand_index < objects:
         raise ConfigError(f"hand_index: expected one of {objects} objects, got {hand_index}")

@@ -7,6 +7,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from pa_ros.language.evaluate import check_hand
 from pa_ros.language.flat import AND, COPY, NOT, OR, FlatProgram, compile_program
 from pa_ros.language.syntax import Program
 from pa_ros.language.vocabulary import Vocabulary
@@ -87,19 +88,25 @@ def relevant_objects(phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Ten
     [B, K, L] for p [B, K, N], K programs for each Φ. Any number of leading dimensions will do, as
     long as those of `phi` are the first of the programs'. p of the hand is 1. Same device
     throughout; no loop over samples, one step for each of the L instructions.
+    Raises ConfigError if `hand_index` is not one of the N objects.
     """
     lead, length = op.shape[:-1], op.shape[-1]
     words, objects = phi.shape[-2:]
+    check_hand(hand_index, objects)
     phi = phi.reshape(*phi.shape[:-2], *[1] * (len(lead) - phi.dim() + 2), words, objects)
-    registers = phi.new_zeros(*lead, words + 1 + length, objects)  # [B, K, V + 1 + L, N]
-    registers[..., :words, :] = phi
-    registers[..., words, hand_index] = 1.0
-    sources = torch.stack((a, b), dim=-1).long().unsqueeze(-1)  # [B, K, L, 2, 1]
-    coefficients = phi.new_tensor(_COEFFICIENTS)[op.long()].unsqueeze(-1)  # [B, K, L, 4, 1]
+    hand = (torch.arange(objects, device=phi.device) == hand_index).to(phi)
+    registers = torch.cat(  # [B, K, V + 1, N], a row more after each instruction
+        (phi.expand(*lead, words, objects), hand.expand(*lead, 1, objects)), dim=-2
+    )
+    sources = torch.stack((a, b), dim=-1).long().unsqueeze(-1)
+    sources = sources.expand(*lead, length, 2, objects)  # [B, K, L, (a, b), N]
+    table = torch.as_tensor(_COEFFICIENTS, dtype=phi.dtype, device=phi.device)
+    coefficients = table[op.long()].unsqueeze(-1)  # [B, K, L, 4, 1]
     for k in range(length):
-        x, y = torch.take_along_dim(registers, sources[..., k, :, :], dim=-2).unbind(-2)
-        c0, c1, c2, c3 = coefficients[..., k, :, :].unbind(-2)
-        registers[..., words + 1 + k, :] = c0 + c1 * x + c2 * y + c3 * (x * y)  # [B, K, N]
+        x, y = registers.gather(-2, sources[..., k, :, :]).unbind(-2)  # [B, K, N] each
+        c0, c1, c2, c3 = coefficients[..., k, :, :].unbind(-2)  # [B, K, 1] each
+        written = (c0 + c1 * x + c2 * y + c3 * (x * y)).unsqueeze(-2)  # [B, K, 1, N]
+        registers = torch.cat((registers, written), dim=-2)
     return registers[..., -1, :]
 
 
@@ -108,10 +115,12 @@ def crisp(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_
 
     `truth` is [V, N] or [B, V, N], true properties as bool or 0 and 1 (rows of words that name
     nothing are zero). Returns [P, N] or [B, P, N]; False for the hand, even under NOT(RED).
+    Raises ConfigError if `hand_index` is not one of the N objects.
     """
     op, a, b = arrays
     rows = np.moveaxis(np.asarray(truth) > 0.5, -2, 0)  # [V, B, N]
     words, (programs, length) = len(rows), op.shape
+    check_hand(hand_index, rows.shape[-1])
     registers = np.zeros((programs, words + 1 + length, *rows.shape[1:]), dtype=bool)
     registers[:, :words] = rows  # register V, HAND, stays False, so that OR(HAND, e) = e
     every = np.arange(programs)
