@@ -1,0 +1,34 @@
+"""Simulated arena: arm, table, blocks, episodes, programs' verifier and reference policies."""
+
+from pa_ros.arena.conditions import Condition, condition_named, conditions_for
+from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
+from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
+from pa_ros.arena.episodes import Block, Episode, generate
+from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError, RenderError
+from pa_ros.arena.references import mean_reward, normalized, random_policy, scripted_action
+from pa_ros.arena.task import ReachTask
+
+__all__ = [
+    "DESIGNS",
+    "PRESETS",
+    "ArenaConfig",
+    "Block",
+    "CommandError",
+    "Condition",
+    "Design",
+    "DivergedError",
+    "Episode",
+    "EpisodeError",
+    "Kind",
+    "ReachTask",
+    "RenderError",
+    "condition_named",
+    "conditions_for",
+    "design_named",
+    "generate",
+    "mean_reward",
+    "normalized",
+    "preset_named",
+    "random_policy",
+    "scripted_action",
+]

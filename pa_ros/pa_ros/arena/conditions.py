@@ -1,0 +1,141 @@
+"""Conditions: how the episodes of one column of the generalization figure are drawn.
+
+Each is data: from which targets, named how, among which other blocks, and how many (paper,
+section "Strong generalization" and appendix "Referencing objects by exclusion").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from pa_ros.arena.designs import Design, Kind, kinds
+from pa_ros.core.errors import ConfigError
+
+
+class Term(Enum):
+    """How a program refers to one property of its target."""
+
+    NAMED = "named"  # RED
+    ANY = "any"  # not mentioned; then the other property alone identifies the target
+    NOT_ANOTHER = "not another"  # NOT(BLUE), with the blue one of the same shape on the table
+    NOVEL = "novel"  # OR(NOT(OR(RED, GREEN, BLUE)), A, B): by exclusion and by inclusion
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Where targets come from and how programs name them.
+
+    Whatever the terms, the program names exactly one block of the episode: the target.
+    """
+
+    name: str
+    targets: tuple[Kind, ...]
+    pool: tuple[Kind, ...]  # all blocks that may be on the table
+    n_blocks: int
+    color: Term = Term.NAMED
+    shape: Term = Term.NAMED
+    new_distractor: bool = False  # at least one other block has a new shape or color
+
+    def __post_init__(self) -> None:
+        if not self.targets:
+            raise ConfigError(f"condition {self.name}: this design has no such target")
+        if not 1 <= self.n_blocks <= len(self.pool):
+            raise ConfigError(
+                f"condition {self.name}: n_blocks: expected 1 to {len(self.pool)}, "
+                f"got {self.n_blocks}"
+            )
+
+
+def program_text(
+    condition: Condition, design: Design, target: Kind, rng: np.random.Generator
+) -> tuple[str, tuple[Kind, ...]]:
+    """Program for a target, and the blocks that must be present for it to mean something."""
+    required: list[Kind] = []
+    terms: list[str] = []
+    for axis, term in (("color", condition.color), ("shape", condition.shape)):
+        own = getattr(target, axis)
+        known = getattr(design, axis + "s")
+        words = getattr(design.vocabulary, axis + "s")
+        match term:
+            case Term.NAMED:
+                terms.append(own)
+            case Term.NOT_ANOTHER:
+                other = str(rng.choice([word for word in known if word != own]))
+                terms.append(f"NOT({other})")
+                required.append(target._replace(**{axis: other}))
+            case Term.NOVEL:
+                terms.append(novel(known, tuple(word for word in words if word not in known)))
+            case Term.ANY:
+                pass
+    text = terms[0] if len(terms) == 1 else f"AND({', '.join(terms)})"
+    return f"NEAR(HAND, {text})", tuple(required)
+
+
+def novel(known: tuple[str, ...], spare: tuple[str, ...]) -> str:
+    """Name what has no known property of a group: exclusion OR inclusion (paper, eq. 6)."""
+    excluded = f"NOT({'OR(' + ', '.join(known) + ')' if len(known) > 1 else known[0]})"
+    return f"OR({', '.join((excluded, *spare))})" if spare else excluded
+
+
+def condition_named(name: str, design: Design, n_blocks: int | None = None) -> Condition:
+    """Build a condition for a design; ConfigError if unknown, or if it means nothing there.
+
+    `n_blocks` replaces the design's number of blocks, except where the condition sets it.
+    Zero-shot conditions use the held-out targets, or the training ones if nothing is held out.
+    """
+    conditions = _conditions(design, n_blocks or design.n_blocks)
+    if name in conditions:
+        return conditions[name]
+    raise ConfigError(
+        f"design {design.name}: expected a condition of {sorted(conditions)}, got {name!r}"
+    )
+
+
+def conditions_for(design: Design) -> tuple[str, ...]:
+    """Names of the conditions that this design can be evaluated under."""
+    return tuple(_conditions(design, design.n_blocks))
+
+
+def _conditions(design: Design, n: int) -> dict[str, Condition]:
+    pool, wider = design.pool, design.extended_pool
+    zero_shot = design.held_out or design.train
+    found = [Condition("train", design.train, pool, n)]
+    if design.held_out:
+        found.append(Condition("eval", design.held_out, pool, n))
+    found += [
+        Condition("only-color", pool, pool, n, shape=Term.ANY),
+        Condition("only-shape", pool, pool, n, color=Term.ANY),
+    ]
+    if len(design.colors) > 1:
+        found.append(Condition("not-color", pool, pool, n, color=Term.NOT_ANOTHER))
+    if len(design.shapes) > 1:
+        found.append(Condition("not-shape", pool, pool, n, shape=Term.NOT_ANOTHER))
+    found += [
+        Condition(f"blocks-{count}", zero_shot, pool, count)
+        for count in range(2, min(8, len(pool)) + 1)
+    ]
+    found.append(Condition("ignore-new", zero_shot, wider, n, new_distractor=True))
+    found += _reach_new(design, wider, n)
+    return {condition.name: condition for condition in found}
+
+
+def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition]:
+    """Targets with a new property; only where the vocabulary has words to spare for it."""
+    spare_shape = len(design.vocabulary.shapes) > len(design.shapes)
+    spare_color = len(design.vocabulary.colors) > len(design.colors)
+    new_shapes = kinds(design.colors, (design.new_shape,))
+    new_colors = kinds((design.new_color,), design.shapes)
+    both = (Kind(design.new_color, design.new_shape),)
+    found = []
+    if spare_shape:
+        found.append(Condition("reach-new-shape", new_shapes, pool, n, shape=Term.NOVEL))
+    if spare_color:
+        found.append(Condition("reach-new-color", new_colors, pool, n, color=Term.NOVEL))
+    if spare_shape and spare_color:
+        found.append(
+            Condition("reach-new-both", both, pool, n, color=Term.NOVEL, shape=Term.NOVEL)
+        )
+    return found

@@ -1,0 +1,101 @@
+"""Episodes: everything about one, drawn from one integer and its index."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+import numpy as np
+
+from pa_ros.arena.conditions import Condition, program_text
+from pa_ros.arena.config import ArenaConfig, Joints
+from pa_ros.arena.designs import Design, Kind
+from pa_ros.arena.errors import EpisodeError
+from pa_ros.language import parse, satisfying
+
+RANDOM_STREAM = 0  # docs/DESIGN.md: streams of random numbers
+PLACEMENT_TRIES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A block at the start: lying on the table, turned about the vertical. Table frame."""
+
+    kind: Kind
+    x: float  # metres from the base axis
+    y: float
+    yaw: float  # rad
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """The whole start of an episode; equal episodes evolve equally under equal commands."""
+
+    index: int
+    condition: str
+    blocks: tuple[Block, ...]
+    arm_start: Joints  # rad
+    program: str  # canonical text
+
+
+def generate(
+    config: ArenaConfig, design: Design, condition: Condition, seed: int, index: int
+) -> Episode:
+    """Draw episode `index` from `default_rng([seed, 0, index])`.
+
+    Blocks are unique in (shape, color), in random order, and the program names exactly one.
+    Where too few blocks exist that the program does not name (say, 2 x 2 designs with the color
+    alone), there are fewer than `condition.n_blocks`. Raises EpisodeError if they don't fit.
+    """
+    rng = np.random.default_rng([seed, RANDOM_STREAM, index])
+    base = float(rng.uniform(-pi, pi))
+    target = condition.targets[int(rng.integers(len(condition.targets)))]
+    text, required = program_text(condition, design, target, rng)
+    program = parse(text, design.vocabulary)
+    named = satisfying(program, [kind.words for kind in condition.pool], None)
+    unnamed = [kind for kind, is_named in zip(condition.pool, named, strict=True) if not is_named]
+    chosen = [target, *required, *_distractors(condition, design, unnamed, list(required), rng)]
+    order = rng.permutation(len(chosen))
+    blocks = tuple(
+        Block(chosen[i], x, y, float(rng.uniform(-pi, pi)))
+        for i, (x, y) in zip(order, _places(config, len(chosen), rng), strict=True)
+    )
+    return Episode(index, condition.name, blocks, (base, *config.start_pose[1:]), str(program))
+
+
+def _distractors(
+    condition: Condition,
+    design: Design,
+    unnamed: list[Kind],
+    required: list[Kind],
+    rng: np.random.Generator,
+) -> list[Kind]:
+    """Draw the other blocks uniformly among those that the program does not name."""
+    rest = [kind for kind in unnamed if kind not in required]
+    chosen: list[Kind] = []
+    count = min(condition.n_blocks - 1 - len(required), len(rest))
+    if condition.new_distractor and count > 0:
+        new = [kind for kind in rest if kind not in design.pool]
+        chosen.append(new[int(rng.integers(len(new)))])
+        rest.remove(chosen[0])
+    picks = rng.permutation(len(rest))[: max(count - len(chosen), 0)]
+    return chosen + [rest[i] for i in picks]
+
+
+def _places(
+    config: ArenaConfig, count: int, rng: np.random.Generator
+) -> list[tuple[float, float]]:
+    """Draw places uniformly on a ring around the base, no two closer than the separation."""
+    low, high = config.block_radii_m
+    for _ in range(PLACEMENT_TRIES):
+        places: list[tuple[float, float]] = []
+        for _ in range(20 * count):
+            radius, angle = rng.uniform(low**2, high**2) ** 0.5, rng.uniform(-pi, pi)
+            x, y = float(radius * cos(angle)), float(radius * sin(angle))
+            if all((x - u) ** 2 + (y - v) ** 2 >= config.block_separation_m**2 for u, v in places):
+                places.append((x, y))
+            if len(places) == count:
+                return places
+    raise EpisodeError(
+        f"{count} blocks {config.block_separation_m} m apart don't fit on the ring {low} to {high} m"
+    )

@@ -1,0 +1,114 @@
+"""The two ends of the scale: a scripted controller that knows the answer, and chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import atan2, hypot, pi
+
+import numpy as np
+
+from pa_ros.arena.task import ReachTask
+from pa_ros.core.experience import JOINTS, Float64
+
+Policy = Callable[[ReachTask], Float64]
+
+HOVER_M = 0.12  # where the script holds the hand, above the target's center
+DAMPING = 0.02  # of the least squares; m/rad
+SLACK_RAD = 0.02  # a joint this near to its limit is not asked to go on
+
+
+def scripted_action(task: ReachTask) -> Float64:
+    """Joint velocities (rad/s, [6]) toward the point above the nearest named block. Privileged.
+
+    Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
+    height), so that a target behind the arm is reached by turning the base. The base turns at
+    its own limit; the other joints are slowed down together.
+    """
+    simulation = task.simulation
+    positions = simulation.positions  # [N, 3]
+    hand = positions[0]
+    goal = min((positions[i] for i in task.verifier.targets), key=lambda p: _distance(p, hand))
+    error = _cylindrical_error(hand, goal + (0.0, 0.0, HOVER_M))
+    jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
+    rates = error / task.config.control_period_s
+    for _ in range(2):  # again without the joints that are at their limits
+        velocity = _damped_least_squares(jacobian, rates)
+        jacobian = jacobian * _free(task, velocity)
+    return _limited(velocity, np.array(task.config.joint_speed_limits))
+
+
+def random_policy(seed: int) -> Policy:
+    """Uniform joint velocities within the limits; its own random stream."""
+    rng = np.random.default_rng([seed, 3])
+
+    def act(task: ReachTask) -> Float64:
+        return np.array(task.config.joint_speed_limits) * rng.uniform(-1.0, 1.0, JOINTS)
+
+    return act
+
+
+def reward_per_step(
+    task: ReachTask, policy: Policy, episode_index: int, condition: str = "train"
+) -> float:
+    """Mean reward of the actions of one episode."""
+    _, verdict = task.reset(episode_index, condition)
+    total, steps = 0.0, 0
+    while not verdict.truncated:
+        _, verdict = task.step(policy(task))
+        total, steps = total + verdict.reward, steps + 1
+    return total / steps
+
+
+def mean_reward(
+    task: ReachTask, policy: Policy, episodes: int, condition: str = "train"
+) -> float:
+    """Mean reward per step over episodes 0 … episodes - 1."""
+    return float(
+        np.mean([reward_per_step(task, policy, i, condition) for i in range(episodes)])
+    )
+
+
+def normalized(raw: float, low: float, high: float) -> float:
+    """0 at the random policy's reward per step, 1 at the script's; nan if they coincide."""
+    return (raw - low) / (high - low) if high != low else float("nan")
+
+
+def _distance(a: Float64, b: Float64) -> float:
+    return float(np.linalg.norm(a - b))
+
+
+def _cylindrical_error(hand: Float64, goal: Float64) -> Float64:
+    """Goal minus hand: radius (m), azimuth (rad, the short way round), height (m)."""
+    turn = atan2(goal[1], goal[0]) - atan2(hand[1], hand[0])
+    turn = (turn + pi) % (2 * pi) - pi
+    return np.array([hypot(*goal[:2]) - hypot(*hand[:2]), turn, goal[2] - hand[2]])
+
+
+def _cylindrical_jacobian(hand: Float64, jacobian: Float64) -> Float64:
+    """Rows for x, y, z turned into rows for radius, azimuth and height, [3, 6]."""
+    radius = max(hypot(*hand[:2]), 0.05)
+    x, y = hand[:2] / radius
+    frame = np.array([[x, y, 0.0], [-y / radius, x / radius, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(frame @ jacobian)
+
+
+def _damped_least_squares(jacobian: Float64, rates: Float64) -> Float64:
+    gram = jacobian @ jacobian.T + DAMPING**2 * np.eye(3)
+    return np.asarray(jacobian.T @ np.linalg.solve(gram, rates))
+
+
+def _free(task: ReachTask, velocity: Float64) -> Float64:
+    """1 for joints that can go where the velocity points, 0 at a limit; the base always can."""
+    position = task.simulation.joint_position
+    up = (velocity > 0) & (position > np.array(task.config.joint_upper) - SLACK_RAD)
+    down = (velocity < 0) & (position < np.array(task.config.joint_lower) + SLACK_RAD)
+    free = (~(up | down)).astype(np.float64)
+    free[0] = 1.0
+    return free
+
+
+def _limited(velocity: Float64, limits: Float64) -> Float64:
+    excess = float(np.max(np.abs(velocity[1:]) / limits[1:]))
+    limited = velocity.copy()
+    limited[1:] /= max(excess, 1.0)
+    return np.clip(limited, -limits, limits)

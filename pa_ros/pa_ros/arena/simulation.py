@@ -1,0 +1,113 @@
+"""The simulated world: arm, table and blocks. Knows nothing of programs and rewards."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import cos, sin
+
+import mujoco
+import numpy as np
+
+from pa_ros.arena.config import ArenaConfig
+from pa_ros.arena.constants import COLOR_RGBA
+from pa_ros.arena.episodes import Episode
+from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError
+from pa_ros.arena.features import object_features, template
+from pa_ros.arena.model import build, rest_height
+from pa_ros.core.experience import JOINTS, Float32, Float64
+
+_World = tuple[mujoco.MjModel, mujoco.MjData]
+
+
+class Simulation:
+    """One arena. `place` puts an episode on the table, `advance` runs one control period."""
+
+    def __init__(self, config: ArenaConfig) -> None:
+        self.config = config
+        self._limits = np.array(config.joint_speed_limits)
+        self._world = lru_cache(maxsize=128)(self._build)  # by the blocks' shapes, in order
+        self._placed = False
+
+    def place(self, episode: Episode) -> None:
+        """Start anew: the arm in its start pose and at rest, blocks resting where they belong."""
+        if not episode.blocks:
+            raise EpisodeError(f"episode {episode.index}: expected at least one block, got none")
+        self.model, self.data = self._world(tuple(block.kind.shape for block in episode.blocks))
+        for i, block in enumerate(episode.blocks):
+            pose = self.model.qpos0[JOINTS + 7 * i : JOINTS + 7 * (i + 1)]
+            pose[:3] = block.x, block.y, rest_height(block.kind.shape)
+            pose[3:] = cos(block.yaw / 2), 0.0, 0.0, sin(block.yaw / 2)
+            rgba = np.array(COLOR_RGBA[block.kind.color].split(), dtype=np.float32)
+            self.model.geom_rgba[self.model.geom(f"block{i}").id] = rgba
+        mujoco.mj_resetData(self.model, self.data)  # puts the blocks to sleep where they are
+        self.data.qpos[:JOINTS] = episode.arm_start
+        self._template = template([block.kind for block in episode.blocks])
+        self._view_arrays(len(episode.blocks))
+        mujoco.mj_kinematics(self.model, self.data)
+        self._placed = True
+
+    def advance(self, joint_velocity: Float64) -> None:
+        """Command joint velocities, rad/s [6], for one control period; clamped to the limits.
+
+        Raises CommandError (and moves nothing) if mis-sized or not finite.
+        """
+        command = self.checked(joint_velocity)
+        before = self.data.time
+        self.data.ctrl[:] = np.clip(command, -self._limits, self._limits)
+        mujoco.mj_step(self.model, self.data, self.config.substeps)
+        if self.data.time <= before:  # MuJoCo starts over when positions or speeds blow up
+            self._placed = False
+            raise DivergedError("the physics became unstable and MuJoCo reset itself")
+        mujoco.mj_kinematics(self.model, self.data)  # poses of the new positions
+
+    def checked(self, joint_velocity: Float64) -> Float64:
+        """The command as float64 [6], or CommandError; EpisodeError before the first `place`."""
+        if not self._placed:
+            raise EpisodeError("expected an episode to be placed before the first command")
+        try:
+            command = np.asarray(joint_velocity, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise CommandError(f"joint command: expected numbers, got {joint_velocity!r}") from error
+        if command.shape != (JOINTS,):
+            raise CommandError(f"joint command: expected shape ({JOINTS},), got {command.shape}")
+        if not np.isfinite(command).all():
+            raise CommandError(f"joint command: expected finite rad/s, got {command.tolist()}")
+        return command
+
+    def objects(self) -> Float32:
+        """Ω without the arm: [N, 16], hand first, in the hand's frame."""
+        return object_features(self._template, self._position, self._quaternion, self._rotation)
+
+    @property
+    def joint_position(self) -> Float64:
+        """[6] rad, a copy."""
+        return self._arm_position.copy()
+
+    @property
+    def joint_velocity(self) -> Float64:
+        """[6] rad/s, a copy."""
+        return self._arm_velocity.copy()
+
+    @property
+    def positions(self) -> Float64:
+        """Hand and blocks in the table's frame, [N, 3] m, a copy."""
+        return self._position.copy()
+
+    def hand_jacobian(self) -> Float64:
+        """Of the hand's position in the table's frame with respect to the joints, [3, 6] m/rad."""
+        jacobian = np.zeros((3, self.model.nv))
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_jacBody(self.model, self.data, jacobian, None, self._hand)
+        return jacobian[:, :JOINTS]
+
+    def _build(self, shapes: tuple[str, ...]) -> _World:
+        model = build(self.config, shapes)
+        return model, mujoco.MjData(model)
+
+    def _view_arrays(self, blocks: int) -> None:
+        """Views into MuJoCo's arrays: reading an attribute of MjData costs as much as using it."""
+        self._hand = self.model.body("hand").id
+        rows = slice(self._hand, self._hand + 1 + blocks)
+        self._position, self._quaternion = self.data.xpos[rows], self.data.xquat[rows]
+        self._rotation = self.data.xmat[self._hand]
+        self._arm_position, self._arm_velocity = self.data.qpos[:JOINTS], self.data.qvel[:JOINTS]

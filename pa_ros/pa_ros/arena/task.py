@@ -1,0 +1,120 @@
+"""The reaching task: episodes, programs, time limit and reward on top of the simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pa_ros.arena.conditions import condition_named
+from pa_ros.arena.config import ArenaConfig
+from pa_ros.arena.designs import Design
+from pa_ros.arena.episodes import Episode, generate
+from pa_ros.arena.errors import EpisodeError
+from pa_ros.arena.features import HAND_INDEX
+from pa_ros.arena.simulation import Simulation
+from pa_ros.arena.verifier import Verifier
+from pa_ros.core.experience import Float64, Observation, Verdict
+from pa_ros.language import parse
+
+
+class ReachTask:
+    """Reach for what the program names (paper, section "Programmable reaching environment").
+
+    An episode has `config.episode_steps` actions; then `Verdict.truncated` is set and the next
+    call must be a reset. Nothing ever terminates. Stamps grow by one control period with each
+    observation, resets included, from one control period at the first reset.
+    """
+
+    def __init__(
+        self, config: ArenaConfig, design: Design, seed: int, n_blocks: int | None = None
+    ) -> None:
+        """`seed` and an episode's index fix it; `n_blocks` replaces the design's number."""
+        self.config = config
+        self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)
+        self.seed = seed
+        self.simulation = Simulation(config)
+        self.episode: Episode | None = None
+        self._stamp_ns = 0
+        self._step = 0
+
+    def reset(
+        self, episode_index: int, condition: str = "train"
+    ) -> tuple[Observation, Verdict]:
+        """Start episode `episode_index` of a condition. ConfigError if the condition is unknown."""
+        drawn_from = condition_named(condition, self.design)
+        return self.reset_to(
+            generate(self.config, self.design, drawn_from, self.seed, episode_index)
+        )
+
+    def reset_to(self, episode: Episode) -> tuple[Observation, Verdict]:
+        """Start a given episode, its program included."""
+        verifier = self._verifier(episode, episode.program)
+        self.simulation.place(episode)
+        self.episode, self.verifier = episode, verifier
+        self._step, self._programs = 0, 0
+        self.program_id = f"{episode.index}.0"
+        self._stamp_ns += self.config.control_period_ns
+        return self._observe()
+
+    def set_program(
+        self, program: str, program_id: str | None = None
+    ) -> tuple[Observation, Verdict]:
+        """Score by another program from now on; returns the present step under it.
+
+        Raises ProgramError if the text is wrong or names no block that is present; then nothing
+        changes. The id defaults to one that this episode has not used.
+        """
+        episode = self._running()
+        self.verifier = self._verifier(episode, program)
+        self._programs += 1
+        self.program_id = program_id or f"{episode.index}.{self._programs}"
+        return self._observe()
+
+    def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
+        """Act for one control period with joint velocities in rad/s [6], clamped to the limits.
+
+        Raises CommandError for a command that is mis-sized or not finite, EpisodeError before
+        the first reset and after the time limit; either way nothing moves.
+        """
+        self._running()
+        if self._step >= self.config.episode_steps:
+            raise EpisodeError(f"the episode was truncated at step {self._step}: expected a reset")
+        self.simulation.advance(joint_velocity)
+        self._step += 1
+        self._stamp_ns += self.config.control_period_ns
+        return self._observe()
+
+    def _verifier(self, episode: Episode, text: str) -> Verifier:
+        program = parse(text, self.design.vocabulary)
+        kinds = [block.kind for block in episode.blocks]
+        return Verifier(program, kinds, self.config.near_threshold_m)
+
+    def _running(self) -> Episode:
+        if self.episode is None:
+            raise EpisodeError("expected a reset before the first step")
+        return self.episode
+
+    def _observe(self) -> tuple[Observation, Verdict]:
+        episode = self._running()
+        objects = self.simulation.objects()
+        observation = Observation(
+            episode=episode.index,
+            step=self._step,
+            stamp_ns=self._stamp_ns,
+            objects=objects,
+            joint_position=self.simulation.joint_position,
+            joint_velocity=self.simulation.joint_velocity,
+            hand_index=HAND_INDEX,
+            program_id=self.program_id,
+        )
+        distance = self.verifier.distance(objects)
+        satisfied = self.verifier.satisfied(distance)
+        return observation, Verdict(
+            episode=episode.index,
+            step=self._step,
+            stamp_ns=self._stamp_ns,
+            program_id=self.program_id,
+            reward=1.0 if satisfied else -1.0,
+            satisfied=satisfied,
+            distance=distance,
+            truncated=self._step >= self.config.episode_steps,
+        )
