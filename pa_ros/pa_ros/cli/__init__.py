@@ -1,0 +1,1 @@
+"""The `pa_ros` command: one module per subcommand, imported only when it is called."""

@@ -1,0 +1,53 @@
+"""Entry point of the `pa_ros` command."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from pa_ros import __version__
+from pa_ros.core.errors import PaError
+
+# name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
+COMMANDS = {
+    "program": ("pa_ros.cli.program", "check the text of a program"),
+    "train": ("pa_ros.cli.train", "train in one process, without ROS"),
+    "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
+    "bench": ("pa_ros.cli.bench", "measure codec, sim or graph"),
+    "launch": ("pa_ros.cli.launch", "start the three nodes and show one live table"),
+    "send": ("pa_ros.cli.send", "send a program to a running graph"),
+    "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
+}
+EXIT_REFUSED = 2  # the user's input was refused, as argparse does
+
+
+def build_parser(chosen: str | None) -> argparse.ArgumentParser:
+    """The parser; only the chosen subcommand's module is imported (torch and rclpy are slow)."""
+    parser = argparse.ArgumentParser(prog="pa_ros", description=__doc__)
+    parser.add_argument("--version", action="version", version=f"pa_ros {__version__}")
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (module, summary) in COMMANDS.items():
+        subparser = subparsers.add_parser(name, help=summary, description=summary)
+        if name == chosen:
+            importlib.import_module(module).add_arguments(subparser)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one subcommand; returns its exit status (2: the input was refused)."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    chosen = next((a for a in arguments if a in COMMANDS), None)
+    options = build_parser(chosen).parse_args(arguments)
+    try:
+        return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+    except PaError as error:
+        print(f"pa_ros {options.command}: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""Pictures: learning curves, and Φ beside the arena it was detected in (paper, appendix C)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Rectangle
+from numpy.typing import NDArray
+
+PAINT = {
+    "RED": "#d62728",
+    "GREEN": "#2ca02c",
+    "BLUE": "#1f77b4",
+    "YELLOW": "#e8c51c",
+    "MAGENTA": "#d01fc8",
+}
+MARKERS = {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "d"}
+
+
+def learning_curve(
+    path: Path,
+    frames: Sequence[float],
+    train: Sequence[float],
+    held_out: Sequence[float],
+    title: str,
+    references: tuple[float, float] | None = None,
+) -> None:
+    """Reward per step against frames for training and held-out programs; NaN leaves a gap.
+
+    `references` draws the (random, scripted) levels on the held-out programs.
+    """
+    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+    for values, label, color in ((train, "train", "#b58900"), (held_out, "held out", "#d33682")):
+        kept = [(x, y) for x, y in zip(frames, values, strict=True) if np.isfinite(y)]
+        if kept:
+            axes.plot(*zip(*kept, strict=True), label=label, color=color, marker=".")
+    for level, name in zip(references or (), ("random", "scripted"), strict=False):
+        axes.axhline(level, color="grey", linestyle=":", linewidth=1)
+        axes.text(0.995, level, name, transform=axes.get_yaxis_transform(), ha="right",
+                  va="bottom", fontsize=8, color="grey")  # fmt: skip
+    axes.set(xlabel="frames (control steps)", ylabel="reward per step", title=title)
+    axes.set_ylim(-1.05, 1)
+    axes.legend(loc="lower right", frameon=False)
+    _save(figure, path)
+
+
+def phi_picture(
+    path: Path,
+    blocks: Sequence[tuple[str, str, float, float]],
+    hand: tuple[float, float],
+    phi: NDArray[np.floating],
+    relevance: NDArray[np.floating],
+    words: Sequence[str],
+    program: str,
+) -> None:
+    """Arena from above beside Φ transposed and p.
+
+    `blocks`: (color, shape, x, y) in metres, table frame; `hand`: x, y; `phi` [V, N] with the
+    hand as object 0 and the blocks in the order given; `relevance` p [N]; `words`: the V rows.
+    """
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(10, 4), layout="constrained", width_ratios=(1, 1.6)
+    )
+    _top_view(left, blocks, hand)
+    objects = ["HAND", *(f"{color} {shape}".lower() for color, shape, _, _ in blocks)]
+    table = np.concatenate([phi, relevance[None]]).T  # [N, V + 1]
+    right.imshow(table, cmap="viridis", vmin=0, vmax=1, aspect="auto")
+    right.set_xticks(range(len(words) + 1), [*words, "p"], rotation=45, ha="right")
+    right.set_yticks(range(len(objects)), objects)
+    for (row, column), value in np.ndenumerate(table):
+        right.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8,
+                   color="black" if value > 0.6 else "white")  # fmt: skip
+    right.axvline(len(words) - 0.5, color="white", linewidth=2)
+    right.set_title("learned detectors Φᵀ and relevant objects p")
+    figure.suptitle(program, family="monospace", fontsize=10)
+    _save(figure, path)
+
+
+def _top_view(
+    axes: Axes, blocks: Sequence[tuple[str, str, float, float]], hand: tuple[float, float]
+) -> None:
+    """Blocks, hand and base as seen from above, in metres."""
+    reach = max(0.75, *(max(abs(x), abs(y)) + 0.1 for _, _, x, y in blocks))
+    axes.add_patch(Rectangle((-reach, -reach), 2 * reach, 2 * reach, color="#e6e0d2"))
+    axes.plot([0, hand[0]], [0, hand[1]], color="#888888", linewidth=5, solid_capstyle="round")
+    axes.add_patch(Circle((0, 0), 0.05, color="#444444"))
+    axes.plot(*hand, marker="o", markersize=15, color="white", markeredgecolor="black")
+    for color, shape, x, y in blocks:
+        axes.plot(x, y, marker=MARKERS[shape], markersize=12, color=PAINT[color],
+                  markeredgecolor="black")  # fmt: skip
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x (m)",
+             ylabel="y (m)", title="the arena from above")  # fmt: skip
+
+
+def _save(figure: plt.Figure, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
