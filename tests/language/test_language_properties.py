@@ -1,0 +1,160 @@
+"""Laws of the language, on generated programs and worlds."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from pa_ros.language import (
+    And,
+    Expression,
+    Not,
+    Or,
+    Program,
+    ProgramError,
+    Vocabulary,
+    Word,
+    parse,
+    relevance,
+    satisfying,
+)
+from pa_ros.language.limits import MAX_DEPTH, MAX_LENGTH, MAX_NODES
+from pa_ros.language.syntax import walk
+
+VOCABULARY = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "GREEN", "A"))
+HAND, OBJECTS = 0, 4
+
+
+def wider(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    operands = st.lists(inner, min_size=2, max_size=4).map(tuple)
+    return st.one_of(inner.map(Not), operands.map(And), operands.map(Or))
+
+
+words = st.sampled_from(VOCABULARY.words).map(Word)
+expressions: st.SearchStrategy[Expression] = st.recursive(words, wider, max_leaves=20)
+rows = st.lists(st.floats(0, 1), min_size=OBJECTS, max_size=OBJECTS)
+soft = st.lists(rows, min_size=len(VOCABULARY.words), max_size=len(VOCABULARY.words))
+worlds = st.lists(
+    st.frozensets(st.sampled_from(VOCABULARY.words)), min_size=OBJECTS, max_size=OBJECTS
+)
+space = st.text(" \t\r\n\f\v", max_size=3)
+relaxed = settings(deadline=None)
+
+
+def degrees(expression: Expression, phi: list[list[float]]) -> list[float]:
+    """Soft membership of the blocks."""
+    return relevance(Program(expression), phi, VOCABULARY.row, HAND)[1:]
+
+
+@given(expressions)
+@relaxed
+def test_parsing_what_was_printed_gives_it_back(target: Expression) -> None:
+    program = Program(target)
+    assume(sum(1 for _ in walk(target)) <= MAX_NODES and depth(target) <= MAX_DEPTH)
+    parsed = parse(str(program), VOCABULARY)
+    assert parsed == program
+    assert hash(parsed) == hash(program)
+
+
+@given(expressions, st.data())
+@relaxed
+def test_white_space_means_nothing(target: Expression, data: st.DataObject) -> None:
+    text = str(Program(target)).replace(" ", "")
+    loose = "".join(data.draw(space) + c + data.draw(space) if c in "()," else c for c in text)
+    assume(len(loose) <= MAX_LENGTH)
+    assert str(parse(loose, VOCABULARY)) == str(Program(target))
+
+
+@given(expressions)
+@relaxed
+def test_spans_hold_the_text_of_their_node(target: Expression) -> None:
+    text = str(Program(target))
+    program = parse(text, VOCABULARY)
+    for node in (program, *walk(program.target)):
+        assert text[node.span.start : node.span.end] == str(node)
+
+
+@given(st.text(max_size=60) | st.text("NEARHDOTU(), \n\té（", max_size=60))
+@example("\ud800")
+@example("NEAR(HAND, \u202eRED)")
+@relaxed
+def test_any_text_is_a_program_or_a_refusal_inside_it(text: str) -> None:
+    try:
+        program = parse(text, VOCABULARY)
+    except ProgramError as error:
+        assert 0 <= error.position <= len(text)
+        assert error.code.startswith("program.")
+        assert str(error).isascii() and str(error).replace("\n", "").isprintable()
+    else:
+        assert parse(str(program), VOCABULARY) == program
+
+
+@given(expressions, st.data())
+@relaxed
+def test_a_program_with_a_character_missing_still_gets_a_verdict(
+    target: Expression, data: st.DataObject
+) -> None:
+    text = str(Program(target))
+    cut = data.draw(st.integers(0, len(text) - 1))
+    broken = text[:cut] + text[cut + 1 :]
+    try:
+        assert parse(str(parse(broken, VOCABULARY)), VOCABULARY)
+    except ProgramError as error:
+        first, shown, caret = str(error).split("\n")
+        assert error.source == broken
+        assert caret.index("^") <= len(shown)
+
+
+@given(expressions, worlds)
+@relaxed
+def test_crisp_is_soft_on_zeros_and_ones(target: Expression, world: list[frozenset[str]]) -> None:
+    phi = [[float(word in properties) for properties in world] for word in VOCABULARY.words]
+    p = relevance(Program(target), phi, VOCABULARY.row, HAND)
+    crisp = satisfying(Program(target), world, HAND)
+    assert p[HAND] == 1.0 and crisp[HAND] is False
+    assert [bool(degree) for degree in p[1:]] == list(crisp[1:])
+    assert set(p) <= {0.0, 1.0}
+
+
+@given(expressions, expressions, soft)
+@relaxed
+def test_de_morgan(x: Expression, y: Expression, phi: list[list[float]]) -> None:
+    either = degrees(Or((x, y)), phi)
+    neither_fails = degrees(Not(And((Not(x), Not(y)))), phi)
+    assert either == pytest.approx(neither_fails, abs=1e-12)
+    both = degrees(And((x, y)), phi)
+    assert both == pytest.approx(degrees(Not(Or((Not(x), Not(y)))), phi), abs=1e-12)
+
+
+@given(expressions, soft)
+@relaxed
+def test_double_negation(x: Expression, phi: list[list[float]]) -> None:
+    assert degrees(Not(Not(x)), phi) == pytest.approx(degrees(x, phi), abs=1e-12)
+
+
+@given(st.lists(expressions, min_size=3, max_size=5), soft)
+@relaxed
+def test_many_operands_mean_what_pairs_from_the_left_mean(
+    operands: list[Expression], phi: list[list[float]]
+) -> None:
+    for operator in (And, Or):
+        pairs = operands[0]
+        for operand in operands[1:]:
+            pairs = operator((pairs, operand))
+        assert degrees(operator(tuple(operands)), phi) == degrees(pairs, phi)
+
+
+@given(expressions, soft)
+@relaxed
+def test_relevance_stays_in_the_unit_interval(x: Expression, phi: list[list[float]]) -> None:
+    p = relevance(Program(x), phi, VOCABULARY.row, HAND)
+    assert all(-1e-12 <= degree <= 1 + 1e-12 for degree in p)
+    assert p[HAND] == pytest.approx(1.0, abs=1e-12)
+
+
+def depth(expression: Expression) -> int:
+    if isinstance(expression, Word):
+        return 1
+    parts = (expression.operand,) if isinstance(expression, Not) else expression.operands
+    return 1 + max(map(depth, parts))

@@ -1,0 +1,189 @@
+"""Batched evaluation agrees with the scalar definitions, program by program."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import (
+    And,
+    Expression,
+    Not,
+    Or,
+    Program,
+    ProgramError,
+    Vocabulary,
+    Word,
+    parse,
+    relevance,
+    satisfying,
+)
+from pa_ros.language.flat import COPY
+from pa_ros.networks.programs import ProgramTable, crisp, relevant_objects
+
+torch.set_num_threads(1)
+
+VOCABULARY = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "GREEN", "A"))
+WORDS = len(VOCABULARY.words)
+FLOAT32 = 1e-5  # a deep program rounds once for each of its nodes
+
+
+def wider(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    operands = st.lists(inner, min_size=2, max_size=4).map(tuple)
+    return st.one_of(inner.map(Not), operands.map(And), operands.map(Or))
+
+
+words = st.sampled_from(VOCABULARY.words).map(Word)
+expressions: st.SearchStrategy[Expression] = st.recursive(words, wider, max_leaves=12)
+programs = st.lists(expressions.map(Program), min_size=1, max_size=6)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def table_of(members: list[Program]) -> tuple[ProgramTable, list[int]]:
+    table = ProgramTable(VOCABULARY)
+    return table, [table.add(program) for program in members]
+
+
+def random_phi(seed: int, *lead: int, objects: int) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    return torch.rand(*lead, WORDS, objects, generator=generator)
+
+
+@given(programs, seeds, st.integers(1, 6), st.data())
+@settings(deadline=None)
+def test_a_batch_of_different_programs_equals_each_alone(
+    members: list[Program], seed: int, objects: int, data: st.DataObject
+) -> None:
+    hand = data.draw(st.integers(0, objects - 1))
+    table, rows = table_of(members)
+    op, a, b = (x[rows] for x in table.tensors())
+    phi = random_phi(seed, len(members), objects=objects)
+    p = relevant_objects(phi, hand, op, a, b)
+    assert p.shape == (len(members), objects)
+    for i, program in enumerate(members):
+        expected = relevance(program, phi[i].tolist(), VOCABULARY.row, hand)
+        torch.testing.assert_close(p[i], torch.tensor(expected), atol=FLOAT32, rtol=0)
+
+
+@given(programs, seeds)
+@settings(deadline=None, max_examples=30)
+def test_several_programs_for_each_phi_equal_one_at_a_time(
+    members: list[Program], seed: int
+) -> None:
+    table, rows = table_of(members)
+    batch = torch.tensor([rows, rows[::-1], rows])  # [B, K]
+    op, a, b = (x[batch] for x in table.tensors())
+    phi = random_phi(seed, 3, objects=5)
+    p = relevant_objects(phi, 0, op, a, b)
+    assert p.shape == (3, len(rows), 5)
+    for k in range(len(rows)):
+        one = relevant_objects(phi, 0, op[:, k], a[:, k], b[:, k])
+        torch.testing.assert_close(p[:, k], one, atol=0, rtol=0)
+
+
+@given(programs, seeds, st.integers(0, 4))
+@settings(deadline=None)
+def test_crisp_equals_the_verifiers_answer(members: list[Program], seed: int, hand: int) -> None:
+    table, rows = table_of(members)
+    truth = np.random.default_rng(seed).random((3, WORDS, 5)) < 0.5
+    named = crisp(table.arrays(), truth, hand)
+    assert named.shape == (3, len(table), 5) and named.dtype == np.bool_
+    np.testing.assert_array_equal(crisp(table.arrays(), truth[1].astype(float), hand), named[1])
+    for scene in range(3):
+        objects = [
+            {w for w, holds in zip(VOCABULARY.words, column, strict=True) if holds}
+            for column in truth[scene].T
+        ]
+        for program, row in zip(members, rows, strict=True):
+            assert tuple(named[scene, row]) == satisfying(program, objects, hand)
+
+
+@given(programs, seeds)
+@settings(deadline=None, max_examples=20)
+def test_crisp_equals_soft_on_zeros_and_ones(members: list[Program], seed: int) -> None:
+    table, _ = table_of(members)
+    phi = random_phi(seed, objects=5).round()
+    p = relevant_objects(phi.expand(len(table), -1, -1), 0, *table.tensors())
+    named = torch.from_numpy(crisp(table.arrays(), phi.numpy(), 0))
+    assert torch.equal(p[:, 1:], named[:, 1:].float())
+    assert bool((p[:, 0] == 1).all()) and not named[:, 0].any()
+
+
+def test_gradients_agree_with_finite_differences() -> None:
+    table, _ = table_of(
+        [
+            parse(f"NEAR(HAND, {target})", VOCABULARY)
+            for target in ("RED", "AND(RED, CUBE)", "OR(AND(NOT(RED), CUBE, CUBE), NOT(NOT(A)))")
+        ]
+    )
+    op, a, b = (x.unsqueeze(0).expand(2, -1, -1) for x in table.tensors())
+    phi = random_phi(3, 2, objects=3).double().requires_grad_()
+    assert torch.autograd.gradcheck(lambda x: relevant_objects(x, 0, op, a, b), (phi,))
+
+
+def test_every_word_of_a_program_gets_a_gradient_and_no_other_does() -> None:
+    """The paper chose these operations because each has derivatives to all arguments."""
+    table, _ = table_of([parse("NEAR(HAND, OR(AND(NOT(RED), CUBE), A))", VOCABULARY)])
+    phi = random_phi(5, 1, objects=4).requires_grad_()
+    total = relevant_objects(phi, 0, *table.tensors()).sum()
+    (gradient,) = torch.autograd.grad(total, phi)
+    named = [word in ("RED", "CUBE", "A") for word in VOCABULARY.words]
+    blocks = gradient[0, :, 1:]
+    assert [bool((row != 0).all()) for row in blocks] == named
+    assert [bool((row != 0).any()) for row in blocks] == named
+
+
+def test_acting_first_without_gradients_leaves_learning_possible() -> None:
+    table, _ = table_of([parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)])
+    phi = random_phi(7, 1, objects=3)
+    with torch.inference_mode():
+        acting = relevant_objects(phi, 0, *table.tensors()).clone()
+    learning = relevant_objects(phi.requires_grad_(), 0, *table.tensors())
+    assert torch.autograd.grad(learning.sum(), phi)[0].abs().sum() > 0
+    assert torch.equal(acting, learning.detach())
+
+
+def test_everything_is_computed_on_the_device_of_phi() -> None:
+    """The meta device refuses to mix with another, as a GPU does, and is everywhere."""
+    table, _ = table_of([parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)])
+    op, a, b = table.tensors("meta")
+    p = relevant_objects(torch.rand(1, WORDS, 5, device="meta"), 0, op, a, b)
+    assert p.device.type == "meta" and p.shape == (1, 5)
+
+
+def test_a_table_counts_equal_programs_once_and_pads_with_copies() -> None:
+    table = ProgramTable(VOCABULARY)
+    assert table.arrays()[0].shape[0] == 0
+    long = parse("NEAR(HAND, AND(NOT(RED), CUBE))", VOCABULARY)
+    short = parse("NEAR(HAND, RED)", VOCABULARY)
+    assert [table.add(short), table.add(long), table.add(parse(str(short), VOCABULARY))] == [
+        0,
+        1,
+        0,
+    ]
+    assert len(table) == 2
+    assert table.texts == (str(short), str(long))
+    op, a, b = table.arrays()
+    assert op.shape == (2, 3) and {x.dtype for x in (op, a, b)} == {np.dtype(np.int32)}
+    p_of_short = WORDS + 1
+    assert op[0, 1:].tolist() == [COPY, COPY]
+    assert a[0, 1:].tolist() == b[0, 1:].tolist() == [p_of_short, p_of_short]
+    assert table.arrays()[0] is op
+    table.add(parse("NEAR(HAND, CUBE)", VOCABULARY))
+    assert table.arrays()[0].shape == (3, 3)
+
+
+def test_refusals() -> None:
+    table = ProgramTable(VOCABULARY)
+    with pytest.raises(ProgramError, match="BLUE"):
+        table.add(parse("NEAR(HAND, BLUE)", Vocabulary(("CUBE",), ("BLUE",))))
+    assert len(table) == 0
+    table.add(parse("NEAR(HAND, RED)", VOCABULARY))
+    with pytest.raises(ConfigError, match="one of 5 objects, got 5"):
+        relevant_objects(torch.rand(1, WORDS, 5), 5, *table.tensors())
+    with pytest.raises(ConfigError, match="one of 5 objects, got -1"):
+        crisp(table.arrays(), np.zeros((WORDS, 5)), -1)
