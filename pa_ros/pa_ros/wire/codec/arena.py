@@ -1,0 +1,101 @@
+"""What an arena offers (ArenaInfo)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pa_ros.core.experience import JOINTS, OBJECT_FEATURE_NAMES
+from pa_ros.wire import errors
+from pa_ros.wire.arrays import float64_field
+from pa_ros.wire.codec.stamp import read_stamp, write_stamp
+from pa_ros.wire.interfaces import ArenaInfo
+from pa_ros.wire.records import WIRE_VERSION, ArenaDescription, Mode
+
+
+def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
+    """The latched self-description of an arena."""
+    message = ArenaInfo()
+    write_stamp(message.stamp, arena.stamp_ns)
+    message.software_version = arena.software_version
+    message.wire_version = WIRE_VERSION
+    message.mode = int(arena.mode)
+    message.design = arena.design
+    message.preset = arena.preset
+    message.seed = arena.seed
+    message.block_count = arena.block_count
+    message.shapes = list(arena.shapes)
+    message.colors = list(arena.colors)
+    message.vocabulary_digest = arena.vocabulary_digest
+    message.training_programs = list(arena.training_programs)
+    message.object_feature_names = list(OBJECT_FEATURE_NAMES)
+    message.hand_index = arena.hand_index
+    message.joint_names = list(arena.joint_names)
+    message.joint_lower = float64_field(np.asarray(arena.joint_lower))
+    message.joint_upper = float64_field(np.asarray(arena.joint_upper))
+    message.speed_limits = float64_field(np.asarray(arena.speed_limits))
+    message.control_period = arena.control_period
+    message.near_threshold = arena.near_threshold
+    message.episode_steps = arena.episode_steps
+    return message
+
+
+def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
+    """Raises VersionError, FeatureNamesError, RangeError, SizeError, JointNamesError."""
+    _check(message)
+    return ArenaDescription(
+        mode=Mode(message.mode),
+        design=message.design,
+        preset=message.preset,
+        seed=message.seed,
+        block_count=message.block_count,
+        shapes=tuple(message.shapes),
+        colors=tuple(message.colors),
+        vocabulary_digest=message.vocabulary_digest,
+        training_programs=tuple(message.training_programs),
+        joint_names=tuple(message.joint_names),
+        joint_lower=tuple(message.joint_lower),
+        joint_upper=tuple(message.joint_upper),
+        speed_limits=tuple(message.speed_limits),
+        control_period=message.control_period,
+        near_threshold=message.near_threshold,
+        episode_steps=message.episode_steps,
+        hand_index=message.hand_index,
+        stamp_ns=read_stamp(message.stamp),
+        software_version=message.software_version,
+    )
+
+
+def _check(message: ArenaInfo) -> None:
+    if message.wire_version != WIRE_VERSION:
+        raise errors.VersionError("arena_info.wire_version", WIRE_VERSION, message.wire_version)
+    names = tuple(message.object_feature_names)
+    if names != OBJECT_FEATURE_NAMES:
+        field = "arena_info.object_feature_names"
+        raise errors.FeatureNamesError(field, OBJECT_FEATURE_NAMES, names)
+    if message.mode not in tuple(Mode):
+        raise errors.RangeError("arena_info.mode", [int(mode) for mode in Mode], message.mode)
+    joints = tuple(message.joint_names)
+    if len(joints) != JOINTS or len(set(joints)) != JOINTS:
+        raise errors.JointNamesError("arena_info.joint_names", f"{JOINTS} different names", joints)
+    _check_numbers(message)
+
+
+def _check_numbers(message: ArenaInfo) -> None:
+    for field in ("joint_lower", "joint_upper", "speed_limits"):
+        size = len(getattr(message, field))
+        if size != JOINTS:
+            raise errors.SizeError(f"arena_info.{field}", JOINTS, size)
+    if not all(
+        low < high for low, high in zip(message.joint_lower, message.joint_upper, strict=True)
+    ):
+        limits = (list(message.joint_lower), list(message.joint_upper))
+        raise errors.RangeError("arena_info.joint_lower", "less than joint_upper", limits)
+    positive = {
+        "speed_limits": min(message.speed_limits),
+        "control_period": message.control_period,
+        "near_threshold": message.near_threshold,
+        "episode_steps": message.episode_steps,
+    }
+    for field, value in positive.items():
+        if not 0.0 < value < float("inf"):
+            raise errors.RangeError(f"arena_info.{field}", "a positive number", value)

@@ -1,0 +1,36 @@
+"""Times: builtin_interfaces/Time to and from nanoseconds of simulation time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pa_ros.wire.interfaces import Clock
+
+_NS = 1_000_000_000
+
+
+def write_stamp(stamp: Any, stamp_ns: int) -> None:
+    """Set a builtin_interfaces/Time in place."""
+    stamp.sec, stamp.nanosec = divmod(stamp_ns, _NS)
+
+
+def read_stamp(stamp: Any) -> int:
+    """Nanoseconds of a builtin_interfaces/Time."""
+    return int(stamp.sec) * _NS + int(stamp.nanosec)
+
+
+def header_stamp(message: Any) -> int:
+    """Stamp in nanoseconds of a message with a header: what the parts of one step share."""
+    return read_stamp(message.header.stamp)
+
+
+def encode_clock(stamp_ns: int) -> Clock:
+    """Simulation time for /clock."""
+    message = Clock()
+    write_stamp(message.clock, stamp_ns)
+    return message
+
+
+def decode_clock(message: Clock) -> int:
+    """Simulation time in nanoseconds."""
+    return read_stamp(message.clock)

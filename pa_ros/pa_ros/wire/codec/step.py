@@ -1,0 +1,149 @@
+"""One control step: observation (object_features and joint_states), verdict, joint command."""
+
+from __future__ import annotations
+
+import math
+
+from pa_ros.core.experience import JOINTS, OBJECT_FEATURES, Float64, Observation, Verdict
+from pa_ros.wire import errors
+from pa_ros.wire.arrays import float32_field, float64_field, read_float32, read_float64
+from pa_ros.wire.codec.stamp import header_stamp, write_stamp
+from pa_ros.wire.interfaces import JointCommand, JointState, ObjectFeatures, Transitions
+from pa_ros.wire.interfaces import Verdict as VerdictMessage
+from pa_ros.wire.records import Command
+
+HAND_FRAME = "hand"
+MAX_OBJECTS = 64
+
+
+def encode_observation(
+    observation: Observation, joint_names: tuple[str, ...], evaluation: bool = False
+) -> tuple[ObjectFeatures, JointState]:
+    """The two messages of one observation; they share one stamp."""
+    features = ObjectFeatures()
+    write_stamp(features.header.stamp, observation.stamp_ns)
+    features.header.frame_id = HAND_FRAME
+    features.episode = observation.episode
+    features.step = observation.step
+    features.evaluation = evaluation
+    features.program_id = observation.program_id
+    features.hand_index = observation.hand_index
+    features.object_count = len(observation.objects)
+    features.features = float32_field(observation.objects)
+    joints = JointState()
+    write_stamp(joints.header.stamp, observation.stamp_ns)
+    joints.name = list(joint_names)
+    joints.position = float64_field(observation.joint_position)
+    joints.velocity = float64_field(observation.joint_velocity)
+    return features, joints
+
+
+def is_evaluation(message: ObjectFeatures | VerdictMessage) -> bool:
+    """Whether the step belongs to an episode that must leave no trace in training."""
+    return bool(message.evaluation)
+
+
+def decode_observation(
+    features: ObjectFeatures, joints: JointState, joint_names: tuple[str, ...]
+) -> Observation:
+    """One observation from its two messages. Joints may come in any order, and more than ours.
+
+    Raises StampError, SizeError, RangeError, NonFiniteError, JointNamesError.
+    """
+    stamp_ns = header_stamp(features)
+    if header_stamp(joints) != stamp_ns:
+        raise errors.StampError("joint_states.header.stamp", stamp_ns, header_stamp(joints))
+    count, hand_index = objects_and_hand("object_features", features)
+    shape = (count, OBJECT_FEATURES)
+    objects = read_float32("object_features.features", features.features, shape)
+    position, velocity = _read_joints(joints, joint_names)
+    return Observation(
+        episode=features.episode,
+        step=features.step,
+        stamp_ns=stamp_ns,
+        objects=objects,
+        joint_position=position,
+        joint_velocity=velocity,
+        hand_index=hand_index,
+        program_id=features.program_id,
+    )
+
+
+def objects_and_hand(where: str, message: ObjectFeatures | Transitions) -> tuple[int, int]:
+    """Checked number of objects and index of the hand. Raises RangeError."""
+    count, hand_index = message.object_count, message.hand_index
+    if not 1 <= count <= MAX_OBJECTS:
+        raise errors.RangeError(f"{where}.object_count", f"1 to {MAX_OBJECTS}", count)
+    if hand_index >= count:
+        raise errors.RangeError(f"{where}.hand_index", f"less than {count} objects", hand_index)
+    return count, hand_index
+
+
+def _read_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
+    received = tuple(joints.name)
+    if not set(names) <= set(received):
+        raise errors.JointNamesError("joint_states.name", names, received)
+    shape = (len(received),)
+    position = read_float64("joint_states.position", joints.position, shape)
+    velocity = read_float64("joint_states.velocity", joints.velocity, shape)
+    if received == names:
+        return position, velocity
+    order = [received.index(name) for name in names]
+    return position[order], velocity[order]
+
+
+def encode_verdict(verdict: Verdict, evaluation: bool = False) -> VerdictMessage:
+    """The verifier's word on one step."""
+    message = VerdictMessage()
+    write_stamp(message.header.stamp, verdict.stamp_ns)
+    message.episode = verdict.episode
+    message.step = verdict.step
+    message.evaluation = evaluation
+    message.program_id = verdict.program_id
+    message.reward = verdict.reward
+    message.satisfied = verdict.satisfied
+    message.distance = verdict.distance
+    message.truncated = verdict.truncated
+    return message
+
+
+def decode_verdict(message: VerdictMessage) -> Verdict:
+    """Raises NonFiniteError (reward), RangeError (a distance that is NaN or negative)."""
+    if not math.isfinite(message.reward):
+        raise errors.NonFiniteError("verdict.reward", "a finite number", message.reward)
+    if not message.distance >= 0.0:
+        raise errors.RangeError("verdict.distance", "at least 0 m, or inf", message.distance)
+    return Verdict(
+        episode=message.episode,
+        step=message.step,
+        stamp_ns=header_stamp(message),
+        program_id=message.program_id,
+        reward=message.reward,
+        satisfied=message.satisfied,
+        distance=message.distance,
+        truncated=message.truncated,
+    )
+
+
+def encode_command(command: Command) -> JointCommand:
+    """An agent's answer to one observation."""
+    message = JointCommand()
+    write_stamp(message.header.stamp, command.stamp_ns)
+    message.episode = command.episode
+    message.step = command.step
+    message.agent_id = command.agent_id
+    message.policy_version = command.policy_version
+    message.action = float32_field(command.action)
+    return message
+
+
+def decode_command(message: JointCommand) -> Command:
+    """Raises SizeError, NonFiniteError. Clamping to [-1, 1] is the arm's affair."""
+    return Command(
+        episode=message.episode,
+        step=message.step,
+        stamp_ns=header_stamp(message),
+        agent_id=message.agent_id,
+        policy_version=message.policy_version,
+        action=read_float32("joint_commands.action", message.action, (JOINTS,)),
+    )

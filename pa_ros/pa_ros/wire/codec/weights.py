@@ -1,0 +1,101 @@
+"""Weights of a policy (PolicyWeights): raw float32 in one checked payload, never pickled."""
+
+from __future__ import annotations
+
+import array
+import hashlib
+import math
+
+import numpy as np
+
+from pa_ros.core.experience import Float32, PolicySnapshot
+from pa_ros.wire import errors
+from pa_ros.wire.codec.stamp import read_stamp, write_stamp
+from pa_ros.wire.interfaces import PolicyWeights, SequenceMark, Tensor
+from pa_ros.wire.records import PublishedPolicy
+
+_DTYPE = "float32"
+_ITEM = 4  # bytes
+
+
+def encode_weights(policy: PublishedPolicy) -> PolicyWeights:
+    """A snapshot, its tensors one after the other in the payload."""
+    snapshot = policy.snapshot
+    message = PolicyWeights()
+    write_stamp(message.stamp, policy.stamp_ns)
+    message.run_id = policy.run_id
+    message.version = snapshot.version
+    message.architecture = snapshot.architecture
+    message.vocabulary_digest = snapshot.vocabulary_digest
+    message.consumed = [
+        SequenceMark(agent_id=agent, sequence=sequence)
+        for agent, sequence in sorted(policy.consumed.items())
+    ]
+    chunks: list[bytes] = []
+    tensors, offset = [], 0
+    for name, tensor in snapshot.tensors.items():
+        chunks.append(np.ascontiguousarray(tensor, dtype="<f4").tobytes())
+        shape = array.array("I", tensor.shape)
+        tensors.append(Tensor(name=name, dtype=_DTYPE, shape=shape, offset=offset))
+        offset += len(chunks[-1])
+    payload = b"".join(chunks)
+    message.tensors = tensors
+    message.payload = array.array("B", payload)
+    message.checksum = hashlib.sha256(payload).hexdigest()
+    return message
+
+
+def decode_weights(
+    message: PolicyWeights, architecture: str | None = None, vocabulary_digest: str | None = None
+) -> PublishedPolicy:
+    """A snapshot, refused unless it is of the architecture and vocabulary named (None: of any).
+
+    Raises ArchitectureError, VocabularyError, ChecksumError, TruncatedError, DtypeError,
+    NonFiniteError.
+    """
+    if architecture not in (None, message.architecture):
+        field = "policy_weights.architecture"
+        raise errors.ArchitectureError(field, architecture, message.architecture)
+    if vocabulary_digest not in (None, message.vocabulary_digest):
+        field, received = "policy_weights.vocabulary_digest", message.vocabulary_digest
+        raise errors.VocabularyError(field, vocabulary_digest, received)
+    tensors = _read_tensors(message)
+    snapshot = PolicySnapshot(
+        version=message.version,
+        architecture=message.architecture,
+        vocabulary_digest=message.vocabulary_digest,
+        tensors=tensors,
+    )
+    consumed = {mark.agent_id: mark.sequence for mark in message.consumed}
+    return PublishedPolicy(snapshot, message.run_id, consumed, read_stamp(message.stamp))
+
+
+def _read_tensors(message: PolicyWeights) -> dict[str, Float32]:
+    payload = memoryview(message.payload)
+    _check_coverage(message, len(payload))
+    digest = hashlib.sha256(payload).hexdigest()
+    if digest != message.checksum:
+        raise errors.ChecksumError("policy_weights.checksum", digest, message.checksum)
+    tensors: dict[str, Float32] = {}
+    for tensor in message.tensors:
+        count = math.prod(tensor.shape)
+        values = np.frombuffer(payload, "<f4", count, tensor.offset) if count else np.empty(0)
+        if not np.isfinite(values).all():
+            raise errors.NonFiniteError(f"policy_weights.{tensor.name}", "finite numbers", "others")
+        tensors[tensor.name] = values.astype(np.float32).reshape(tuple(tensor.shape))
+    return tensors
+
+
+def _check_coverage(message: PolicyWeights, size: int) -> None:
+    """Tensors follow one another without gap from 0 to the payload's end, each named once."""
+    end, names = 0, set()
+    for tensor in message.tensors:
+        where = f"policy_weights.tensors[{tensor.name!r}]"
+        if tensor.dtype != _DTYPE:
+            raise errors.DtypeError(f"{where}.dtype", _DTYPE, tensor.dtype)
+        if tensor.name in names or tensor.offset != end:
+            raise errors.TruncatedError(f"{where}.offset", f"{end}, and named once", tensor.offset)
+        names.add(tensor.name)
+        end += _ITEM * math.prod(tensor.shape)
+    if end != size or not names:
+        raise errors.TruncatedError("policy_weights.payload", f"{end} bytes, more than 0", size)

@@ -1,0 +1,126 @@
+"""What the wire carries beside `pa_ros.core.experience`: each mirrors a message of msgs_schema."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from pa_ros.core.experience import Float32, PolicySnapshot
+
+WIRE_VERSION = "1"  # edition of msgs_schema; changes when a receiver could misread the other
+NO_STAMP = 0
+
+
+class Mode(IntEnum):
+    """What paces the arena; values of ArenaInfo."""
+
+    LOCKSTEP = 1
+    REAL_TIME = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """An agent's answer to one observation."""
+
+    episode: int
+    step: int
+    stamp_ns: int  # of the observation answered
+    agent_id: str
+    policy_version: int
+    action: Float32  # [6], share of each joint's speed limit
+
+
+@dataclass(frozen=True, slots=True)
+class ArenaDescription:
+    """What an arena offers; see ArenaInfo.msg for units."""
+
+    mode: Mode
+    design: str
+    preset: str
+    seed: int
+    block_count: int
+    shapes: tuple[str, ...]
+    colors: tuple[str, ...]
+    vocabulary_digest: str
+    training_programs: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    joint_lower: tuple[float, ...]  # rad
+    joint_upper: tuple[float, ...]  # rad
+    speed_limits: tuple[float, ...]  # rad/s
+    control_period: float  # s
+    near_threshold: float  # m
+    episode_steps: int
+    hand_index: int = 0
+    stamp_ns: int = NO_STAMP
+    software_version: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramRequest:
+    """A program that someone asks for; `program_id` is never empty after decoding."""
+
+    program_id: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramJudgement:
+    """One node's answer to a ProgramRequest."""
+
+    program_id: str
+    node: str
+    accepted: bool
+    canonical: str = ""
+    code: str = ""
+    reason: str = ""
+    position: int = -1
+    stamp_ns: int = NO_STAMP
+
+
+@dataclass(frozen=True)
+class PublishedPolicy:
+    """A snapshot with what the synchronous protocol needs to know of it."""
+
+    snapshot: PolicySnapshot
+    run_id: str
+    consumed: Mapping[str, int]  # agent id → sequence of the last stretch in these weights
+    stamp_ns: int = NO_STAMP
+
+
+@dataclass(frozen=True, slots=True)
+class ResetRequest:
+    """`episode` None: the next one; `program` empty: as the arena's program source says."""
+
+    episode: int | None = None
+    program: str = ""
+    evaluation: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a service call, and where the arena stands after it."""
+
+    success: bool
+    code: str = ""
+    reason: str = ""
+    episode: int = 0
+    step: int = 0
+    stamp_ns: int = NO_STAMP
+    real_time_factor: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """One entry of /diagnostics. Levels are those of DiagnosticStatus: 0 ok, 1 warn, 2 error."""
+
+    name: str
+    level: int = 0
+    message: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+def program_id_of(text: str) -> str:
+    """The id of a program sent without one: a function of its text alone."""
+    return "text-" + hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()[:12]

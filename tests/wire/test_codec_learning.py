@@ -1,0 +1,188 @@
+"""Experience and weights over the wire."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pa_ros.core.experience import PolicySnapshot, Stretch
+from pa_ros.wire import codec, errors
+from pa_ros.wire.records import PublishedPolicy
+
+DIGEST = "0123456789abcdef"
+
+
+def stretch(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Stretch:
+    rng = np.random.default_rng(seed)
+    defaults = dict(
+        agent_id="agent-1",
+        sequence=4,
+        policy_version=3,
+        episode=9,
+        first_step=20,
+        program="NEAR(HAND, RED)",
+        hand_index=0,
+        objects=rng.normal(size=(length + 1, count, 16)).astype(np.float32),
+        arm=rng.normal(size=(length + 1, 18)).astype(np.float32),
+        actions=rng.uniform(-1, 1, (length, 6)).astype(np.float32),
+        rewards=rng.choice([-1.0, 1.0], length).astype(np.float32),
+        ends_episode=True,
+        terminated=False,
+        vocabulary_digest=DIGEST,
+    )
+    return Stretch(**{**defaults, **fields})
+
+
+def same(a: object, b: object) -> bool:
+    pairs = [(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a)]
+    return all(np.array_equal(x, y) and type(x) is type(y) for x, y in pairs)
+
+
+@given(
+    st.integers(0, 2**32),
+    st.integers(1, 20),
+    st.integers(1, 8),
+    st.integers(0, 2**63),
+    st.booleans(),
+    st.booleans(),
+)
+def test_stretch_survives_the_wire(seed, length, count, number, ends, terminated):
+    sent = stretch(
+        seed,
+        length,
+        count,
+        sequence=number,
+        policy_version=number,
+        episode=number,
+        ends_episode=ends,
+        terminated=terminated,
+    )
+    received = codec.decode_transitions(codec.encode_transitions(sent, 5), DIGEST)
+    assert same(received, sent)
+    assert received.objects.flags.owndata or received.objects.base.flags.owndata
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "error"),
+    [
+        ("vocabulary_digest", "another", errors.VocabularyError),
+        ("agent_id", "", errors.RangeError),
+        ("transition_count", 0, errors.RangeError),
+        ("transition_count", 2, errors.SizeError),
+        ("transition_count", 2**32 - 1, errors.RangeError),
+        ("object_count", 4, errors.SizeError),
+        ("object_count", 0, errors.RangeError),
+        ("hand_index", 5, errors.RangeError),
+        ("objects", [0.0] * 16, errors.SizeError),
+        ("arm", [0.0] * 18, errors.SizeError),
+        ("actions", [0.0] * 17 + [math.nan], errors.NonFiniteError),
+        ("actions", [0.0] * 17 + [1.5], errors.RangeError),
+        ("rewards", [0.0] * 4, errors.SizeError),
+        ("rewards", [0.0, math.inf, 0.0], errors.NonFiniteError),
+    ],
+)
+def test_malformed_transitions_are_refused(field, value, error):
+    message = codec.encode_transitions(stretch())
+    setattr(message, field, value)
+    with pytest.raises(error):
+        codec.decode_transitions(message, DIGEST)
+
+
+def policy(**tensors: np.ndarray) -> PublishedPolicy:
+    snapshot = PolicySnapshot(7, '{"kind": "programmable"}', DIGEST, tensors)
+    return PublishedPolicy(snapshot, "run-1", {"agent-2": 5, "agent-1": 4}, stamp_ns=17)
+
+
+shapes = hnp.array_shapes(min_dims=0, max_dims=3, min_side=1, max_side=5)
+arrays = hnp.arrays(np.float32, shapes, elements=st.floats(-10, 10, width=32))
+
+
+@given(st.dictionaries(st.text("abc.", min_size=1), arrays, min_size=1, max_size=5))
+def test_weights_survive_the_wire(tensors):
+    sent = policy(**tensors)
+    received = codec.decode_weights(
+        codec.encode_weights(sent), sent.snapshot.architecture, sent.snapshot.vocabulary_digest
+    )
+    assert list(received.snapshot.tensors) == list(tensors)
+    assert all(np.array_equal(received.snapshot.tensors[k], v) for k, v in tensors.items())
+    assert all(received.snapshot.tensors[k].shape == v.shape for k, v in tensors.items())
+    assert received.snapshot.version == 7
+    assert (received.run_id, received.consumed, received.stamp_ns) == (
+        "run-1",
+        {"agent-2": 5, "agent-1": 4},
+        17,
+    )
+
+
+def weights_message():
+    return codec.encode_weights(policy(a=np.ones((2, 3), np.float32), b=np.zeros(4, np.float32)))
+
+
+def test_decoded_weights_own_their_memory():
+    message = weights_message()
+    tensors = codec.decode_weights(message).snapshot.tensors
+    message.payload[3] = 0x7F
+    assert np.array_equal(tensors["a"], np.ones((2, 3)))
+    tensors["a"][0, 0] = 5.0  # writeable
+
+
+@pytest.mark.parametrize(
+    ("expected", "error", "both"),
+    [
+        (("{}", None), errors.ArchitectureError, ("{}", "programmable")),
+        ((None, "f" * 16), errors.VocabularyError, ("f" * 16, DIGEST)),
+    ],
+)
+def test_weights_of_another_network_are_refused_naming_both_sides(expected, error, both):
+    with pytest.raises(error) as caught:
+        codec.decode_weights(weights_message(), *expected)
+    assert all(side in str(caught.value) for side in both)
+
+
+def _truncate(message):
+    message.payload = message.payload[:-4]
+
+
+def _flip(message):
+    message.payload[5] ^= 1
+
+
+def _nan(message):
+    payload = bytearray(message.payload)
+    payload[0:4] = np.float32(np.nan).tobytes()
+    message.payload = bytes(payload)
+    message.checksum = hashlib.sha256(payload).hexdigest()
+
+
+def _tensor(index, field, value):
+    return lambda message: setattr(message.tensors[index], field, value)
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        (_truncate, errors.TruncatedError),
+        (lambda message: setattr(message, "payload", []), errors.TruncatedError),
+        (lambda message: setattr(message, "tensors", []), errors.TruncatedError),
+        (_tensor(1, "offset", 20), errors.TruncatedError),
+        (_tensor(1, "name", "a"), errors.TruncatedError),
+        (_tensor(0, "shape", [3, 3]), errors.TruncatedError),
+        (_tensor(0, "shape", [2**32 - 1] * 4), errors.TruncatedError),
+        (_tensor(0, "dtype", "float64"), errors.DtypeError),
+        (_flip, errors.ChecksumError),
+        (lambda message: setattr(message, "checksum", ""), errors.ChecksumError),
+        (_nan, errors.NonFiniteError),
+    ],
+)
+def test_damaged_weights_are_refused(change, error):
+    message = weights_message()
+    change(message)
+    with pytest.raises(error):
+        codec.decode_weights(message)

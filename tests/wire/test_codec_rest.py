@@ -1,0 +1,168 @@
+"""Arena description, programs, diagnostics and services over the wire."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_ros.wire import codec, errors
+from pa_ros.wire.interfaces import Reset, SetBool, SetSpeed, Step
+from pa_ros.wire.records import (
+    ArenaDescription,
+    Health,
+    Mode,
+    Outcome,
+    ProgramJudgement,
+    ProgramRequest,
+    ResetRequest,
+    program_id_of,
+)
+
+texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=200)
+
+ARENA = ArenaDescription(
+    mode=Mode.LOCKSTEP,
+    design="2-L",
+    preset="fast",
+    seed=2**63,
+    block_count=4,
+    shapes=("CUBE", "SPHERE"),
+    colors=("RED", "BLUE"),
+    vocabulary_digest="0" * 16,
+    training_programs=("NEAR(HAND, RED)",),
+    joint_names=("a", "b", "c", "d", "e", "f"),
+    joint_lower=(-math.inf, -1.0, -1.0, -1.0, -1.0, -1.0),
+    joint_upper=(math.inf, 1.0, 1.0, 1.0, 1.0, 1.0),
+    speed_limits=(1.0,) * 6,
+    control_period=0.1,
+    near_threshold=0.2,
+    episode_steps=100,
+    hand_index=0,
+    stamp_ns=1_500_000_000,
+    software_version="0.1.0",
+)
+
+
+def test_arena_survives_the_wire():
+    assert codec.decode_arena_info(codec.encode_arena_info(ARENA)) == ARENA
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "error"),
+    [
+        ("wire_version", "0", errors.VersionError),
+        ("mode", 3, errors.RangeError),
+        ("object_feature_names", ["x"], errors.FeatureNamesError),
+        ("joint_names", ["a"] * 6, errors.JointNamesError),
+        ("joint_lower", [0.0] * 5, errors.SizeError),
+        ("joint_lower", [2.0] * 6, errors.RangeError),
+        ("joint_upper", [math.nan] * 6, errors.RangeError),
+        ("speed_limits", [0.0] * 6, errors.RangeError),
+        ("control_period", math.nan, errors.RangeError),
+        ("near_threshold", -0.1, errors.RangeError),
+        ("episode_steps", 0, errors.RangeError),
+    ],
+)
+def test_malformed_arenas_are_refused(field, value, error):
+    message = codec.encode_arena_info(ARENA)
+    setattr(message, field, value)
+    with pytest.raises(error):
+        codec.decode_arena_info(message)
+
+
+@given(texts.filter(bool), texts)
+def test_program_survives_the_wire(program_id, text):
+    sent = ProgramRequest(program_id, text)
+    assert codec.decode_program(codec.encode_program(sent)) == sent
+
+
+@given(texts)
+def test_a_program_without_id_gets_the_same_one_everywhere(text):
+    received = codec.decode_program(codec.encode_program(ProgramRequest("", text)))
+    assert received == ProgramRequest(program_id_of(text), text)
+
+
+def test_a_huge_program_is_cut_and_a_huge_id_refused():
+    huge = codec.decode_program(codec.encode_program(ProgramRequest("", "A" * 1_000_000)))
+    assert len(huge.text) == 100_000
+    with pytest.raises(errors.RangeError):
+        codec.decode_program(codec.encode_program(ProgramRequest("i" * 257, "")))
+
+
+@given(texts, texts, st.booleans(), texts, texts, st.integers(-1, 2**31 - 1))
+def test_program_status_survives_the_wire(program_id, node, accepted, canonical, reason, position):
+    sent = ProgramJudgement(
+        program_id, node, accepted, canonical, "program.x", reason, position, 1_000_000_007
+    )
+    assert codec.decode_program_status(codec.encode_program_status(sent)) == sent
+
+
+def test_unknown_program_status_is_refused():
+    message = codec.encode_program_status(ProgramJudgement("p", "n", True))
+    message.status = 0
+    with pytest.raises(errors.RangeError):
+        codec.decode_program_status(message)
+
+
+@given(
+    st.lists(
+        st.builds(
+            Health, texts, st.integers(0, 3), texts, st.dictionaries(texts, texts, max_size=3)
+        ),
+        max_size=3,
+    )
+)
+def test_diagnostics_survive_the_wire(entries):
+    assert codec.decode_diagnostics(codec.encode_diagnostics(entries, 3)) == entries
+
+
+@given(st.none() | st.integers(0, 2**64 - 2), texts, st.booleans())
+def test_reset_survives_the_wire(episode, program, evaluation):
+    sent = ResetRequest(episode, program, evaluation)
+    assert codec.decode_reset(codec.encode_reset(sent)) == sent
+
+
+def test_a_reset_without_arguments_asks_for_the_next_episode():
+    assert codec.decode_reset(Reset.Request()) == ResetRequest()
+
+
+OUTCOME = Outcome(False, "arena.code", "reason", 3, 4, 5_000_000_006, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("response", "lost"),
+    [
+        (Reset.Response, {"step": 0, "real_time_factor": 0.0}),
+        (Step.Response, {"real_time_factor": 0.0}),
+        (SetSpeed.Response, {"episode": 0, "step": 0, "stamp_ns": 0}),
+        (
+            SetBool.Response,
+            {"code": "", "episode": 0, "step": 0, "stamp_ns": 0, "real_time_factor": 0.0},
+        ),
+    ],
+)
+def test_outcomes_survive_the_wire(response, lost):
+    received = codec.decode_outcome(codec.encode_outcome(response(), OUTCOME))
+    assert received == dataclasses.replace(OUTCOME, **lost)
+
+
+@pytest.mark.parametrize("steps", [0, 1001])
+def test_absurd_steps_are_refused(steps):
+    with pytest.raises(errors.RangeError):
+        codec.decode_steps(codec.encode_steps(steps))
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf])
+def test_absurd_speeds_are_refused(speed):
+    with pytest.raises(errors.RangeError):
+        codec.decode_speed(codec.encode_speed(speed))
+
+
+def test_valid_requests_pass():
+    assert codec.decode_steps(codec.encode_steps(7)) == 7
+    assert codec.decode_speed(codec.encode_speed(0.5)) == 0.5
+    assert codec.decode_pause(codec.encode_pause(True)) is True

@@ -1,0 +1,184 @@
+"""One control step over the wire: what goes in comes out, and nothing malformed does."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pa_ros.core.experience import Observation, Verdict
+from pa_ros.wire import codec, errors
+from pa_ros.wire.records import Command
+
+NAMES = ("j1", "j2", "j3", "j4", "j5", "j6")
+counters = st.integers(0, 2**63)
+stamps = st.integers(0, 2**31 * 10**9 - 1)
+texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=40)
+seeds = st.integers(0, 2**32)
+
+
+def observation(seed: int = 0, count: int = 5, **fields) -> Observation:
+    rng = np.random.default_rng(seed)
+    defaults = dict(
+        episode=2,
+        step=4,
+        stamp_ns=12_300_000_001,
+        objects=rng.normal(size=(count, 16)).astype(np.float32),
+        joint_position=rng.normal(size=6),
+        joint_velocity=rng.normal(size=6),
+        hand_index=0,
+        program_id="p",
+    )
+    return Observation(**{**defaults, **fields})
+
+
+def same(a: object, b: object) -> bool:
+    pairs = [(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a)]
+    return all(np.array_equal(x, y) and type(x) is type(y) for x, y in pairs)
+
+
+@given(seeds, st.integers(1, 9), counters, st.integers(0, 2**32 - 1), stamps, texts, st.booleans())
+def test_observation_survives_the_wire(seed, count, episode, step, stamp, program, evaluation):
+    sent = observation(
+        seed,
+        count,
+        episode=episode,
+        step=step,
+        stamp_ns=stamp,
+        program_id=program,
+        hand_index=seed % count,
+    )
+    features, joints = codec.encode_observation(sent, NAMES, evaluation)
+    assert same(codec.decode_observation(features, joints, NAMES), sent)
+    assert codec.is_evaluation(features) is evaluation
+    assert codec.header_stamp(features) == codec.header_stamp(joints) == stamp
+
+
+def test_decoded_arrays_own_their_memory():
+    features, joints = codec.encode_observation(observation(), NAMES)
+    decoded = codec.decode_observation(features, joints, NAMES)
+    before = decoded.objects.copy(), decoded.joint_position.copy()
+    features.features[0] = joints.position[0] = 99.0
+    assert np.array_equal(decoded.objects, before[0])
+    assert np.array_equal(decoded.joint_position, before[1])
+
+
+def test_joints_may_come_in_any_order_and_more_than_ours():
+    sent = observation()
+    features, joints = codec.encode_observation(sent, NAMES)
+    order = [6, 3, 1, 0, 5, 2, 4]
+    everything = [*NAMES, "finger"]
+    position, velocity = [*sent.joint_position, 7.0], [*sent.joint_velocity, 8.0]
+    joints.name = [everything[i] for i in order]
+    joints.position = [position[i] for i in order]
+    joints.velocity = [velocity[i] for i in order]
+    assert same(codec.decode_observation(features, joints, NAMES), sent)
+
+
+def _set(name, value):
+    return lambda message: setattr(message, name, value)
+
+
+def _poke(name, index, value):
+    def change(message):
+        getattr(message, name)[index] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("which", "change", "error"),
+    [
+        (0, _set("object_count", 4), errors.SizeError),
+        (0, _set("object_count", 0), errors.RangeError),
+        (0, _set("object_count", 2**32 - 1), errors.RangeError),
+        (0, _set("hand_index", 5), errors.RangeError),
+        (0, _poke("features", 17, math.nan), errors.NonFiniteError),
+        (0, _poke("features", 17, -math.inf), errors.NonFiniteError),
+        (1, _set("position", [0.0] * 5), errors.SizeError),
+        (1, _set("velocity", []), errors.SizeError),
+        (1, _poke("velocity", 2, math.nan), errors.NonFiniteError),
+        (1, _set("name", ["a", "b", "c", "d", "e", "f"]), errors.JointNamesError),
+        (1, _set("name", []), errors.JointNamesError),
+        (1, lambda message: setattr(message.header.stamp, "nanosec", 5), errors.StampError),
+    ],
+)
+def test_malformed_observations_are_refused(which, change, error):
+    messages = codec.encode_observation(observation(), NAMES)
+    change(messages[which])
+    with pytest.raises(error) as caught:
+        codec.decode_observation(*messages, NAMES)
+    assert "expected" in str(caught.value) and "received" in str(caught.value)
+    assert caught.value.code.startswith("wire.")
+
+
+def test_non_finite_says_where():
+    messages = codec.encode_observation(observation(), NAMES)
+    messages[0].features[17] = math.nan
+    with pytest.raises(errors.NonFiniteError, match=r"features\[1,1\]"):
+        codec.decode_observation(*messages, NAMES)
+
+
+@given(
+    counters,
+    st.integers(0, 2**32 - 1),
+    stamps,
+    texts,
+    st.booleans(),
+    st.booleans(),
+    st.floats(0, allow_nan=False),
+    st.sampled_from([-1.0, 1.0]),
+)
+def test_verdict_survives_the_wire(episode, step, stamp, program, satisfied, cut, distance, reward):
+    sent = Verdict(episode, step, stamp, program, reward, satisfied, distance, cut)
+    message = codec.encode_verdict(sent, evaluation=cut)
+    assert same(codec.decode_verdict(message), sent)
+    assert codec.is_evaluation(message) is cut
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "error"),
+    [
+        ("reward", math.nan, errors.NonFiniteError),
+        ("distance", math.nan, errors.RangeError),
+        ("distance", -0.1, errors.RangeError),
+    ],
+)
+def test_malformed_verdicts_are_refused(field, value, error):
+    message = codec.encode_verdict(Verdict(0, 0, 0, "", -1.0, False, 1.0, False))
+    setattr(message, field, value)
+    with pytest.raises(error):
+        codec.decode_verdict(message)
+
+
+@given(seeds, counters, st.integers(0, 2**32 - 1), stamps, texts, counters)
+def test_command_survives_the_wire(seed, episode, step, stamp, agent, version):
+    action = np.random.default_rng(seed).uniform(-1, 1, 6).astype(np.float32)
+    sent = Command(episode, step, stamp, agent, version, action)
+    assert same(codec.decode_command(codec.encode_command(sent)), sent)
+
+
+@pytest.mark.parametrize(
+    ("action", "error"),
+    [
+        ([0.0] * 5, errors.SizeError),
+        ([0.0] * 7, errors.SizeError),
+        ([], errors.SizeError),
+        ([0.0] * 5 + [math.nan], errors.NonFiniteError),
+        ([math.inf] + [0.0] * 5, errors.NonFiniteError),
+    ],
+)
+def test_malformed_commands_are_refused(action, error):
+    message = codec.encode_command(Command(0, 0, 0, "a", 0, np.zeros(6, np.float32)))
+    message.action = action
+    with pytest.raises(error):
+        codec.decode_command(message)
+
+
+@given(st.integers(0, 2**31 * 10**9 - 1))
+def test_clock_survives_the_wire(stamp):
+    assert codec.decode_clock(codec.encode_clock(stamp)) == stamp
