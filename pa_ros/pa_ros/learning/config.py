@@ -38,7 +38,7 @@ class LearnerConfig:
     reward_shift: float = 0.0  # added to every reward that the learner uses
     relabel: str = "none"  # the paper's; "all-goals": see pa_ros.learning.relabel
     programs_per_transition: int = 1  # K; more than one needs relabeling
-    relabel_keeps_original: bool = True  # the program that acted is always one of the K
+    relabel_keeps_original: bool = False  # the program that acted is always one of the K
     near_threshold: float = 0.20  # metres; of the verifier, for relabeling alone
     stretch_steps: int = 100  # transitions per stretch: an episode
     policy_lag: int = 1  # stretches; 0 is the paper's interleaving
@@ -59,6 +59,11 @@ class LearnerConfig:
             raise ConfigError(
                 "learner programs_per_transition: expected 1 without relabeling, "
                 f"got {self.programs_per_transition}"
+            )
+        if self.relabel_keeps_original and self.programs_per_transition == 1:
+            raise ConfigError(
+                "learner relabel_keeps_original: expected programs_per_transition of at least 2 "
+                "with it, got 1, which would relabel nothing"
             )
 
     def to_json(self) -> str:

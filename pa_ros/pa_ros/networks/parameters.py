@@ -6,8 +6,10 @@ The one table that the torch reference, the fused update, the NumPy actor and ch
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import ARM_FEATURES, COLORS, JOINTS, OBJECT_FEATURES, SHAPES, Float32
@@ -60,17 +62,24 @@ def initial_critic(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
 
 def check_tensors(tensors: Tensors, shapes: Shapes, whose: str) -> None:
     """Raise TensorError unless names, shapes, float dtype and finiteness are as they must be."""
-    if tensors.keys() != shapes.keys():
-        missing, extra = sorted(shapes.keys() - tensors), sorted(tensors.keys() - shapes)
-        raise TensorError(f"{whose}: tensors missing {missing}, not expected {extra}")
-    for name, shape in shapes.items():
-        tensor = tensors[name]
-        if tensor.shape != shape or tensor.dtype not in (np.float32, np.float64):
-            raise TensorError(
-                f"{whose}: {name}: expected float {shape}, got {tensor.dtype} {tensor.shape}"
-            )
+    check_shapes(tensors, shapes, whose)
+    for name, tensor in tensors.items():
+        if tensor.dtype not in (np.float32, np.float64):
+            raise TensorError(f"{whose}: {name}: expected a float tensor, got {tensor.dtype}")
         if not np.isfinite(tensor).all():
             raise TensorError(f"{whose}: {name}: expected finite numbers")
+
+
+def check_shapes(
+    tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, whose: str
+) -> None:
+    """Raise TensorError unless `tensors` has exactly these names and shapes."""
+    if tensors.keys() != shapes.keys():
+        missing, extra = sorted(shapes.keys() - tensors), sorted(tensors.keys() - shapes)
+        raise TensorError(f"{whose}: tensors missing {missing[:8]}, not expected {extra[:8]}")
+    for name, shape in shapes.items():
+        if tensors[name].shape != shape:
+            raise TensorError(f"{whose}: {name}: expected {shape}, got {tensors[name].shape}")
 
 
 def truth_matrix(vocabulary: Vocabulary) -> Float32:

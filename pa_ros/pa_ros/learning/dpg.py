@@ -1,0 +1,208 @@
+"""One DPG update in torch: the readable reference, and the backend for GPUs and MLPs."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from pa_ros.language import parse
+from pa_ros.learning.backend import HAND_INDEX, Batch
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic, target_one_hots
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import (
+    Shapes,
+    Tensors,
+    actor_shapes,
+    check_shapes,
+    check_tensors,
+    critic_shapes,
+)
+from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
+from pa_ros.networks.programs import ProgramTable
+
+Arrays = dict[str, NDArray[np.generic]]
+
+_STEPS: Shapes = {"adam.actor.step": (), "adam.critic.step": ()}
+
+
+class TorchBackend:
+    """Paper, appendix "Training parameters"; Lillicrap et al. 2015 with hard target copies."""
+
+    name = "torch"
+
+    def __init__(
+        self,
+        network: NetworkConfig,
+        config: LearnerConfig,
+        table: ProgramTable,
+        actor: Tensors,
+        critic: Tensors,
+    ) -> None:
+        check_tensors(actor, actor_shapes(network), "actor")
+        check_tensors(critic, critic_shapes(network), "critic")
+        torch.set_num_threads(config.threads)
+        self._config = config
+        self._device = torch.device(config.device)
+        self._dtype = getattr(torch, config.dtype)
+        self._goals = _Goals(network, table, self._device, self._dtype)
+        self._actor, self._critic = self._networks(network, actor, critic)
+        self._target_actor = copy.deepcopy(self._actor).requires_grad_(False)
+        self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
+        self._actor_adam = self._adam(self._actor, config.actor_rate)
+        self._critic_adam = self._adam(self._critic, config.critic_rate)
+        self._latest: tuple[Tensor, Tensor] | None = None
+
+    def update(self, batch: Batch) -> None:
+        """One DPG update of critic and actor, both gradients at the parameters before it."""
+        objects, arm = self._tensor(batch.objects), self._tensor(batch.arm)
+        goals = self._goals.of(batch.program)
+        target = self._bootstrap(batch, goals)  # [B, K]
+        h = self._critic.trunk(objects, arm, goals, HAND_INDEX)  # [B, K, H]
+        q = self._critic.head(h, self._tensor(batch.action))  # [B, K]
+        loss = F.mse_loss(q, target)
+        action = self._actor(objects, arm, goals, HAND_INDEX)  # [B, K, 6]
+        ascent = self._ascent(h.detach(), action.detach())
+        self._critic_adam.zero_grad()
+        loss.backward()
+        self._actor_adam.zero_grad()
+        action.backward(-ascent / q.numel())
+        self._critic_adam.step()
+        self._actor_adam.step()
+        self._latest = (loss.detach(), q.detach().mean())
+
+    def _bootstrap(self, batch: Batch, goals: Programs | Tensor) -> Tensor:
+        """r + discount · Q'(s', π'(s')), [B, K]."""
+        with torch.no_grad():
+            objects, arm = self._tensor(batch.next_objects), self._tensor(batch.next_arm)
+            action = self._target_actor(objects, arm, goals, HAND_INDEX)
+            value = self._target_critic(objects, arm, goals, action, HAND_INDEX)
+            return self._tensor(batch.reward) + self._tensor(batch.discount)[:, None] * value
+
+    def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
+        """∂Q/∂a at the actor's action, each element clipped, [B, K, 6]."""
+        action = action.requires_grad_()
+        (gradient,) = torch.autograd.grad(self._critic.head(h, action).sum(), action)
+        return gradient.clamp(-self._config.action_gradient_clip, self._config.action_gradient_clip)
+
+    def copy_targets(self) -> None:
+        """Hard copy of both networks to their targets (paper, appendix)."""
+        self._target_actor.load_state_dict(self._actor.state_dict())
+        self._target_critic.load_state_dict(self._critic.state_dict())
+
+    def actor_tensors(self) -> Tensors:
+        """The actor's weights now, float32, owned by the caller."""
+        return {
+            name: value.detach().to("cpu", torch.float32).numpy().copy()
+            for name, value in self._actor.state_dict().items()
+        }
+
+    def metrics(self) -> dict[str, float]:
+        """Of the latest update: `critic_loss`, `mean_q`, `actor_gradient_norm`; {} before it."""
+        if self._latest is None:
+            return {}
+        gradients = [p.grad for p in self._actor.parameters() if p.grad is not None]
+        norm = torch.stack([g.norm() for g in gradients]).norm()
+        loss, mean_q = self._latest
+        return {
+            "critic_loss": float(loss),
+            "mean_q": float(mean_q),
+            "actor_gradient_norm": float(norm),
+        }
+
+    def tensors(self) -> Arrays:
+        """Everything an update depends on; see `Backend.tensors` for the names."""
+        tensors: Arrays = {k: value.cpu().numpy().copy() for k, value in self._named().items()}
+        for name, adam in self._optimizers().items():
+            steps = [int(moments["step"]) for moments in adam.state.values()]
+            tensors[name] = np.array(steps[0], np.int64)
+        return tensors
+
+    def load_tensors(self, tensors: Arrays) -> None:
+        """The inverse of `tensors`; TensorError when names or shapes differ."""
+        named = self._named()
+        check_shapes(tensors, {k: tuple(v.shape) for k, v in named.items()} | _STEPS, "backend")
+        for name, value in named.items():
+            value.copy_(torch.from_numpy(tensors[name]))
+        for name, adam in self._optimizers().items():
+            for moments in adam.state.values():
+                moments["step"].fill_(int(tensors[name]))
+
+    def _named(self) -> dict[str, Tensor]:
+        """The live tensors by the names of `Backend.tensors`."""
+        named = {}
+        for prefix in ("actor", "critic", "target_actor", "target_critic"):
+            module: nn.Module = getattr(self, f"_{prefix}")
+            named |= {f"{prefix}.{k}": v for k, v in module.state_dict().items()}
+        for prefix, module, adam in (
+            ("actor", self._actor, self._actor_adam),
+            ("critic", self._critic, self._critic_adam),
+        ):
+            moments = {name: adam.state[p] for name, p in module.named_parameters()}
+            named |= {f"adam.{prefix}.m.{k}": m["exp_avg"] for k, m in moments.items()}
+            named |= {f"adam.{prefix}.v.{k}": m["exp_avg_sq"] for k, m in moments.items()}
+        return named
+
+    def _optimizers(self) -> dict[str, torch.optim.Adam]:
+        return {"adam.actor.step": self._actor_adam, "adam.critic.step": self._critic_adam}
+
+    def _networks(
+        self, network: NetworkConfig, actor: Tensors, critic: Tensors
+    ) -> tuple[nn.Module, nn.Module]:
+        canonical = network.kind == "canonical"
+        kinds = (CanonicalActor, CanonicalCritic)
+        modules = kinds if canonical else (ProgrammableActor, ProgrammableCritic)
+        made = [kind(network).to(self._device, self._dtype) for kind in modules]
+        for module, tensors in zip(made, (actor, critic), strict=True):
+            module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
+        return made[0], made[1]
+
+    def _adam(self, module: nn.Module, rate: float) -> torch.optim.Adam:
+        config = self._config
+        betas = (config.adam_beta1, config.adam_beta2)
+        adam = torch.optim.Adam(
+            module.parameters(), lr=rate, betas=betas, eps=config.adam_epsilon, fused=True
+        )
+        for parameter in module.parameters():  # else made by the first step, too late to load
+            adam.state[parameter] = {
+                "step": torch.zeros((), dtype=torch.float32, device=self._device),
+                "exp_avg": torch.zeros_like(parameter),
+                "exp_avg_sq": torch.zeros_like(parameter),
+            }
+        return adam
+
+    def _tensor(self, array: NDArray[np.float32]) -> Tensor:
+        return torch.from_numpy(array).to(self._device, self._dtype)
+
+
+class _Goals:
+    """What the networks are told of each program: its flat form, or its target's one-hots."""
+
+    def __init__(
+        self, network: NetworkConfig, table: ProgramTable, device: torch.device, dtype: torch.dtype
+    ) -> None:
+        self._canonical = network.kind == "canonical"
+        self._table = table
+        self._device, self._dtype = device, dtype
+        self._size = 0
+        self._rows: tuple[Tensor, ...] = ()
+
+    def of(self, program: NDArray[np.int32]) -> Programs | Tensor:
+        """Flat programs, or one-hots [B, K, V], for rows [B, K] of the table."""
+        if self._size != len(self._table):
+            self._rows = self._one_hots() if self._canonical else self._table.tensors(self._device)
+            self._size = len(self._table)
+        index = torch.from_numpy(program).to(self._device, torch.int64)
+        goals = [rows[index] for rows in self._rows]
+        return goals[0] if self._canonical else Programs(*goals)
+
+    def _one_hots(self) -> tuple[Tensor]:
+        vocabulary = self._table.vocabulary
+        programs = [parse(text, vocabulary) for text in self._table.texts]
+        rows = np.stack([target_one_hots(program, vocabulary) for program in programs])
+        return (torch.from_numpy(rows).to(self._device, self._dtype),)

@@ -1,0 +1,53 @@
+"""What the learning room refuses, and why."""
+
+from __future__ import annotations
+
+from pa_ros.core.errors import PaError
+
+
+class StretchError(PaError):
+    """A stretch of experience that cannot be learned from."""
+
+    code = "learning.stretch"
+
+
+class StretchSizeError(StretchError):
+    """Array shapes that do not fit each other or the replay."""
+
+    code = "learning.size"
+
+
+class StretchVocabularyError(StretchError):
+    """A stretch of an agent that speaks another vocabulary."""
+
+    code = "learning.vocabulary"
+
+
+class NonFiniteError(StretchError):
+    """A number that is not finite, or an action outside [-1, 1]."""
+
+    code = "learning.non_finite"
+
+
+class StepError(PaError):
+    """An observation, verdict or action that does not belong to the step it came with."""
+
+    code = "learning.step"
+
+
+class PolicyError(PaError):
+    """Weights that this actor cannot use: another architecture, vocabulary or shape."""
+
+    code = "learning.policy"
+
+
+class EmptyReplayError(PaError):
+    """A sample was asked of a replay without transitions."""
+
+    code = "learning.empty_replay"
+
+
+class CheckpointError(PaError):
+    """A checkpoint that is missing, damaged, or of other networks or settings."""
+
+    code = "learning.checkpoint"

@@ -1,0 +1,181 @@
+"""The learning side: replay, updates in a fixed ratio to frames, and published weights."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pa_ros.core.experience import Float32, PolicySnapshot, Stretch
+from pa_ros.language import parse
+from pa_ros.learning.backend import Batch, make_backend
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.errors import PolicyError
+from pa_ros.learning.relabel import Int32, Relabeler
+from pa_ros.learning.replay import InsertReport, Int64, Replay
+from pa_ros.learning.schedule import Schedule
+from pa_ros.networks.canonical import target_one_hots
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.programs import ProgramTable
+
+LEARNER_STREAM = 2  # of default_rng([seed, stream])
+
+
+@dataclass(frozen=True, slots=True)
+class ConsumeReport:
+    """What one stretch led to."""
+
+    insert: InsertReport
+    updates: int
+    version: int  # of the weights now; grew by one if the stretch was accepted
+
+
+@dataclass
+class Counters:
+    """What a learner has done so far; all of it is in its checkpoint."""
+
+    version: int = 0  # stretches accepted
+    frames: int = 0  # transitions accepted
+    episodes: int = 0
+    updates: int = 0
+    owed: float = 0.0  # fraction of an update carried to the next stretch
+
+
+class Learner:
+    """Consumes stretches, publishes policies; one seed and one order of stretches, one result.
+
+    `training_programs` (texts) are the ones that relabeling draws from; programs of stretches
+    join the table as they come.
+    """
+
+    def __init__(
+        self,
+        network: NetworkConfig,
+        config: LearnerConfig,
+        training_programs: Sequence[str],
+        seed: int,
+    ) -> None:
+        self.network = network
+        self.config = config
+        self.counters = Counters()
+        self.rng = np.random.default_rng([seed, LEARNER_STREAM])
+        self.table = ProgramTable(network.vocabulary)
+        for text in training_programs:
+            self._row(text)
+        self._relabeler = None
+        if config.relabel == "all-goals":
+            programs = [parse(text, network.vocabulary) for text in training_programs]
+            self._relabeler = Relabeler(programs, network.vocabulary, config.near_threshold)
+        self.replay = Replay(config.replay_frames, network.vocabulary.digest)
+        self.backend = make_backend(network, config, self.table, self.rng)
+        kept = Schedule(config.policy_lag).versions_kept
+        self.published: deque[PolicySnapshot] = deque([self._snapshot()], maxlen=kept)
+
+    def consume(self, stretch: Stretch) -> ConsumeReport:
+        """Insert a stretch, make the updates that it is due, publish one version more.
+
+        A duplicate is counted and does nothing else. Raises StretchError or ProgramError, with
+        nothing changed, for a stretch that cannot be used.
+        """
+        self.replay.check(stretch)
+        program = self._row(stretch.program)
+        marks = self._relabeler and self._relabeler.marks(stretch.objects, stretch.hand_index)
+        report = self.replay.insert(stretch, program, *(marks or ()))
+        if not report.accepted:
+            return ConsumeReport(report, 0, self.counters.version)
+        self.counters.frames += len(stretch)
+        updates = self._updates_due(len(stretch))
+        self._update(updates)
+        if stretch.ends_episode:
+            self.counters.episodes += 1
+            self.backend.copy_targets()
+        self.counters.version += 1
+        self.published.append(self._snapshot())
+        return ConsumeReport(report, updates, self.counters.version)
+
+    def snapshot(self, version: int | None = None) -> PolicySnapshot:
+        """Published weights: the newest, or one of the last policy_lag + 1 versions.
+
+        Raises PolicyError if that version is not kept any more, or not yet.
+        """
+        if version is None:
+            return self.published[-1]
+        for kept in self.published:
+            if kept.version == version:
+                return kept
+        versions = [kept.version for kept in self.published]
+        raise PolicyError(f"policy: expected one of the versions {versions}, got {version}")
+
+    def metrics(self) -> dict[str, float]:
+        """Counters and the latest update's figures, by name."""
+        return {
+            "version": self.counters.version,
+            "frames": self.counters.frames,
+            "episodes": self.counters.episodes,
+            "updates": self.counters.updates,
+            "missing_stretches": self.replay.ledger.missing,
+            "duplicate_stretches": self.replay.ledger.duplicates,
+            **self.backend.metrics(),
+        }
+
+    def _row(self, text: str) -> int:
+        """Row of a program in the table; ProgramError or UnsupportedProgramError if it has none."""
+        program = parse(text, self.network.vocabulary)
+        if self.network.kind == "canonical":
+            target_one_hots(program, self.network.vocabulary)
+        return self.table.add(program)
+
+    def _snapshot(self) -> PolicySnapshot:
+        return PolicySnapshot(
+            version=self.counters.version,
+            architecture=self.network.architecture,
+            vocabulary_digest=self.network.vocabulary.digest,
+            tensors=self.backend.actor_tensors(),
+        )
+
+    def _updates_due(self, frames: int) -> int:
+        """Whole updates that `frames` more transitions are due; the rest is carried over."""
+        if self.counters.frames <= self.config.warmup_frames:
+            return 0
+        due = self.counters.owed + frames * self.config.updates_per_frame
+        self.counters.owed = due - int(due)
+        return int(due)
+
+    def _update(self, updates: int) -> None:
+        """Make updates; all their batches are drawn at once, since the replay does not change."""
+        size = self.config.batch_size
+        if updates == 0:
+            return
+        index = self.replay.sample(self.rng, updates * size)
+        program, reward = self._programs(index)
+        for first in range(0, updates * size, size):
+            part = slice(first, first + size)
+            self.backend.update(self._batch(index[part], program[part], reward[part]))
+            self.counters.updates += 1
+
+    def _programs(self, index: Int64) -> tuple[Int32, Float32]:
+        """Programs [B, K] and their rewards [B, K] for sampled rows [B]."""
+        arrays, config = self.replay.arrays, self.config
+        program, reward = arrays["program"][index], arrays["reward"][index]
+        if self._relabeler is None:
+            return program[:, None], reward[:, None]
+        marks = arrays["satisfied"][self.replay.following(index)], arrays["present"][index]
+        k, keep = config.programs_per_transition, config.relabel_keeps_original
+        return self._relabeler.draw(self.rng, program, reward, marks, k, keep)
+
+    def _batch(self, index: Int64, program: Int32, reward: Float32) -> Batch:
+        arrays, following = self.replay.arrays, self.replay.following(index)
+        shift = np.float32(self.config.reward_shift)
+        discount = np.where(arrays["terminal"][index], 0.0, self.config.discount)
+        return Batch(
+            objects=arrays["objects"][index],
+            arm=arrays["arm"][index],
+            action=arrays["action"][index],
+            next_objects=arrays["objects"][following],
+            next_arm=arrays["arm"][following],
+            program=np.ascontiguousarray(program),
+            reward=np.ascontiguousarray(reward + shift),
+            discount=discount.astype(np.float32),
+        )

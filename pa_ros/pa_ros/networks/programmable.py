@@ -1,0 +1,141 @@
+"""Programmable actor and critic: the readable reference in torch.
+
+Source: paper, sections "Executing programs" to "Relational reasoning" (eq. message-passing) and
+appendix "Model and training details". Two algebraic identities make them cheaper without changing
+what they compute: the first layer of r is a sum of a receiver's and a sender's part, and its last
+layer, being linear, is applied once to the weighted sum of messages, since only Σ p_i ω'_i is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from pa_ros.core.experience import JOINTS
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import COLUMN_FEATURES, truth_matrix
+from pa_ros.networks.programs import relevant_objects
+
+
+@dataclass(frozen=True)
+class Programs:
+    """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L]."""
+
+    op: Tensor
+    a: Tensor
+    b: Tensor
+
+
+class Attention(nn.Module):
+    """w of the neighbourhood attention, [64]."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.zeros(size))
+
+
+class Trunk(nn.Module):
+    """From Ω and programs to h = Σ p_i ω'_i; actor and critic each have their own.
+
+    With `learned_detectors` Φ is computed by detectors, else it is the true one of the one-hots.
+    """
+
+    position_scale: Tensor  # [16]
+    truth: Tensor  # [16, V]
+
+    def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
+        super().__init__()
+        self._group_sizes = config.vocabulary.group_sizes
+        self._learned = learned_detectors
+        if learned_detectors:
+            self.detectors = nn.Linear(COLUMN_FEATURES, len(config.vocabulary.words))
+        self.query = nn.Linear(COLUMN_FEATURES, config.attention)
+        self.context = nn.Linear(COLUMN_FEATURES, config.attention)
+        self.attention = Attention(config.attention)
+        hidden = config.hidden
+        self.local = nn.ModuleList([nn.Linear(COLUMN_FEATURES, hidden), nn.Linear(hidden, hidden)])
+        self.message = nn.ModuleList(
+            [nn.Linear(2 * COLUMN_FEATURES, hidden), nn.Linear(hidden, hidden)]
+        )
+        truth = torch.from_numpy(truth_matrix(config.vocabulary))
+        scale = torch.ones(truth.shape[0])
+        scale[:3] = config.position_scale
+        self.register_buffer("truth", truth, persistent=False)
+        self.register_buffer("position_scale", scale, persistent=False)
+
+    def properties(self, objects: Tensor, columns: Tensor) -> Tensor:
+        """Φ, [B, V, N]: learned from `columns` [B, N, 34], or true to `objects` [B, N, 16]."""
+        if not self._learned:
+            return (objects @ self.truth).transpose(1, 2)
+        groups = self.detectors(columns).split(self._group_sizes, dim=-1)
+        return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
+
+    def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
+        """Compute h, [B, K, H], of objects [B, N, 16] and arm [B, 18] under K programs each."""
+        arms = arm[:, None, :].expand(-1, objects.shape[1], -1)
+        columns = torch.cat([objects * self.position_scale, arms], -1)  # [B, N, 34]
+        phi = self.properties(objects, columns)
+        p = relevant_objects(phi, hand_index, programs.op, programs.a, programs.b)  # [B, K, N]
+        alpha = self._attention(columns, p)  # [B, K, N, N]
+        local = torch.tanh(self.local[0](columns))  # [B, N, H]
+        messages = self._messages(columns)  # [B, N, N, H]
+        f = p @ local
+        r = (p[..., None] * alpha).flatten(2) @ messages.flatten(1, 2)
+        # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
+        bias = self.local[1].bias + self.message[1].bias
+        total = p.sum(-1, keepdim=True)
+        return f @ self.local[1].weight.T + r @ self.message[1].weight.T + total * bias
+
+    def _attention(self, columns: Tensor, p: Tensor) -> Tensor:
+        """α, [B, K, N, N]: α_ij ∝ p_j exp(w·tanh(q_i + c_j)), each row summing to one."""
+        pairs = self.query(columns)[:, :, None] + self.context(columns)[:, None]
+        scores = torch.tanh(pairs) @ self.attention.weight  # [B, N, N]
+        scores = torch.exp(scores - scores.detach().amax(-1, keepdim=True))
+        weights = p[:, :, None, :] * scores[:, None]  # [B, K, N, N]
+        return weights / weights.sum(-1, keepdim=True)
+
+    def _messages(self, columns: Tensor) -> Tensor:
+        """First layer of r on every pair (receiver i, sender j): [B, N, N, H]."""
+        receiver, sender = self.message[0].weight.split(COLUMN_FEATURES, dim=1)
+        received = F.linear(columns, receiver, self.message[0].bias)
+        return torch.tanh(received[:, :, None] + F.linear(columns, sender)[:, None])
+
+
+class ProgrammableActor(Trunk):
+    """a = tanh(Linear(tanh h)) (paper, appendix)."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__(config, learned_detectors=config.kind != "true-properties")
+        self.output = nn.Linear(config.hidden, JOINTS)
+
+    def forward(
+        self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int = 0
+    ) -> Tensor:
+        """Actions in [-1, 1], [B, K, 6]; see `Trunk.trunk` for the inputs."""
+        h = self.trunk(objects, arm, programs, hand_index)
+        return torch.tanh(self.output(torch.tanh(h)))
+
+
+class ProgrammableCritic(Trunk):
+    """Q = Linear(tanh(h + Linear(a))) (paper, appendix)."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__(config, learned_detectors=config.kind == "programmable")
+        self.action = nn.Linear(JOINTS, config.hidden)
+        self.output = nn.Linear(config.hidden, 1)
+
+    def head(self, h: Tensor, action: Tensor) -> Tensor:
+        """Q, [B, K], of h [B, K, H] and an action per scene [B, 6] or per program [B, K, 6]."""
+        embedded = self.action(action)
+        if embedded.dim() == 2:
+            embedded = embedded[:, None]  # [B, 1, H]
+        return self.output(torch.tanh(h + embedded)).squeeze(-1)
+
+    def forward(
+        self, objects: Tensor, arm: Tensor, programs: Programs, action: Tensor, hand_index: int = 0
+    ) -> Tensor:
+        """Q, [B, K]; see `Trunk.trunk` and `head` for the inputs."""
+        return self.head(self.trunk(objects, arm, programs, hand_index), action)
