@@ -32,13 +32,11 @@ class ReachTask:
         self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)
         self.seed = seed
         self.simulation = Simulation(config)
-        self.episode: Episode | None = None
+        self._episode: Episode | None = None
         self._stamp_ns = 0
         self._step = 0
 
-    def reset(
-        self, episode_index: int, condition: str = "train"
-    ) -> tuple[Observation, Verdict]:
+    def reset(self, episode_index: int, condition: str = "train") -> tuple[Observation, Verdict]:
         """Start episode `episode_index` of a condition. ConfigError if the condition is unknown."""
         drawn_from = condition_named(condition, self.design)
         return self.reset_to(
@@ -49,7 +47,7 @@ class ReachTask:
         """Start a given episode, its program included."""
         verifier = self._verifier(episode, episode.program)
         self.simulation.place(episode)
-        self.episode, self.verifier = episode, verifier
+        self._episode, self.verifier = episode, verifier
         self._step, self._programs = 0, 0
         self.program_id = f"{episode.index}.0"
         self._stamp_ns += self.config.control_period_ns
@@ -63,11 +61,16 @@ class ReachTask:
         Raises ProgramError if the text is wrong or names no block that is present; then nothing
         changes. The id defaults to one that this episode has not used.
         """
-        episode = self._running()
+        episode = self.episode
         self.verifier = self._verifier(episode, program)
         self._programs += 1
         self.program_id = program_id or f"{episode.index}.{self._programs}"
         return self._observe()
+
+    @property
+    def program(self) -> str:
+        """Canonical text of the program that the verifier scores by now."""
+        return str(self.verifier.program)
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
         """Act for one control period with joint velocities in rad/s [6], clamped to the limits.
@@ -75,8 +78,7 @@ class ReachTask:
         Raises CommandError for a command that is mis-sized or not finite, EpisodeError before
         the first reset and after the time limit; either way nothing moves.
         """
-        self._running()
-        if self._step >= self.config.episode_steps:
+        if self.episode and self._step >= self.config.episode_steps:
             raise EpisodeError(f"the episode was truncated at step {self._step}: expected a reset")
         self.simulation.advance(joint_velocity)
         self._step += 1
@@ -88,13 +90,15 @@ class ReachTask:
         kinds = [block.kind for block in episode.blocks]
         return Verifier(program, kinds, self.config.near_threshold_m)
 
-    def _running(self) -> Episode:
-        if self.episode is None:
+    @property
+    def episode(self) -> Episode:
+        """The episode on the table; EpisodeError before the first reset."""
+        if self._episode is None:
             raise EpisodeError("expected a reset before the first step")
-        return self.episode
+        return self._episode
 
     def _observe(self) -> tuple[Observation, Verdict]:
-        episode = self._running()
+        episode = self.episode
         objects = self.simulation.objects()
         observation = Observation(
             episode=episode.index,

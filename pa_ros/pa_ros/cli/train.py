@@ -1,0 +1,63 @@
+"""`pa_ros train`: the same loop as the graph's, in one process."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.evaluation.training import TrainingScores, training_programs
+from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.protocols import PROTOCOLS, protocol_named
+from pa_ros.networks.config import KINDS
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros train`."""
+    parser.add_argument("--design", default="2-L", help="2-C, 2-L, 3-C or 3-D (%(default)s)")
+    parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
+    parser.add_argument("--protocol", default="ours", help=f"{sorted(PROTOCOLS)} (%(default)s)")
+    parser.add_argument("--network", default="programmable", help=f"{KINDS} (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--frames", type=int, default=100_000, help="(%(default)s)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for curve and checkpoint")
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
+    parser.add_argument("--eval-every", type=int, default=10_000, metavar="FRAMES")
+    parser.add_argument("--eval-episodes", type=int, default=20, metavar="N")
+    parser.add_argument("--checkpoint-every", type=int, default=50_000, metavar="FRAMES")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
+        help="replace an option of LearnerConfig or NetworkConfig (network.NAME=VALUE); repeatable",
+    )  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> int:
+    """Train to `--frames`; rows are logged as they are written to OUT/progress.csv."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    design, arena = design_named(options.design), preset_named(options.preset)
+    protocol = protocol_named(options.protocol).with_options(options.options)
+    learner = replace(protocol.learner, near_threshold=arena.near_threshold_m)
+    config = TrainConfig(
+        out=options.out,
+        seed=options.seed,
+        frames=options.frames,
+        design=design.name,
+        preset=arena.preset,
+        evaluate_every_frames=options.eval_every,
+        checkpoint_every_frames=options.checkpoint_every,
+    )
+    train(
+        config,
+        protocol.network_config(design.vocabulary, options.network),
+        learner,
+        ReachTask(arena, design, options.seed),
+        np.array(arena.joint_speed_limits),
+        training_programs(design),
+        TrainingScores(arena, design, options.eval_episodes),
+        options.resume,
+    )
+    return 0

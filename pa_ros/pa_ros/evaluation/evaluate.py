@@ -1,0 +1,117 @@
+"""Evaluate a policy on a condition, between the two references on the same episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from pa_ros.arena import ArenaConfig, Design, ReachTask, random_policy, scripted_action
+from pa_ros.core.experience import Float64, Observation
+from pa_ros.evaluation.scores import (
+    EpisodeScore,
+    Interval,
+    mean_interval,
+    normalized_interval,
+    rewards,
+)
+
+# From what an agent sees, and the program's text, to joint velocities in rad/s [6].
+AgentPolicy = Callable[[Observation, str], Float64]
+REFERENCES = ("scripted", "random")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Scores of a policy and of both references on the same episodes of one condition."""
+
+    condition: str
+    scores: tuple[EpisodeScore, ...]
+    random: tuple[EpisodeScore, ...]
+    scripted: tuple[EpisodeScore, ...]
+
+    @property
+    def raw(self) -> Interval:
+        """Reward per step."""
+        return mean_interval(rewards(self.scores))
+
+    @property
+    def normalized(self) -> Interval:
+        """Reward per step, 0 at the random and 1 at the scripted reference."""
+        return normalized_interval(
+            rewards(self.scores), rewards(self.random), rewards(self.scripted)
+        )
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the episodes that ended with the program satisfied."""
+        return float(np.mean([score.success for score in self.scores]))
+
+
+def run_episodes(
+    task: ReachTask, act: Callable[[Observation], Float64], condition: str, episodes: int
+) -> Iterator[EpisodeScore]:
+    """Episodes 0 … episodes − 1 of a condition, one score each."""
+    for index in range(episodes):
+        observation, verdict = task.reset(index, condition)
+        total, steps = 0.0, 0
+        while not verdict.truncated:
+            observation, verdict = task.step(act(observation))
+            total, steps = total + verdict.reward, steps + 1
+        program = task.program
+        yield EpisodeScore(index, program, total / steps, verdict.satisfied, verdict.distance)
+
+
+def reference_scores(
+    task: ReachTask, name: str, condition: str, episodes: int
+) -> tuple[EpisodeScore, ...]:
+    """Scores of `scripted` (privileged, upper) or `random` (lower)."""
+    random = random_policy(task.seed)
+    policy = scripted_action if name == "scripted" else random
+    return tuple(run_episodes(task, lambda _: policy(task), condition, episodes))
+
+
+def evaluate(
+    config: ArenaConfig,
+    design: Design,
+    policy: AgentPolicy | str,
+    condition: str,
+    episodes: int,
+    seed: int,
+    n_blocks: int | None = None,
+) -> Evaluation:
+    """Evaluate an agent, or a reference by name, and both references beside it."""
+    task = ReachTask(config, design, seed, n_blocks)
+    references = {name: reference_scores(task, name, condition, episodes) for name in REFERENCES}
+    if isinstance(policy, str):
+        scores = references[policy]
+    else:
+        agent = policy
+        scores = tuple(
+            run_episodes(task, lambda o: agent(o, task.program), condition, episodes)
+        )
+    return Evaluation(condition, scores, references["random"], references["scripted"])
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramRow:
+    """Mean scores of one program's episodes."""
+
+    program: str
+    episodes: int
+    reward_per_step: float
+    success_rate: float
+
+
+def by_program(evaluation: Evaluation) -> list[ProgramRow]:
+    """One row per distinct program, in alphabetic order."""
+    ordered = sorted(evaluation.scores, key=lambda score: score.program)
+    rows = []
+    for program, group in groupby(ordered, key=lambda score: score.program):
+        members = list(group)
+        reward = float(np.mean([score.reward_per_step for score in members]))
+        success = float(np.mean([score.success for score in members]))
+        rows.append(ProgramRow(program, len(members), reward, success))
+    return rows

@@ -1,0 +1,59 @@
+"""What a training run is told about its design, and the greedy scores it reports on the way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pa_ros.arena import ArenaConfig, Design, ReachTask
+from pa_ros.evaluation.evaluate import REFERENCES, reference_scores, run_episodes
+from pa_ros.evaluation.scores import normalized, rewards
+from pa_ros.language import parse
+from pa_ros.learning.actor import Actor
+
+EVALUATION_SEED = 1_000_003  # apart from every training seed's episodes
+
+
+def training_programs(design: Design) -> list[str]:
+    """Canonical texts of the programs that a design trains on."""
+    texts = (f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in design.train)
+    return [str(parse(text, design.vocabulary)) for text in texts]
+
+
+class TrainingScores:
+    """Greedy scores of an actor on the training and the held-out programs.
+
+    The episodes are fixed (by EVALUATION_SEED) and apart from the training ones; the references
+    on them are computed once.
+    """
+
+    def __init__(self, config: ArenaConfig, design: Design, episodes: int) -> None:
+        self._task = ReachTask(config, design, EVALUATION_SEED)
+        self._speeds = np.array(config.joint_speed_limits)
+        self._episodes = episodes
+        self._conditions = ("train", "eval") if design.held_out else ("train",)
+        self._references = {
+            condition: [
+                float(rewards(reference_scores(self._task, name, condition, episodes)).mean())
+                for name in REFERENCES
+            ]
+            for condition in self._conditions
+        }
+
+    def __call__(self, actor: Actor) -> dict[str, float]:
+        """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
+        row: dict[str, float] = {}
+        for condition in self._conditions:
+            scores = list(
+                run_episodes(
+                    self._task,
+                    lambda o: actor.act(o, self._task.program).astype(np.float64) * self._speeds,
+                    condition,
+                    self._episodes,
+                )
+            )
+            raw = float(rewards(scores).mean())
+            scripted, random = self._references[condition]
+            row[f"{condition}_greedy.reward_per_step"] = raw
+            row[f"{condition}_greedy.normalized"] = normalized(raw, random, scripted)
+            row[f"{condition}_greedy.success_rate"] = float(np.mean([s.success for s in scores]))
+        return row

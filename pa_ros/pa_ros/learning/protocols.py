@@ -1,0 +1,79 @@
+"""Named settings of learner and network: the paper's, and ours."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.networks.config import NetworkConfig
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How to learn: `network` holds the options of NetworkConfig that differ from its defaults."""
+
+    name: str
+    learner: LearnerConfig
+    network: tuple[tuple[str, Any], ...] = ()
+
+    def network_config(self, vocabulary: Vocabulary, kind: str = "programmable") -> NetworkConfig:
+        """The network's configuration for a vocabulary."""
+        return NetworkConfig(vocabulary, kind, **dict(self.network))
+
+    def with_options(self, options: Iterable[str]) -> Protocol:
+        """Replace options given as `learner.NAME=VALUE` or `network.NAME=VALUE`.
+
+        Values are JSON where they parse as such, else text. Raises ConfigError for an unknown
+        name or a value that the configuration refuses.
+        """
+        learner: dict[str, Any] = {}
+        network = dict(self.network)
+        for option in options:
+            room, name, value = _split(option)
+            {"learner": learner, "network": network}[room][name] = value
+        return replace(
+            self, learner=replace(self.learner, **learner), network=tuple(sorted(network.items()))
+        )
+
+
+_ROOMS = {"learner": LearnerConfig, "network": NetworkConfig}
+
+
+def _split(option: str) -> tuple[str, str, Any]:
+    path, equals, text = option.partition("=")
+    room, _, name = path.partition(".")
+    known = {f.name for f in fields(_ROOMS[room])} if room in _ROOMS else set()
+    if not equals or name not in known:
+        raise ConfigError(
+            f"option: expected learner.NAME=VALUE or network.NAME=VALUE with a known name, "
+            f"got {option!r}"
+        )
+    try:
+        return room, name, json.loads(text)
+    except ValueError:
+        return room, name, text
+
+
+PROTOCOLS = {
+    # As in the appendix; what it leaves open keeps its default (LearnerConfig).
+    "paper": Protocol("paper", LearnerConfig(stretch_steps=1, policy_lag=0)),
+    # What makes learning fast and reliable: all-goals relabeling with the training programs, and
+    # a critic that starts at the value of never being rewarded.
+    "ours": Protocol(
+        "ours",
+        LearnerConfig(relabel="all-goals"),
+        (("critic_output_bias", -100.0),),
+    ),
+}
+
+
+def protocol_named(name: str) -> Protocol:
+    """Look up a protocol; ConfigError names the known ones."""
+    if name not in PROTOCOLS:
+        raise ConfigError(f"learner: expected a protocol of {sorted(PROTOCOLS)}, got {name!r}")
+    return PROTOCOLS[name]
