@@ -1,0 +1,40 @@
+"""What docs/language.md shows is what is printed and what holds."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from pa_ros.cli.main import main
+from pa_ros.language import errors, limits
+from pa_ros.language.errors import ProgramError
+
+DOC = (Path(__file__).parents[2] / "docs" / "language.md").read_text("utf-8")
+EXAMPLES = re.findall(r"^\$ pa_ros (.*)\n((?:(?!\$|```).*\n)+)", DOC, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize(("command", "printed"), EXAMPLES)
+def test_examples_print_what_the_page_says(
+    command: str, printed: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status = main(shlex.split(command))
+    out, err = capsys.readouterr()
+    assert out + err == printed
+    assert status == (2 if err else 0)
+
+
+def test_the_table_lists_every_code() -> None:
+    kinds = [
+        x for x in vars(errors).values() if isinstance(x, type) and issubclass(x, ProgramError)
+    ]
+    codes = {kind.code for kind in kinds if kind is not ProgramError}
+    assert set(re.findall(r"^\| `(program\.\w+)` \|", DOC, flags=re.MULTILINE)) == codes
+    assert len(EXAMPLES) == 10
+
+
+def test_the_table_names_the_limits() -> None:
+    for limit in (limits.MAX_LENGTH, limits.MAX_DEPTH, limits.MAX_NODES):
+        assert f" {limit} " in DOC
