@@ -86,8 +86,8 @@ def relevant_objects(phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Ten
 
     `phi` is [B, V, N] in [0, 1]; `op`, `a`, `b` are flat programs, integers [B, L] for p [B, N] or
     [B, K, L] for p [B, K, N], K programs for each Φ. Any number of leading dimensions will do, as
-    long as those of `phi` are the first of the programs'. p of the hand is 1, to rounding. Same device
-    throughout; no loop over samples, one step for each of the L instructions.
+    long as those of `phi` are the first of the programs'. p of the hand is 1, to rounding. All on
+    one device; no loop over samples, one step for each of the L instructions.
     Raises ConfigError if `hand_index` is not one of the N objects.
     """
     lead, length = op.shape[:-1], op.shape[-1]
