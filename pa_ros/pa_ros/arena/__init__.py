@@ -5,11 +5,13 @@ from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
 from pa_ros.arena.episodes import Block, Episode, generate
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError, RenderError
+from pa_ros.arena.gym_env import ENV_ID, ReachEnv, register
 from pa_ros.arena.references import mean_reward, normalized, random_policy, scripted_action
 from pa_ros.arena.task import ReachTask
 
 __all__ = [
     "DESIGNS",
+    "ENV_ID",
     "PRESETS",
     "ArenaConfig",
     "Block",
@@ -20,6 +22,7 @@ __all__ = [
     "Episode",
     "EpisodeError",
     "Kind",
+    "ReachEnv",
     "ReachTask",
     "RenderError",
     "condition_named",
@@ -32,3 +35,5 @@ __all__ = [
     "random_policy",
     "scripted_action",
 ]
+
+register()

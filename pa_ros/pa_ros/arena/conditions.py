@@ -135,7 +135,5 @@ def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition
     if spare_color:
         found.append(Condition("reach-new-color", new_colors, pool, n, color=Term.NOVEL))
     if spare_shape and spare_color:
-        found.append(
-            Condition("reach-new-both", both, pool, n, color=Term.NOVEL, shape=Term.NOVEL)
-        )
+        found.append(Condition("reach-new-both", both, pool, n, color=Term.NOVEL, shape=Term.NOVEL))
     return found

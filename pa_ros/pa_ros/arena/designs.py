@@ -1,4 +1,4 @@
-"""Designs: which blocks exist, which are targets in training, which are held out (paper, fig. 2)."""
+"""Designs: which blocks exist, which are targets in training, which held out (paper, fig. 2)."""
 
 from __future__ import annotations
 

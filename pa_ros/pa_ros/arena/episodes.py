@@ -82,9 +82,7 @@ def _distractors(
     return chosen + [rest[i] for i in picks]
 
 
-def _places(
-    config: ArenaConfig, count: int, rng: np.random.Generator
-) -> list[tuple[float, float]]:
+def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[tuple[float, float]]:
     """Draw places uniformly on a ring around the base, no two closer than the separation."""
     low, high = config.block_radii_m
     for _ in range(PLACEMENT_TRIES):
@@ -97,5 +95,6 @@ def _places(
             if len(places) == count:
                 return places
     raise EpisodeError(
-        f"{count} blocks {config.block_separation_m} m apart don't fit on the ring {low} to {high} m"
+        f"{count} blocks don't fit on the ring {low} to {high} m at a distance of "
+        f"{config.block_separation_m} m"
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pa_ros.arena.designs import Kind
 from pa_ros.core.experience import COLORS, OBJECT_FEATURES, SHAPES, Float32, Float64
@@ -52,11 +51,12 @@ def words_of(objects: Float32) -> tuple[frozenset[str], ...]:
     )
 
 
-def hand_distances(objects: Float32) -> NDArray[np.float64]:
-    """Distance (m) from the hand to each object: the norm of its position; [..., N, 16] -> [..., N].
+def hand_distances(objects: Float32) -> Float64:
+    """Distance (m) from the hand to each object, [..., N]: the norm of its position in Ω.
 
     In float64 of the float32 features and in this order of operations, so that a reward computed
     from stored features equals the verifier's.
     """
     x, y, z = np.moveaxis(objects[..., :3].astype(np.float64), -1, 0)
-    return np.sqrt(x * x + y * y + z * z)
+    distances: Float64 = np.sqrt(x * x + y * y + z * z)
+    return distances

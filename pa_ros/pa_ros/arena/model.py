@@ -50,7 +50,8 @@ def build(config: ArenaConfig, shapes: Sequence[str]) -> mujoco.MjModel:
 
 def rest_height(shape: str) -> float:
     """Height of a resting block's center above the table, m."""
-    return c.CAPSULE_RADIUS_M if shape == "CAPSULE" else c.BLOCK_HALF_SIZE_M
+    half = c.CAPSULE_RADIUS_M if shape == "CAPSULE" else c.BLOCK_HALF_SIZE_M
+    return half - c.RESTING_DEPTH_M[shape]
 
 
 def _arm_contact(config: ArenaConfig) -> str:

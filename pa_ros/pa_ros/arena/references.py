@@ -12,23 +12,25 @@ from pa_ros.core.experience import JOINTS, Float64
 
 Policy = Callable[[ReachTask], Float64]
 
-HOVER_M = 0.12  # where the script holds the hand, above the target's center
+HOVER = 0.6  # where the script holds the hand above the target's center, as part of the threshold
 DAMPING = 0.02  # of the least squares; m/rad
 SLACK_RAD = 0.02  # a joint this near to its limit is not asked to go on
 
 
-def scripted_action(task: ReachTask) -> Float64:
+def scripted_action(task: ReachTask, hover_m: float | None = None) -> Float64:
     """Joint velocities (rad/s, [6]) toward the point above the nearest named block. Privileged.
 
     Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
     height), so that a target behind the arm is reached by turning the base. The base turns at
-    its own limit; the other joints are slowed down together.
+    its own limit; the other joints are slowed down together. The hand stops `hover_m` above the
+    target's center (0.12 m at a threshold of 0.20 m: clear of the block).
     """
     simulation = task.simulation
     positions = simulation.positions  # [N, 3]
     hand = positions[0]
     goal = min((positions[i] for i in task.verifier.targets), key=lambda p: _distance(p, hand))
-    error = _cylindrical_error(hand, goal + (0.0, 0.0, HOVER_M))
+    hover_m = HOVER * task.config.near_threshold_m if hover_m is None else hover_m
+    error = _cylindrical_error(hand, goal + np.array([0.0, 0.0, hover_m]))
     jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
     rates = error / task.config.control_period_s
     for _ in range(2):  # again without the joints that are at their limits
@@ -59,13 +61,9 @@ def reward_per_step(
     return total / steps
 
 
-def mean_reward(
-    task: ReachTask, policy: Policy, episodes: int, condition: str = "train"
-) -> float:
+def mean_reward(task: ReachTask, policy: Policy, episodes: int, condition: str = "train") -> float:
     """Mean reward per step over episodes 0 … episodes - 1."""
-    return float(
-        np.mean([reward_per_step(task, policy, i, condition) for i in range(episodes)])
-    )
+    return float(np.mean([reward_per_step(task, policy, i, condition) for i in range(episodes)]))
 
 
 def normalized(raw: float, low: float, high: float) -> float:

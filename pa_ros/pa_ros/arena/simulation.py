@@ -67,7 +67,8 @@ class Simulation:
         try:
             command = np.asarray(joint_velocity, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise CommandError(f"joint command: expected numbers, got {joint_velocity!r}") from error
+            received = repr(joint_velocity)[:80]
+            raise CommandError(f"joint command: expected numbers, got {received}") from error
         if command.shape != (JOINTS,):
             raise CommandError(f"joint command: expected shape ({JOINTS},), got {command.shape}")
         if not np.isfinite(command).all():
@@ -81,17 +82,22 @@ class Simulation:
     @property
     def joint_position(self) -> Float64:
         """[6] rad, a copy."""
-        return self._arm_position.copy()
+        return np.array(self._arm_position)
 
     @property
     def joint_velocity(self) -> Float64:
         """[6] rad/s, a copy."""
-        return self._arm_velocity.copy()
+        return np.array(self._arm_velocity)
 
     @property
     def positions(self) -> Float64:
         """Hand and blocks in the table's frame, [N, 3] m, a copy."""
-        return self._position.copy()
+        return np.array(self._position)
+
+    @property
+    def link_positions(self) -> Float64:
+        """Joints 1 to 6 and the hand in the table's frame, [7, 3] m, a copy."""
+        return np.array(self.data.xpos[self._hand - JOINTS : self._hand + 1])
 
     def hand_jacobian(self) -> Float64:
         """Of the hand's position in the table's frame with respect to the joints, [3, 6] m/rad."""

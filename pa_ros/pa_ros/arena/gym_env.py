@@ -1,0 +1,119 @@
+"""The reaching task as a Gymnasium environment, `pa_ros/Reach-v0`, for any RL library.
+
+One flat vector: what a standard network needs, goal included.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from pa_ros.arena.config import ArenaConfig, preset_named
+from pa_ros.arena.designs import Design, design_named
+from pa_ros.arena.render import top_view
+from pa_ros.arena.task import ReachTask
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import (
+    ARM_FEATURES,
+    JOINTS,
+    OBJECT_FEATURES,
+    Float32,
+    Observation,
+    Verdict,
+)
+
+ENV_ID = "pa_ros/Reach-v0"
+SEED_RANGE = 2**31 - 1
+
+
+class ReachEnv(gymnasium.Env[Float32, Float32]):
+    """Reach for one named block.
+
+    Observation, float32 [18 + 16 · K + V]: the arm's 18 features; 16 features for each of the K
+    kinds of block in the design, always at the same place and zero if absent (paper, appendix
+    "Canonical"); 1 at the V vocabulary words that describe the target. Action, [6] in [-1, 1]:
+    parts of the joint speed limits. Reward ±1. Episodes are truncated, never terminated.
+    `info` has the program, the distance (m) and whether it is satisfied.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(
+        self,
+        preset: str | ArenaConfig = "fast",
+        design: str | Design = "2-C",
+        condition: str = "train",
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ConfigError(f"gym: render_mode: expected None or rgb_array, got {render_mode!r}")
+        self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset)
+        self.design = design if isinstance(design, Design) else design_named(design)
+        self.condition, self.render_mode = condition, render_mode
+        self._slot = {kind: i for i, kind in enumerate(self.design.extended_pool)}
+        if condition in ("train", "eval"):
+            self._slot = {kind: i for i, kind in enumerate(self.design.pool)}
+        size = ARM_FEATURES + OBJECT_FEATURES * len(self._slot) + len(self.design.vocabulary.words)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
+        self._limits = np.array(self.config.joint_speed_limits)
+        self._task: ReachTask | None = None
+        self._next_episode = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Float32, dict[str, Any]]:
+        """Next episode; with a seed, episode 0 of that seed."""
+        super().reset(seed=seed)
+        if seed is not None or self._task is None:
+            drawn = int(self.np_random.integers(SEED_RANGE))
+            self._task, self._next_episode = ReachTask(self.config, self.design, drawn), 0
+        observation, verdict = self._task.reset(self._next_episode, self.condition)
+        self._next_episode += 1
+        return self._flat(observation), self._info(verdict)
+
+    def step(self, action: Float32) -> tuple[Float32, float, bool, bool, dict[str, Any]]:
+        command = np.asarray(action, dtype=np.float64) * self._limits
+        observation, verdict = self.task.step(command)
+        flat, info = self._flat(observation), self._info(verdict)
+        return flat, verdict.reward, False, verdict.truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Top view [480, 480, 3] if `render_mode` is "rgb_array"; needs no OpenGL."""
+        return top_view(self.task, 480) if self.render_mode == "rgb_array" else None
+
+    @property
+    def task(self) -> ReachTask:
+        """The task underneath; ConfigError before the first reset."""
+        if self._task is None:
+            raise ConfigError("gym: expected a reset before the first step")
+        return self._task
+
+    def _flat(self, observation: Observation) -> Float32:
+        blocks = self.task.episode.blocks
+        slots = np.zeros((len(self._slot), OBJECT_FEATURES), dtype=np.float32)
+        for block, row in zip(blocks, observation.objects[1:], strict=True):
+            slots[self._slot[block.kind]] = row
+        goal = np.zeros(len(self.design.vocabulary.words), dtype=np.float32)
+        target = blocks[self.task.verifier.targets[0] - 1].kind
+        for word in target:
+            if word in self.design.vocabulary.row:
+                goal[self.design.vocabulary.row[word]] = 1.0
+        return np.concatenate([observation.arm, slots.ravel(), goal])
+
+    def _info(self, verdict: Verdict) -> dict[str, Any]:
+        return {
+            "program": str(self.task.verifier.program),
+            "distance": verdict.distance,
+            "is_success": verdict.satisfied,
+        }
+
+
+def register() -> None:
+    """Make `gymnasium.make("pa_ros/Reach-v0")` work; importing pa_ros.arena calls it."""
+    if ENV_ID not in gymnasium.registry:
+        gymnasium.register(ENV_ID, entry_point=f"{__name__}:{ReachEnv.__name__}")

@@ -1,0 +1,65 @@
+"""Pictures of the arena: a plain top view anywhere, a rendered one where there is OpenGL."""
+
+from __future__ import annotations
+
+import warnings
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.arena import constants as c
+from pa_ros.arena.errors import RenderError
+from pa_ros.arena.simulation import Simulation
+from pa_ros.arena.task import ReachTask
+
+CAMERA = "overview"
+_INCH_PX = 100
+_MARKERS = {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "D"}
+
+
+def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]:
+    """Rendered RGB picture of the present moment, [height, width, 3].
+
+    MuJoCo reads the variable MUJOCO_GL ("egl" or "osmesa") when it is first imported. Raises
+    RenderError if there is no such OpenGL on this machine.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # GLFW's, on a machine without a display
+            with mujoco.Renderer(simulation.model, height, width) as renderer:
+                renderer.update_scene(simulation.data, CAMERA)
+                return np.asarray(renderer.render(), dtype=np.uint8)
+    except Exception as error:  # each OpenGL back end has its own kinds of failure
+        raise RenderError(
+            f"expected offscreen OpenGL (MUJOCO_GL=egl or osmesa), got {type(error).__name__}: "
+            f"{error}"
+        ) from error
+
+
+def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
+    """Table from above, [side, side, 3] RGB: links, hand with its NEAR circle, blocks, targets."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
+
+    figure = Figure(figsize=(side_px / _INCH_PX, side_px / _INCH_PX), dpi=_INCH_PX)
+    canvas, half = FigureCanvasAgg(figure), c.TABLE_SIDE_M / 2
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(-half, half), ylim=(-half, half))
+    axes.set(xticks=[], yticks=[], facecolor="#e8e0d8")
+    simulation, size = task.simulation, 0.09 * side_px
+    links = simulation.link_positions
+    axes.plot(links[:, 0], links[:, 1], "-o", color="#555560", linewidth=size / 8, zorder=3)
+    positions = simulation.positions
+    for i, block in enumerate(task.episode.blocks, start=1):
+        x, y = positions[i, :2]
+        edge = "black" if i in task.verifier.targets else "none"
+        color = [float(value) for value in c.COLOR_RGBA[block.kind.color].split()]
+        axes.plot(
+            x, y, _MARKERS[block.kind.shape], color=color, ms=size / 3, mec=edge, mew=size / 20
+        )
+    hand_x, hand_y = positions[0, :2].tolist()
+    axes.plot(hand_x, hand_y, "o", color="white", mec="#555560", ms=size / 2, zorder=4)
+    axes.add_patch(Circle((hand_x, hand_y), task.config.near_threshold_m, fill=False, ls=":"))
+    picture, _ = canvas.print_to_buffer()  # type: ignore[no-untyped-call]
+    return np.frombuffer(picture, dtype=np.uint8).reshape(side_px, side_px, 4)[..., :3].copy()
