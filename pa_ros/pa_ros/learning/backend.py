@@ -101,4 +101,5 @@ def _why_not_fused(network: NetworkConfig, config: LearnerConfig) -> str:
         from pa_ros.learning import fused
     except (ImportError, OSError) as error:
         return f"no fused update: {error}"
-    return fused.why_not(network, config)
+    reason: str = fused.why_not(network, config)
+    return reason

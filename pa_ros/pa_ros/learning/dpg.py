@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from typing import Any
 
 import numpy as np
 import torch
@@ -51,6 +52,8 @@ class TorchBackend:
         self._device = torch.device(config.device)
         self._dtype = getattr(torch, config.dtype)
         self._goals = _Goals(network, table, self._device, self._dtype)
+        self._actor: Any  # a module of pa_ros.networks; its critic has `trunk` and `head`
+        self._critic: Any
         self._actor, self._critic = self._networks(network, actor, critic)
         self._target_actor = copy.deepcopy(self._actor).requires_grad_(False)
         self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
@@ -69,9 +72,9 @@ class TorchBackend:
         action = self._actor(objects, arm, goals, HAND_INDEX)  # [B, K, 6]
         ascent = self._ascent(h.detach(), action.detach())
         self._critic_adam.zero_grad()
-        loss.backward()
+        torch.autograd.backward(loss)
         self._actor_adam.zero_grad()
-        action.backward(-ascent / q.numel())
+        torch.autograd.backward(action, -ascent / q.numel())
         self._critic_adam.step()
         self._actor_adam.step()
         self._latest = (loss.detach(), q.detach().mean())
@@ -82,13 +85,17 @@ class TorchBackend:
             objects, arm = self._tensor(batch.next_objects), self._tensor(batch.next_arm)
             action = self._target_actor(objects, arm, goals, HAND_INDEX)
             value = self._target_critic(objects, arm, goals, action, HAND_INDEX)
-            return self._tensor(batch.reward) + self._tensor(batch.discount)[:, None] * value
+            reward, discount = self._tensor(batch.reward), self._tensor(batch.discount)
+            bootstrapped: Tensor = reward + discount[:, None] * value
+            return bootstrapped
 
     def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
         """∂Q/∂a at the actor's action, each element clipped, [B, K, 6]."""
         action = action.requires_grad_()
+        gradient: Tensor
         (gradient,) = torch.autograd.grad(self._critic.head(h, action).sum(), action)
-        return gradient.clamp(-self._config.action_gradient_clip, self._config.action_gradient_clip)
+        clip = self._config.action_gradient_clip
+        return gradient.clamp(-clip, clip)
 
     def copy_targets(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""
@@ -135,7 +142,7 @@ class TorchBackend:
 
     def _named(self) -> dict[str, Tensor]:
         """The live tensors by the names of `Backend.tensors`."""
-        named = {}
+        named: dict[str, Tensor] = {}
         for prefix in ("actor", "critic", "target_actor", "target_critic"):
             module: nn.Module = getattr(self, f"_{prefix}")
             named |= {f"{prefix}.{k}": v for k, v in module.state_dict().items()}

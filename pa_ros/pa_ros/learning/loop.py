@@ -203,7 +203,7 @@ class _Run:
             "frames": float(self._frames),
             "wall_s": time.monotonic() - self._started,
             "updates": float(learner.counters.updates),
-            "train.reward_per_step": float(np.mean(self._rewards)),
+            "behaviour.reward_per_step": float(np.mean(self._rewards)),
             **{name: learner.metrics().get(name, float("nan")) for name in _FIGURES},
         }
         if self._evaluate is not None:
@@ -216,8 +216,12 @@ class _Run:
 
     def _save(self) -> None:
         self._consumer.drain()
-        extra = {"wall_s": time.monotonic() - self._started, "seed": self._config.seed}
-        extra |= {"design": self._config.design, "preset": self._config.preset}
+        extra = {
+            "wall_s": time.monotonic() - self._started,
+            "seed": self._config.seed,
+            "design": self._config.design,
+            "preset": self._config.preset,
+        }
         save_checkpoint(self._config.out / "checkpoint", self._learner, extra)
 
 

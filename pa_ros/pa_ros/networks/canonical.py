@@ -121,7 +121,8 @@ class CanonicalCritic(nn.Module):
         if action.dim() == 2:
             action = action[:, None].expand(-1, h.shape[1], -1)
         x = torch.tanh(self.layers[1](torch.cat([h, action], -1)))
-        return self.output(x).squeeze(-1)
+        q: Tensor = self.output(x)
+        return q.squeeze(-1)  # [B, K]
 
     def forward(
         self, objects: Tensor, arm: Tensor, target: Tensor, action: Tensor, hand_index: int = 0

@@ -93,9 +93,10 @@ class ProgrammableInference:
 
     def _properties(self, objects: Float32, first: Float32) -> Float32:
         if not self._learned:
-            return (objects @ self._truth).T
+            true: Float32 = (objects @ self._truth).T
+            return true
         logits = first[:, self._spans[5]].T  # [V, N]
-        phi = np.exp(logits - logits.max(0))
+        phi: Float32 = np.exp(logits - logits.max(0))
         shapes = self._vocabulary.group_sizes[0]
         for group in (phi[:shapes], phi[shapes:]):
             group /= group.sum(0)
@@ -122,7 +123,7 @@ class CanonicalInference:
         scaled = objects * self._scale
         x = np.concatenate([scaled[hand_index], (fills.T @ scaled).ravel(), arm, target])
         for weight, bias in self._layers:
-            x = np.tanh(weight @ x + bias)
+            x = np.asarray(np.tanh(weight @ x + bias), np.float32)
         return x
 
 

@@ -80,14 +80,15 @@ class Trunk(nn.Module):
         phi = self.properties(objects, columns)
         p = relevant_objects(phi, hand_index, programs.op, programs.a, programs.b)  # [B, K, N]
         alpha = self._attention(columns, p)  # [B, K, N, N]
-        local = torch.tanh(self.local[0](columns))  # [B, N, H]
+        first, local_last = _layers(self.local)
+        message_last = _layers(self.message)[1]
+        local = torch.tanh(first(columns))  # [B, N, H]
         messages = self._messages(columns)  # [B, N, N, H]
         f = p @ local
         r = (p[..., None] * alpha).flatten(2) @ messages.flatten(1, 2)
         # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
-        bias = self.local[1].bias + self.message[1].bias
-        total = p.sum(-1, keepdim=True)
-        return f @ self.local[1].weight.T + r @ self.message[1].weight.T + total * bias
+        bias = p.sum(-1, keepdim=True) * (local_last.bias + message_last.bias)
+        return f @ local_last.weight.T + r @ message_last.weight.T + bias
 
     def _attention(self, columns: Tensor, p: Tensor) -> Tensor:
         """α, [B, K, N, N]: α_ij ∝ p_j exp(w·tanh(q_i + c_j)), each row summing to one."""
@@ -99,8 +100,9 @@ class Trunk(nn.Module):
 
     def _messages(self, columns: Tensor) -> Tensor:
         """First layer of r on every pair (receiver i, sender j): [B, N, N, H]."""
-        receiver, sender = self.message[0].weight.split(COLUMN_FEATURES, dim=1)
-        received = F.linear(columns, receiver, self.message[0].bias)
+        first = _layers(self.message)[0]
+        receiver, sender = torch.hsplit(first.weight, 2)  # [H, 34] each
+        received = F.linear(columns, receiver, first.bias)
         return torch.tanh(received[:, :, None] + F.linear(columns, sender)[:, None])
 
 
@@ -132,10 +134,17 @@ class ProgrammableCritic(Trunk):
         embedded = self.action(action)
         if embedded.dim() == 2:
             embedded = embedded[:, None]  # [B, 1, H]
-        return self.output(torch.tanh(h + embedded)).squeeze(-1)
+        q: Tensor = self.output(torch.tanh(h + embedded))
+        return q.squeeze(-1)  # [B, K]
 
     def forward(
         self, objects: Tensor, arm: Tensor, programs: Programs, action: Tensor, hand_index: int = 0
     ) -> Tensor:
         """Q, [B, K]; see `Trunk.trunk` and `head` for the inputs."""
         return self.head(self.trunk(objects, arm, programs, hand_index), action)
+
+
+def _layers(mlp: nn.ModuleList) -> tuple[nn.Linear, nn.Linear]:
+    first, last = mlp
+    assert isinstance(first, nn.Linear) and isinstance(last, nn.Linear)
+    return first, last
