@@ -35,7 +35,8 @@ class LearnerConfig:
     adam_beta2: float = 0.999
     adam_epsilon: float = 1e-8
     warmup_frames: int = 1000  # frames before the first update
-    reward_shift: float = 0.0  # added to every reward that the learner uses
+    reward_shift: float = 0.0  # added to every reward that the learner uses …
+    reward_scale: float = 1.0  # … which is then multiplied by this; 1−γ bounds Q by 1
     relabel: str = "none"  # the paper's; "all-goals": see pa_ros.learning.relabel
     programs_per_transition: int = 1  # K; more than one needs relabeling
     relabel_keeps_original: bool = False  # the program that acted is always one of the K

@@ -167,7 +167,7 @@ class Learner:
 
     def _batch(self, index: Int64, program: Int32, reward: Float32) -> Batch:
         arrays, following = self.replay.arrays, self.replay.following(index)
-        shift = np.float32(self.config.reward_shift)
+        shift, scale = map(np.float32, (self.config.reward_shift, self.config.reward_scale))
         discount = np.where(arrays["terminal"][index], 0.0, self.config.discount)
         return Batch(
             objects=arrays["objects"][index],
@@ -176,6 +176,6 @@ class Learner:
             next_objects=arrays["objects"][following],
             next_arm=arrays["arm"][following],
             program=np.ascontiguousarray(program),
-            reward=np.ascontiguousarray(reward + shift),
+            reward=np.ascontiguousarray((reward + shift) * scale),
             discount=discount.astype(np.float32),
         )
