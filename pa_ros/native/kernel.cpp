@@ -1,0 +1,124 @@
+// The update for one instruction-set level: compiled once per level, with PA_LEVEL its name.
+#include <cstdlib>
+#include <cstring>
+#include <initializer_list>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+#include "kernel.h"
+#include "layout.h"
+
+namespace pa {
+namespace PA_LEVEL {
+namespace {
+
+#include "simd.h"
+#include "gemm.h"
+#include "work.h"
+#include "program.h"
+#include "trunk.h"
+#include "trunk_backward.h"
+#include "heads.h"
+#include "learner.h"
+
+// Subnormal numbers count as zero while we compute: they would only cost time.
+struct FlushSubnormals {
+#if defined(__x86_64__)
+    unsigned int before = _mm_getcsr();
+    FlushSubnormals() { _mm_setcsr(before | 0x8040); }
+    ~FlushSubnormals() { _mm_setcsr(before); }
+#endif
+};
+
+void* zeroed(int64_t bytes) {
+    void* at = std::aligned_alloc(64, (size_t)(bytes + 63) / 64 * 64);
+    return at ? std::memset(at, 0, (size_t)bytes) : nullptr;
+}
+
+void destroy(void* learner) {
+    auto* g = static_cast<Learner*>(learner);
+    if (!g) return;
+    std::free(g->memory), std::free(g->thread), std::free(g);
+}
+
+void* create(const Network* actor, const Network* critic, const Tensors* actor_tensors,
+             const Tensors* critic_tensors, const Settings* settings, const Sizes* z) {
+    auto* g = static_cast<Learner*>(std::calloc(1, sizeof(Learner)));
+    if (!g) return nullptr;
+    g->actor_shape = *actor, g->critic_shape = *critic, g->settings = *settings;
+    g->actor = *actor_tensors, g->critic = *critic_tensors;
+    g->batch = z->transitions, g->objects = z->objects, g->programs = z->programs;
+    g->length = z->length, g->threads = z->threads;
+    g->chunk = chunk_size(z->transitions, z->objects, z->programs, z->threads);
+    g->thread = static_cast<Thread*>(std::calloc((size_t)z->threads, sizeof(Thread)));
+    g->memory = zeroed(carve_learner(*g, nullptr));
+    if (!g->thread || !g->memory) return destroy(g), nullptr;
+    carve_learner(*g, static_cast<char*>(g->memory));
+    return g;
+}
+
+void compute_gradients(void* learner, const Batch* batch, int index) {
+    const FlushSubnormals flush;
+    gradients(*static_cast<Learner*>(learner), *batch, index);
+}
+
+void apply_gradients(void* learner, int64_t actor_step, int64_t critic_step, int index) {
+    const FlushSubnormals flush;
+    apply(*static_cast<Learner*>(learner), actor_step, critic_step, index);
+}
+
+void read_metrics(const void* learner, const Batch* batch, Metrics* out) {
+    const auto& g = *static_cast<const Learner*>(learner);
+    double error = 0, q = 0, gradient = 0;
+    for (int t = 0; t < g.threads; t++)
+        error += g.thread[t].squared_error, q += g.thread[t].sum_q,
+            gradient += g.thread[t].squared_gradient;
+    const double rows = (double)batch->transitions * batch->programs;
+    *out = {error / rows, q / rows, __builtin_sqrt(gradient)};
+}
+
+struct Actor {
+    Network shape;
+    const float* parameters;
+    Work w;
+    void* memory;
+};
+
+void destroy_actor(void* actor) {
+    auto* x = static_cast<Actor*>(actor);
+    if (!x) return;
+    std::free(x->memory), std::free(x);
+}
+
+void* create_actor(const Network* shape, const float* parameters, int objects, int length) {
+    auto* x = static_cast<Actor*>(std::calloc(1, sizeof(Actor)));
+    if (!x) return nullptr;
+    const Layout l = layout_of(*shape);
+    const WorkSize size{1, objects, 1, length, shape->words, l.columns, l.hidden};
+    x->shape = *shape, x->parameters = parameters;
+    Arena arena{nullptr, 0};
+    carve(x->w, arena, size);
+    x->memory = zeroed(arena.used);
+    if (!x->memory) return destroy_actor(x), nullptr;
+    arena = {static_cast<char*>(x->memory), 0};
+    carve(x->w, arena, size);
+    return x;
+}
+
+void run_actor(void* actor, const float* objects, const float* arm, int hand_index,
+               const int32_t* op, const int32_t* a, const int32_t* b, int length, float* action) {
+    const FlushSubnormals flush;
+    auto* x = static_cast<Actor*>(actor);
+    x->w.op = op, x->w.a = a, x->w.b = b, x->w.length = length;
+    act(x->shape, x->parameters, x->w, objects, arm, hand_index, action);
+}
+
+}  // namespace
+
+extern const Kernel kernel;
+const Kernel kernel = {create,       destroy,       compute_gradients, apply_gradients,
+                       read_metrics, create_actor,  destroy_actor,     run_actor};
+
+}  // namespace PA_LEVEL
+}  // namespace pa

@@ -1,0 +1,178 @@
+// One DPG update (docs/DESIGN.md, "Learning"; paper, appendix), split over threads by chunks.
+// Included inside a namespace of its own per instruction-set level.
+
+// Rows of Work's large arrays that fit the second-level cache beside the weights.
+constexpr int kChunkRows = 80;
+
+struct Thread {
+    Work w;
+    float *actor_second_t, *critic_second_t;    // `second` transposed
+    float *actor_gradient, *critic_gradient;    // of this thread's chunks
+    float *target_q, *critic_h, *chunk_action;  // [B·K], [B·K, H], [S, 6]
+    double squared_error, sum_q, squared_gradient;
+};
+
+struct Learner {
+    Network actor_shape, critic_shape;
+    Tensors actor, critic;
+    Settings settings;
+    int batch, objects, programs, length, threads, chunk;
+    Thread* thread;  // [threads]
+    void* memory;
+};
+
+static Net net_of(const Network& shape, const float* parameters) {
+    return {&shape, layout_of(shape), parameters};
+}
+
+static int chunk_size(int batch, int objects, int programs, int threads) {
+    int samples = kChunkRows / objects / 4 * 4;
+    if (samples < 4) samples = 4;
+    while (samples > 4 && samples * programs > 128) samples -= 4;
+    const int per_thread = (batch + threads - 1) / threads;
+    return samples < per_thread ? samples : per_thread;
+}
+
+static int64_t carve_learner(Learner& g, char* base) {
+    Arena arena{base, 0};
+    const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
+    WorkSize size{g.chunk, g.objects, g.programs, g.length, g.actor_shape.words,
+                  actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden};
+    const int64_t square = 2 * actor.hidden * actor.hidden, rows = (int64_t)g.batch * g.programs;
+    for (int t = 0; t < g.threads; t++) {
+        Thread scratch, &x = base ? g.thread[t] : scratch;
+        carve(x.w, arena, size);
+        x.actor_second_t = arena.take(square), x.critic_second_t = arena.take(square);
+        x.actor_gradient = t ? arena.take(actor.size) : g.actor.gradient;
+        x.critic_gradient = t ? arena.take(critic.size) : g.critic.gradient;
+        x.target_q = arena.take(rows), x.critic_h = arena.take(rows * critic.hidden);
+        arena.take(kLane);  // no two threads write one cache line
+    }
+    return arena.used;
+}
+
+// y = r + discount · Q'(s', π'(s')) of samples [from, from + count).
+static void targets(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
+    Work& w = x.w;
+    const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
+    const Net actor = net_of(g.actor_shape, g.actor.target);
+    const Net critic = net_of(g.critic_shape, g.critic.target);
+    read_inputs(w, b.next_object, b.next_arm, from, count, actor.position_scale());
+    forward(actor, w, b.program + base, count);
+    actor_head(actor, w, rows);
+    forward(critic, w, b.program + base, count);
+    critic_head(critic, w, w.h, w.action, kActionColumns, 1, rows);
+    for (int64_t r = 0; r < rows; r++)
+        x.target_q[base + r] = b.reward[base + r] + b.discount[from + r / g.programs] * w.q[r];
+}
+
+static void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
+    Work& w = x.w;
+    const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
+    const Net critic = net_of(g.critic_shape, g.critic.parameters);
+    const float* action = b.action + from * kActions;
+    read_inputs(w, b.object, b.arm, from, count, critic.position_scale());
+    forward(critic, w, b.program + base, count);
+    const int64_t h = critic.l.hidden;
+    __builtin_memcpy(x.critic_h + base * h, w.h, rows * h * sizeof(float));
+    critic_head(critic, w, w.h, action, kActions, g.programs, rows);
+    const float scale = 2.0f / ((float)b.transitions * b.programs);
+    for (int64_t r = 0; r < rows; r++) {
+        const float error = w.q[r] - x.target_q[base + r];
+        x.sum_q += w.q[r], x.squared_error += (double)error * error;
+        w.q[r] = scale * error;
+    }
+    critic_head_backward(critic, w, action, g.programs, rows, x.critic_gradient);
+    backward(critic, w, b.program + base, count, x.critic_second_t, x.critic_gradient);
+}
+
+static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
+    Work& w = x.w;
+    const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
+    const Net actor = net_of(g.actor_shape, g.actor.parameters);
+    const Net critic = net_of(g.critic_shape, g.critic.parameters);
+    read_inputs(w, b.object, b.arm, from, count, actor.position_scale());
+    forward(actor, w, b.program + base, count);
+    actor_head(actor, w, rows);
+    const int64_t h = actor.l.hidden;
+    float* actor_z = w.z;
+    w.z = w.dh;  // the critic's tanh is needed only until ∂Q/∂a is known
+    critic_head(critic, w, x.critic_h + base * h, w.action, kActionColumns, 1, rows);
+    const float scale = -1.0f / ((float)b.transitions * b.programs);
+    action_gradient(critic, w, rows, (float)g.settings.clip, scale);
+    w.z = actor_z;
+    actor_head_backward(actor, w, rows, x.actor_gradient);
+    backward(actor, w, b.program + base, count, x.actor_second_t, x.actor_gradient);
+}
+
+// Gradients of both networks over this thread's part of the batch, at the present parameters.
+static void gradients(Learner& g, const Batch& b, int index) {
+    Thread& x = g.thread[index];
+    const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
+    const int64_t h = actor.hidden;
+    __builtin_memset(x.actor_gradient, 0, actor.size * sizeof(float));
+    __builtin_memset(x.critic_gradient, 0, critic.size * sizeof(float));
+    transpose(g.actor.parameters + actor.second, 2 * h, h, x.actor_second_t);
+    transpose(g.critic.parameters + critic.second, 2 * h, h, x.critic_second_t);
+    set_objects(x.w, b.hand_index);
+    x.w.op = b.op, x.w.a = b.a, x.w.b = b.b, x.w.length = b.table_length;
+    x.squared_error = x.sum_q = x.squared_gradient = 0.0;
+    const int64_t part = (b.transitions + g.threads - 1) / g.threads;
+    const int64_t begin = index * part, stop = begin + part;
+    const int64_t end = stop < b.transitions ? stop : b.transitions;
+    for (auto step : {targets, critic_step, actor_step})
+        for (int64_t from = begin; from < end; from += g.chunk)
+            step(g, x, b, from, (int)(end - from < g.chunk ? end - from : g.chunk));
+}
+
+// Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters.
+static double adam(const Learner& g, const Tensors& t, int64_t size, double rate, int64_t step,
+                   int index, bool of_actor) {
+    const Settings& s = g.settings;
+    const double correction1 = 1.0 - __builtin_pow(s.beta1, (double)step);
+    const double correction2 = 1.0 - __builtin_pow(s.beta2, (double)step);
+    const float rate_now = (float)(rate / correction1), epsilon = (float)s.epsilon;
+    const float root = (float)(1.0 / __builtin_sqrt(correction2));
+    const float keep1 = (float)s.beta1, take1 = (float)(1.0 - s.beta1);
+    const float keep2 = (float)s.beta2, take2 = (float)(1.0 - s.beta2);
+    const int64_t part = padded((size + g.threads - 1) / g.threads), begin = index * part;
+    const int64_t end = begin + part < size ? begin + part : size;
+    vf squares{};
+    for (int64_t i = begin; i < end; i += W) {
+        vf d = load(t.gradient + i);
+        for (int k = 1; k < g.threads; k++)
+            d += load((of_actor ? g.thread[k].actor_gradient : g.thread[k].critic_gradient) + i);
+        if (g.threads > 1) store(t.gradient + i, d);
+        squares += d * d;
+        const vf m = keep1 * load(t.first_moment + i) + take1 * d;
+        const vf v = keep2 * load(t.second_moment + i) + take2 * d * d;
+        store(t.first_moment + i, m);
+        store(t.second_moment + i, v);
+        store(t.parameters + i,
+              load(t.parameters + i) - rate_now * m / (square_root(v) * root + epsilon));
+    }
+    float sum[W];
+    sum_lanes(&squares, 1, sum);
+    return sum[0];
+}
+
+// Steps of Adam of both networks; call when every thread's gradients are there.
+static void apply(Learner& g, int64_t actor_step, int64_t critic_step, int index) {
+    const Settings& s = g.settings;
+    const int64_t actor = layout_of(g.actor_shape).size, critic = layout_of(g.critic_shape).size;
+    adam(g, g.critic, critic, s.critic_rate, critic_step, index, false);
+    g.thread[index].squared_gradient =
+        adam(g, g.actor, actor, s.actor_rate, actor_step, index, true);
+}
+
+// The actor on one observation (samples = programs = 1): action [6].
+static void act(const Network& shape, const float* parameters, Work& w, const float* objects,
+                const float* arm, int hand_index, float* action) {
+    const Net net = net_of(shape, parameters);
+    const int32_t program = 0;
+    set_objects(w, hand_index);
+    read_inputs(w, objects, arm, 0, 1, shape.position_scale);
+    forward(net, w, &program, 1);
+    actor_head(net, w, 1);
+    for (int i = 0; i < kActions; i++) action[i] = w.action[i];
+}

@@ -1,0 +1,109 @@
+// Φ and the flat programs on it, forward and backward; lanes are objects.
+// Included inside a namespace of its own per instruction-set level.
+
+// x op y = c0 + c1·x + c2·y + c3·x·y, for NOT, AND, OR, COPY (paper, eq. logic).
+static const float kCoefficients[4][4] = {{1, -1, 0, 0}, {0, 0, 0, 1}, {0, 1, 1, -1}, {0, 1, 0, 0}};
+
+// Φ of all samples: a softmax per group over the logits in `first`, or the true properties.
+static void evaluate_phi(const Net& net, Work& w, int count) {
+    const Network& n = *net.shape;
+    const int64_t rows = (int64_t)count * w.objects, stride = w.phi_stride;
+    for (int v = 0; v < n.words; v++) {
+        const int64_t ld = n.detectors ? net.l.columns : kObjectFeatures;
+        const float* in = n.detectors ? w.first + net.l.detectors + v : w.x + n.truth[v];
+        const bool present = n.detectors || n.truth[v] >= 0;
+        for (int64_t r = 0; r < rows; r++) w.phi[v * stride + r] = present ? in[r * ld] : 0.0f;
+    }
+    if (!n.detectors) return;
+    for (int64_t r = 0; r < rows; r += W) {
+        float* group = w.phi + r;
+        for (int g = 0; g < n.groups; group += n.group_size[g++] * stride) {
+            vf most = load(group), total{};
+            for (int v = 1; v < n.group_size[g]; v++) {
+                const vf x = load(group + v * stride);
+                most = x > most ? x : most;
+            }
+            for (int v = 0; v < n.group_size[g]; v++) {
+                const vf e = exponential(load(group + v * stride) - most);
+                total += e;
+                store(group + v * stride, e);
+            }
+            for (int v = 0; v < n.group_size[g]; v++)
+                store(group + v * stride, load(group + v * stride) / total);
+        }
+    }
+}
+
+// A register of sample s's program k: a row of Φ, HAND, or an instruction's result.
+static inline const float* register_at(const Work& w, int words, int64_t s, int64_t sk, int r) {
+    if (r < words) return w.phi + r * w.phi_stride + s * w.objects;
+    if (r == words) return w.hand;
+    return w.registers + (sk * w.capacity + r - words - 1) * w.lanes;
+}
+
+// p and Σ p of one program (row `program` of the table) on one sample.
+static void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
+    const int words = net.shape->words;
+    const int64_t base = program * w.length;
+    for (int64_t k = 0; k < w.length; k++) {
+        const float* c = kCoefficients[w.op[base + k]];
+        const float* x = register_at(w, words, s, sk, w.a[base + k]);
+        const float* y = register_at(w, words, s, sk, w.b[base + k]);
+        float* out = w.registers + (sk * w.capacity + k) * w.lanes;
+        for (int o = 0; o < w.lanes; o += W) {
+            const vf u = loadu(x + o), v = loadu(y + o);
+            store(out + o, (c[0] + c[1] * u) + v * (c[2] + c[3] * u));
+        }
+    }
+    const float* last = w.registers + (sk * w.capacity + w.length - 1) * w.lanes;
+    float mass = 0.0f;
+    for (int i = 0; i < w.lanes; i++) {
+        const float p = i < w.objects ? last[i] : 0.0f;
+        w.relevant[sk * w.lanes + i] = p;
+        mass += p;
+    }
+    w.mass[sk] = mass;
+}
+
+// Adds ∂/∂Φ to the first rows of w.dregister, given ∂/∂p in the last; clears the rows between.
+static void run_program_backward(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
+    const int words = net.shape->words;
+    const int64_t base = program * w.length;
+    for (int64_t k = w.length - 1; k >= 0; k--) {
+        const float* c = kCoefficients[w.op[base + k]];
+        const int a = w.a[base + k], b = w.b[base + k];
+        const float* x = register_at(w, words, s, sk, a);
+        const float* y = register_at(w, words, s, sk, b);
+        float* out = w.dregister + (words + 1 + k) * w.lanes;
+        float *da = w.dregister + (int64_t)a * w.lanes, *db = w.dregister + (int64_t)b * w.lanes;
+        for (int o = 0; o < w.lanes; o += W) {
+            const vf g = load(out + o), u = loadu(x + o), v = loadu(y + o);
+            store(out + o, vf{});
+            store(da + o, load(da + o) + g * (c[1] + c[3] * v));
+            store(db + o, load(db + o) + g * (c[2] + c[3] * u));
+        }
+    }
+}
+
+// From ∂/∂Φ (w.dregister) to the gradients of the logits, written into `first`.
+static void detectors_backward(const Net& net, Work& w, int64_t s) {
+    const Network& n = *net.shape;
+    const int64_t stride = w.phi_stride;
+    float* out = w.first + s * w.objects * net.l.columns + net.l.detectors;
+    const float* phi = w.phi + s * w.objects;
+    float* d = w.dregister;
+    for (int g = 0; g < n.groups; g++) {
+        const int size = n.group_size[g];
+        for (int o = 0; o < w.lanes; o += W) {
+            vf mean{};
+            for (int v = 0; v < size; v++)
+                mean += loadu(phi + v * stride + o) * load(d + v * w.lanes + o);
+            for (int v = 0; v < size; v++)
+                store(d + v * w.lanes + o,
+                      loadu(phi + v * stride + o) * (load(d + v * w.lanes + o) - mean));
+        }
+        for (int v = 0; v < size; v++)
+            for (int i = 0; i < w.objects; i++) out[i * net.l.columns + v] = d[v * w.lanes + i];
+        out += size, phi += size * stride, d += size * w.lanes;
+    }
+}

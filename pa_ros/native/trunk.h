@@ -1,0 +1,128 @@
+// From Ω and programs to h (docs/DESIGN.md, "Networks"; paper, eq. 4), for one chunk of samples.
+//
+// What does not depend on the program (first layers, α̃, tanh of messages) is computed once per
+// sample whatever K. In sums over pairs j (sender) is the row and i (receiver) the lane.
+// Included inside a namespace of its own per instruction-set level.
+
+struct StartMass {  // row m starts from Σp · (local.1.bias + message.1.bias)
+    const float *mass, *bias;
+    int64_t hidden;
+    vf operator()(int64_t m, int64_t n) const {
+        return mass[m] * (load(bias + n) + load(bias + hidden + n));
+    }
+};
+
+// In place: tanh for local; for the four kinds that meet in pairs, exponentials (see simd.h).
+static void activate(const Layout& l, float* row) {
+    for (int64_t c = 0; c < l.receiver; c += W) store(row + c, tanh_of(load(row + c)));
+    for (int64_t c = l.receiver; c < l.detectors; c += W) {
+        const bool receives = c < l.sender || (c >= l.query && c < l.context);
+        store(row + c, (receives ? 0.5f : 1.0f) * exponential_of_twice(load(row + c)));
+    }
+}
+
+// exp α̃_ij, up to a factor per receiver.
+static void attend(const Net& net, Work& w, int64_t s) {
+    const Layout& l = net.l;
+    const int n = w.objects;
+    const float* first = w.first + s * n * l.columns;
+    const float* weight = net.p + l.attention_weight;
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) {
+            const float *q = first + i * l.columns + l.query, *c = first + j * l.columns + l.context;
+            vf sum{};
+            for (int64_t u = 0; u < l.attention; u += W)
+                sum += load(weight + u) * tanh_of_sum(load(q + u), load(c + u));
+            w.dots[j * n + i] = sum;
+        }
+    sum_lanes(w.dots, (int64_t)n * n, w.sums);
+    float* out = w.attend + s * n * w.lanes;
+    for (int o = 0; o < w.lanes; o += W) {
+        vf most = loadu(w.sums + o);
+        for (int j = 1; j < n; j++) {
+            const vf x = loadu(w.sums + j * n + o);
+            most = x > most ? x : most;
+        }
+        for (int j = 0; j < n; j++)
+            store(out + j * w.lanes + o, exponential(loadu(w.sums + j * n + o) - most));
+    }
+}
+
+// α_ij and p_i α_ij of one program; lanes without an object get 0.
+static void weigh(Work& w, int64_t s, int64_t sk) {
+    const int n = w.objects;
+    const float *p = w.relevant + sk * w.lanes, *e = w.attend + s * n * w.lanes;
+    float *share = w.share + sk * n * w.lanes, *weight = w.weight + sk * n * w.lanes;
+    for (int o = 0; o < w.lanes; o += W) {
+        vf total{};
+        for (int j = 0; j < n; j++) total += p[j] * load(e + j * w.lanes + o);
+        const vf inverse = load(w.mask + o) > 0.0f ? 1.0f / total : vf{};
+        const vf receiver = load(p + o);
+        for (int j = 0; j < n; j++) {
+            const vf part = load(e + j * w.lanes + o) * inverse;
+            store(share + j * w.lanes + o, part);
+            store(weight + j * w.lanes + o, p[j] * part * receiver);
+        }
+    }
+}
+
+// Σ p_i tanh(f0_i) and Σ p_i α_ij tanh(r0_ij) of all K programs of a sample. KT: K, or 0 for any.
+template <int KT>
+static void pool(const Net& net, Work& w, int64_t s) {
+    const Layout& l = net.l;
+    const int n = w.objects, programs = KT ? KT : w.programs;
+    const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs;
+    const float *first = w.first + s * n * l.columns, *receiver = first + l.receiver;
+    const float *p = w.relevant + sk * w.lanes, *weight = w.weight + sk * per_program;
+    float* out = w.pooled + sk * 2 * l.hidden;
+    for (int64_t c = 0; c < l.hidden; c += W, first += W, receiver += W, out += W) {
+        const float* sender = receiver + (l.sender - l.receiver);
+        vf local[KT ? KT : kMaxPrograms], message[KT ? KT : kMaxPrograms];
+        for (int k = 0; k < programs; k++) local[k] = message[k] = vf{};
+        for (int j = 0; j < n; j++) {
+            const vf f = load(first + j * l.columns), from = load(sender + j * l.columns);
+            for (int k = 0; k < programs; k++) local[k] += p[k * w.lanes + j] * f;
+            for (int i = 0; i < n; i++) {
+                const vf t = tanh_of_sum(load(receiver + i * l.columns), from);
+                for (int k = 0; k < programs; k++)
+                    message[k] += weight[k * per_program + j * w.lanes + i] * t;
+            }
+        }
+        for (int k = 0; k < programs; k++) {
+            store(out + k * 2 * l.hidden, local[k]);
+            store(out + k * 2 * l.hidden + l.hidden, message[k]);
+        }
+    }
+}
+
+using Pool = void (*)(const Net&, Work&, int64_t);
+static Pool pool_for(int programs) {
+    static const Pool fixed[] = {pool<0>, pool<1>, pool<2>, pool<3>, pool<4>,
+                                 pool<5>, pool<6>, pool<7>, pool<8>};
+    return programs <= 8 ? fixed[programs] : fixed[0];
+}
+
+// h of every sample and program of the chunk, from w.x and w.arm. `programs` is [count, K].
+static void forward(const Net& net, Work& w, const int32_t* programs, int count) {
+    const Layout& l = net.l;
+    const int64_t rows = (int64_t)count * w.objects, c = l.columns;
+    const float* first = net.p + l.first;
+    multiply(count, c, kArmFeatures + 1, {w.arm, kArmColumns, 1}, first + kObjectFeatures * c, c,
+             w.first_arm, c, FromZero{});
+    multiply(rows, c, kObjectFeatures, {w.x, kObjectFeatures, 1}, first, c, w.first, c,
+             FromRows{w.first_arm, c, w.objects});
+    for (int64_t r = 0; r < rows; r++) activate(l, w.first + r * c);
+    evaluate_phi(net, w, count);
+    const Pool pool_sample = pool_for(w.programs);
+    for (int64_t s = 0; s < count; s++) {
+        attend(net, w, s);
+        for (int64_t sk = s * w.programs; sk < (s + 1) * w.programs; sk++) {
+            run_program(net, w, s, sk, programs[sk]);
+            weigh(w, s, sk);
+        }
+        pool_sample(net, w, s);
+    }
+    multiply((int64_t)count * w.programs, l.hidden, 2 * l.hidden, {w.pooled, 2 * l.hidden, 1},
+             net.p + l.second, l.hidden, w.h, l.hidden,
+             StartMass{w.mass, net.p + l.second_bias, l.hidden});
+}

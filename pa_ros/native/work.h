@@ -1,0 +1,96 @@
+// Scratch memory of one thread: a chunk of S samples of N objects with K programs each.
+// Included inside a namespace of its own per instruction-set level.
+
+constexpr int kMaxObjects = 64;
+constexpr int kMaxPrograms = 64;
+
+struct Arena {  // one block, handed out in 64-byte lines; `base` null: only measures
+    char* base;
+    int64_t used;
+    float* take(int64_t floats) {
+        float* at = base ? reinterpret_cast<float*>(base + used) : nullptr;
+        used += padded(floats) * 4;
+        return at;
+    }
+};
+
+struct Work {
+    int samples, objects, lanes, programs;  // S, N, N padded, K
+    int64_t phi_stride;
+
+    float *x, *arm;          // inputs: scaled objects [S·N, 16]; arm and a 1 [S, 20]
+    float* first;            // [S·N, columns]: activations; the backward pass leaves gradients here
+    float* first_arm;        // [S, columns]: the arm's share; then the gradients summed over objects
+    float* phi;              // [V, phi_stride]: Φ of all samples side by side
+    float* registers;        // [S·K, L, lanes]: results of the program's instructions
+    float* relevant;         // [S·K, lanes]: p
+    float* mass;             // [S·K]: Σ p
+    float* attend;           // [S, N(j), lanes(i)]: exp α̃_ij
+    float* share;            // [S·K, N(j), lanes(i)]: exp α̃_ij / Σ_k p_k exp α̃_ik
+    float* weight;           // [S·K, N(j), lanes(i)]: p_i α_ij
+    float *pooled, *dpooled; // [S·K, 2H]: Σ p_i tanh f0_i, then Σ p_i α_ij tanh r0_ij
+    float *h, *dh, *z;       // [S·K, H]
+    float *action, *daction; // [S·K, 16]
+    float* q;                // [S·K]
+    float *sums, *dregister, *dscore, *row;  // of one sample
+    vf* dots;                // [K, N² + N + 1] or [N²]
+    float *hand, *mask;      // [lanes]: HAND; 1 for the objects there are
+
+    const int32_t *op, *a, *b;  // the program table, rows of `length`
+    int64_t length, capacity;   // instructions a program has now, and at most
+
+    int64_t dots_per_program() const { return (int64_t)objects * objects + objects + 1; }
+};
+
+struct WorkSize {
+    int samples, objects, programs, length, words;
+    int64_t columns, hidden;
+};
+
+static void carve(Work& w, Arena& arena, const WorkSize& z) {
+    const int64_t s = z.samples, n = z.objects, k = z.programs, lanes = padded(n), sk = s * k;
+    w.samples = z.samples, w.objects = z.objects, w.programs = z.programs, w.lanes = (int)lanes;
+    w.capacity = z.length, w.phi_stride = padded(s * n) + lanes;
+    w.x = arena.take(s * n * kObjectFeatures), w.arm = arena.take(s * kArmColumns);
+    w.first = arena.take(s * n * z.columns), w.first_arm = arena.take(s * z.columns);
+    w.phi = arena.take(z.words * w.phi_stride);
+    w.registers = arena.take(sk * z.length * lanes);
+    w.relevant = arena.take(sk * lanes), w.mass = arena.take(sk);
+    w.attend = arena.take(s * n * lanes);
+    w.share = arena.take(sk * n * lanes), w.weight = arena.take(sk * n * lanes);
+    w.pooled = arena.take(sk * 2 * z.hidden), w.dpooled = arena.take(sk * 2 * z.hidden);
+    w.h = arena.take(sk * z.hidden), w.dh = arena.take(sk * z.hidden), w.z = arena.take(sk * z.hidden);
+    w.action = arena.take(sk * kActionColumns), w.daction = arena.take(sk * kActionColumns);
+    w.q = arena.take(sk);
+    const int64_t dots = k * (n * n + n + 1);
+    w.sums = arena.take(dots + 2 * lanes), w.dots = (vf*)arena.take((dots + n) * W);
+    w.dregister = arena.take((z.words + 1 + z.length) * lanes);
+    w.dscore = arena.take(n * lanes), w.row = arena.take(z.hidden);
+    w.hand = arena.take(lanes), w.mask = arena.take(lanes);
+}
+
+static void set_objects(Work& w, int hand_index) {
+    for (int i = 0; i < w.lanes; i++) w.hand[i] = i == hand_index, w.mask[i] = i < w.objects;
+}
+
+struct Net {  // a network's description, layout and current parameters
+    const Network* shape;
+    Layout l;
+    const float* p;
+    float position_scale() const { return shape->position_scale; }
+};
+
+// Copies inputs of samples [from, from + count) and scales the positions.
+static void read_inputs(Work& w, const float* objects, const float* arm, int64_t from, int count,
+                        float position_scale) {
+    const int64_t rows = (int64_t)count * w.objects;
+    const float* in = objects + from * w.objects * kObjectFeatures;
+    for (int64_t r = 0; r < rows * kObjectFeatures; r += kObjectFeatures)
+        for (int f = 0; f < kObjectFeatures; f++)
+            w.x[r + f] = f < 3 ? in[r + f] * position_scale : in[r + f];
+    for (int64_t s = 0; s < count; s++) {
+        float* out = w.arm + s * kArmColumns;
+        for (int f = 0; f < kArmFeatures; f++) out[f] = arm[(from + s) * kArmFeatures + f];
+        out[kArmFeatures] = 1.0f, out[kArmFeatures + 1] = 0.0f;
+    }
+}
