@@ -52,12 +52,12 @@ class Simulation:
         Raises CommandError (and moves nothing) if mis-sized or not finite.
         """
         command = self.checked(joint_velocity)
-        before = self.data.time
         self.data.ctrl[:] = np.clip(command, -self._limits, self._limits)
         mujoco.mj_step(self.model, self.data, self.config.substeps)
-        if self.data.time <= before:  # MuJoCo starts over when positions or speeds blow up
+        if self._warnings.any():  # MuJoCo itself goes on, from the start if all blew up
             self._placed = False
-            raise DivergedError("the physics became unstable and MuJoCo reset itself")
+            kind = mujoco.mjtWarning(int(self._warnings.argmax())).name
+            raise DivergedError(f"the physics of this episode is void: MuJoCo warns of {kind}")
         mujoco.mj_kinematics(self.model, self.data)  # poses of the new positions
 
     def checked(self, joint_velocity: Float64) -> Float64:
@@ -116,4 +116,5 @@ class Simulation:
         rows = slice(self._hand, self._hand + 1 + blocks)
         self._position, self._quaternion = self.data.xpos[rows], self.data.xquat[rows]
         self._rotation = self.data.xmat[self._hand]
+        self._warnings = self.data.warning.number
         self._arm_position, self._arm_velocity = self.data.qpos[:JOINTS], self.data.qvel[:JOINTS]

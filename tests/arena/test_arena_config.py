@@ -1,0 +1,87 @@
+"""Presets, designs, and what is refused."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from pa_ros.arena import DESIGNS, PRESETS, ArenaConfig, Design, Kind, design_named, preset_named
+from pa_ros.arena.constants import LINKS
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import Vocabulary
+
+WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+
+
+def test_paper_preset_stays_within_the_real_arm() -> None:
+    paper = preset_named("paper")
+    assert paper.arm_touches_blocks
+    for speed, link in zip(paper.joint_speed_limits, LINKS, strict=True):
+        assert speed <= link.max_speed
+
+
+def test_fast_preset_says_that_it_switches_contact_off() -> None:
+    assert not preset_named("fast").arm_touches_blocks
+    assert preset_named("fast").near_threshold_m == 0.20
+    assert preset_named("fast").joint_speed_limits == (1.5,) * 6
+
+
+@pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
+def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
+    assert config.episode_steps * config.control_period_s == pytest.approx(10.0)
+    assert config.substeps * config.timestep_s == pytest.approx(config.control_period_s)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "shown"),
+    [
+        ("near_threshold_m", -0.1, "-0.1"),
+        ("block_mass_kg", math.nan, "nan"),
+        ("episode_steps", 0, "got 0"),
+        ("joint_speed_limits", (1.0,) * 5, "(1.0, 1.0, 1.0, 1.0, 1.0)"),
+        ("joint_speed_limits", (1.0,) * 5 + (0.0,), "0.0"),
+        ("block_radii_m", (0.6, 0.3), "(0.6, 0.3)"),
+        ("timestep_s", 0.03, "0.03"),
+        ("start_pose", (0.0,) * 6, "joint 2"),
+        ("joint_upper", (math.pi, 6.2, 2.4, 4.5, 6.1, 1.6), "Kinova"),
+    ],
+)
+def test_bad_parameters_are_refused_with_the_value(field: str, value: object, shown: str) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        replace(ArenaConfig(), **{field: value})
+    assert shown in str(refusal.value)
+
+
+@pytest.mark.parametrize("lookup", [preset_named, design_named])
+def test_unknown_names_are_refused_with_the_known_ones(lookup) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ConfigError, match="'nonsense'"):
+        lookup("nonsense")
+
+
+def test_designs_are_those_of_figure_2() -> None:
+    sizes = {name: (len(d.train), len(d.held_out)) for name, d in DESIGNS.items()}
+    assert sizes == {"2-C": (4, 0), "2-L": (3, 1), "3-C": (9, 0), "3-D": (6, 3)}
+    assert design_named("2-L").held_out == (Kind("BLUE", "SPHERE"),)
+    for kind in design_named("3-D").held_out:  # the diagonal: each property once
+        others = [k for k in design_named("3-D").held_out if k != kind]
+        assert all(kind.color != k.color and kind.shape != k.shape for k in others)
+    assert design_named("2-C").vocabulary.words == ("CUBE", "SPHERE", "RED", "BLUE")
+    assert design_named("3-D").vocabulary.group_sizes == (4, 5)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"n_blocks": 5},
+        {"n_blocks": 0},
+        {"colors": ("RED", "PURPLE")},
+        {"colors": ("RED", "GREEN")},  # no word for GREEN
+        {"train": ()},
+        {"train": (Kind("RED", "CYLINDER"),)},
+        {"held_out": (Kind("RED", "CUBE"),)},  # trained as well
+    ],
+)
+def test_designs_that_make_no_sense_are_refused(change: dict[str, object]) -> None:
+    design = Design("d", ("CUBE", "SPHERE"), ("RED", "BLUE"), WORDS, (Kind("RED", "CUBE"),))
+    with pytest.raises(ConfigError, match="design d"):
+        replace(design, **change)

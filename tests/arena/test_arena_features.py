@@ -1,0 +1,94 @@
+"""Ω against an independent computation."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
+from pa_ros.arena.features import hand_distances, words_of
+from pa_ros.core.experience import COLORS, OBJECT_FEATURE_NAMES, SHAPES
+
+
+@pytest.fixture
+def task() -> ReachTask:
+    return ReachTask(preset_named("paper"), design_named("3-C"), seed=5)
+
+
+def test_layout_and_types(task: ReachTask) -> None:
+    observation, _ = task.reset(0)
+    assert observation.objects.shape == (5, len(OBJECT_FEATURE_NAMES))
+    assert observation.objects.dtype == np.float32
+    assert observation.arm.shape == (18,) and observation.arm.dtype == np.float32
+    assert observation.hand_index == 0
+    hand = np.zeros(16)
+    hand[OBJECT_FEATURE_NAMES.index("qw")] = 1.0
+    np.testing.assert_array_equal(observation.objects[0], hand)
+
+
+def test_one_hots_are_the_blocks_properties(task: ReachTask) -> None:
+    observation, _ = task.reset(1)
+    names = [name.split("_")[-1].upper() for name in OBJECT_FEATURE_NAMES]
+    for row, block in zip(observation.objects[1:], task.episode.blocks, strict=True):
+        assert {names[i] for i in np.flatnonzero(row[7:]) + 7} == set(block.kind)
+        assert sorted(row[7:])[-2:] == [1.0, 1.0] and row[7:].sum() == 2.0
+    assert words_of(observation.objects)[0] == frozenset()
+    assert list(words_of(observation.objects))[1:] == [b.kind.words for b in task.episode.blocks]
+    assert OBJECT_FEATURE_NAMES[7] == f"shape_{SHAPES[0].lower()}"
+    assert OBJECT_FEATURE_NAMES[11] == f"color_{COLORS[0].lower()}"
+
+
+def test_poses_are_in_the_frame_of_the_hand(task: ReachTask) -> None:
+    rng = np.random.default_rng(0)
+    for episode in range(5):
+        observation, _ = task.reset(episode)
+        for _ in range(40):
+            model, simulated = task.simulation.model, task.simulation.data
+            hand = simulated.body("hand")
+            frame = Rotation.from_quat(hand.xquat, scalar_first=True)
+            for i, row in enumerate(observation.objects[1:]):
+                body = simulated.body(f"block{i}")
+                np.testing.assert_allclose(
+                    row[:3], frame.inv().apply(body.xpos - hand.xpos), atol=1e-6
+                )
+                relative = frame.inv() * Rotation.from_quat(body.xquat, scalar_first=True)
+                np.testing.assert_allclose(
+                    Rotation.from_quat(row[3:7]).as_matrix(), relative.as_matrix(), atol=1e-6
+                )
+                assert row[6] >= 0
+                assert np.linalg.norm(row[3:7]) == pytest.approx(1, abs=1e-6)
+            assert model.nq == 6 + 7 * 4
+            command = rng.uniform(-1, 1, 6) * np.array(task.config.joint_speed_limits)
+            observation, _ = task.step(command)
+
+
+def test_poses_belong_to_the_joint_positions_of_the_same_step(task: ReachTask) -> None:
+    """MuJoCo leaves poses one physics step behind the joints unless told to catch up."""
+    import mujoco
+
+    task.reset(0)
+    observation, _ = task.step(np.array(task.config.joint_speed_limits))
+    before = observation.objects.copy()
+    mujoco.mj_forward(task.simulation.model, task.simulation.data)
+    np.testing.assert_array_equal(before, task.simulation.objects())
+    np.testing.assert_array_equal(observation.joint_position, task.simulation.data.qpos[:6])
+
+
+def test_observations_own_their_arrays(task: ReachTask) -> None:
+    observation, _ = task.reset(0)
+    kept = [a.copy() for a in (observation.objects, observation.joint_position)]
+    for _ in range(5):
+        task.step(scripted_action(task))
+    for array, copy in zip((observation.objects, observation.joint_position), kept, strict=True):
+        np.testing.assert_array_equal(array, copy)
+        assert array.base is None
+
+
+def test_distances_from_features_equal_the_verifiers(task: ReachTask) -> None:
+    observation, verdict = task.reset(2)
+    rows, expected = [], []
+    while not verdict.truncated:
+        observation, verdict = task.step(scripted_action(task))
+        rows.append(observation.objects)
+        expected.append(verdict.distance)
+    target = task.verifier.targets[0]
+    np.testing.assert_array_equal(hand_distances(np.stack(rows))[:, target], expected)

@@ -1,0 +1,89 @@
+"""The Gymnasium environment."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from pa_ros.arena import ENV_ID, ReachEnv, conditions_for, design_named
+from pa_ros.arena.references import scripted_action
+from pa_ros.core.errors import ConfigError
+
+UNBOUNDED = "ignore:.*Box observation space (min|max)imum value is .*infinity"
+
+
+@pytest.mark.filterwarnings(UNBOUNDED)
+@pytest.mark.parametrize("options", [{}, {"preset": "paper", "design": "3-D", "condition": "eval"}])
+def test_gymnasium_accepts_it(options: dict[str, str]) -> None:
+    check_env(gymnasium.make(ENV_ID, **options).unwrapped)
+
+
+def test_episodes_end_by_truncation_after_100_steps() -> None:
+    env = gymnasium.make(ENV_ID)
+    env.reset(seed=0)
+    ends = [env.step(env.action_space.sample())[2:4] for _ in range(100)]
+    assert ends == [(False, False)] * 99 + [(False, True)]
+
+
+def test_seed_fixes_the_sequence_of_episodes() -> None:
+    env = ReachEnv(design="3-C")
+    first = [env.reset(seed=4)[0], env.reset()[0]]
+    again = [env.reset(seed=4)[0], env.reset()[0]]
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first[0], first[1])
+    assert not np.array_equal(first[0], env.reset(seed=5)[0])
+
+
+def test_the_same_kind_is_always_at_the_same_place() -> None:
+    env = ReachEnv(design="3-C")
+    pool = design_named("3-C").pool
+    for _ in range(10):
+        flat, _ = env.reset()
+        slots = flat[18 : 18 + 16 * len(pool)].reshape(len(pool), 16)
+        present = {block.kind for block in env.task.episode.blocks}
+        for kind, row in zip(pool, slots, strict=True):
+            assert row.any() == (kind in present)
+        goal = flat[-9:]
+        words = env.design.vocabulary.words
+        named = {words[i] for i in np.flatnonzero(goal)}
+        assert env.task.episode.program in {
+            f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in pool if set(kind) == named
+        }
+
+
+@pytest.mark.parametrize("condition", conditions_for(design_named("3-D")))
+def test_every_condition_runs_within_its_spaces(condition: str) -> None:
+    env = ReachEnv(design="3-D", condition=condition)
+    for _ in range(3):
+        flat, info = env.reset()
+        for _ in range(5):
+            assert env.observation_space.contains(flat)
+            flat, reward, _, _, info = env.step(env.action_space.sample())
+            assert reward in (-1.0, 1.0) and info["is_success"] == (reward > 0)
+
+
+def test_the_script_succeeds_through_it() -> None:
+    env = ReachEnv(preset="fast", design="2-C")
+    env.reset(seed=0)
+    for _ in range(100):
+        action = scripted_action(env.task) / np.array(env.config.joint_speed_limits)
+        *_, info = env.step(action.astype(np.float32))
+    assert info["is_success"] and info["distance"] < 0.2
+
+
+def test_top_view_needs_no_opengl() -> None:
+    env = ReachEnv(render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = env.render()
+    assert picture is not None and picture.shape == (480, 480, 3) and picture.dtype == np.uint8
+    assert picture.std() > 5
+    assert ReachEnv().render() is None
+
+
+def test_bad_options_are_refused() -> None:
+    with pytest.raises(ConfigError, match="human"):
+        ReachEnv(render_mode="human")
+    with pytest.raises(ConfigError, match="reset"):
+        ReachEnv().step(np.zeros(6, dtype=np.float32))
+    with pytest.raises(ConfigError, match="eval"):
+        ReachEnv(design="2-C", condition="eval").reset()

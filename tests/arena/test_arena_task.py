@@ -1,0 +1,247 @@
+"""Stepping, programs, time limit, clock and refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import (
+    Block,
+    CommandError,
+    DivergedError,
+    Episode,
+    EpisodeError,
+    Kind,
+    ReachTask,
+    design_named,
+    preset_named,
+    scripted_action,
+)
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.experience import Float64
+from pa_ros.language import ProgramError
+
+PAPER, FAST = preset_named("paper"), preset_named("fast")
+STILL = np.zeros(6)
+
+
+def new_task(seed: int = 0, **changes: object) -> ReachTask:
+    return ReachTask(replace(FAST, **changes), design_named("2-L"), seed)  # type: ignore[arg-type]
+
+
+def trace(task: ReachTask, episode: int, seed: int) -> list[bytes]:
+    rng = np.random.default_rng(seed)
+    observation, verdict = task.reset(episode)
+    rows = [observation.objects.tobytes()]
+    while not verdict.truncated:
+        observation, verdict = task.step(rng.uniform(-1.5, 1.5, 6))
+        rows.append(observation.objects.tobytes() + observation.joint_velocity.tobytes())
+    return rows
+
+
+@pytest.mark.parametrize("preset", [PAPER, FAST], ids=lambda config: config.preset)
+def test_one_integer_reproduces_everything_bit_for_bit(preset) -> None:  # type: ignore[no-untyped-def]
+    first = ReachTask(preset, design_named("3-D"), seed=11)
+    other = ReachTask(preset, design_named("3-D"), seed=11)
+    expected = [trace(first, episode, 1) for episode in range(3)]
+    assert [trace(other, episode, 1) for episode in (2, 0, 1)] == [
+        expected[2],
+        expected[0],
+        expected[1],
+    ]
+
+
+def test_time_limit_is_a_truncation_after_100_actions() -> None:
+    task = new_task()
+    _, verdict = task.reset(0)
+    flags = [verdict.truncated]
+    for _ in range(100):
+        observation, verdict = task.step(STILL)
+        flags.append(verdict.truncated)
+        assert (observation.step, observation.episode) == (verdict.step, verdict.episode)
+    assert flags == [False] * 100 + [True]
+    with pytest.raises(EpisodeError, match="step 100"):
+        task.step(STILL)
+
+
+def test_stamps_never_go_back() -> None:
+    task = new_task(episode_steps=5)
+    stamps = []
+    for episode in (0, 1, 0):
+        observation, verdict = task.reset(episode)
+        stamps.append(observation.stamp_ns)
+        while not verdict.truncated:
+            observation, verdict = task.step(STILL)
+            stamps.append(verdict.stamp_ns)
+            assert observation.stamp_ns == verdict.stamp_ns
+    assert stamps == [100_000_000 * (i + 1) for i in range(18)]
+
+
+def test_verdict_is_the_truth() -> None:
+    task = new_task()
+    seen = set()
+    for episode in range(4):
+        _, verdict = task.reset(episode)
+        target = next(i for i, b in enumerate(task.episode.blocks) if set(b.kind) <= words(task))
+        assert verdict.reward == -1.0  # the start pose is near nothing
+        while not verdict.truncated:
+            observation, verdict = task.step(scripted_action(task))
+            simulated = task.simulation.data
+            true = np.linalg.norm(
+                simulated.body("hand").xpos - simulated.body(f"block{target}").xpos
+            )
+            assert verdict.distance == pytest.approx(true, abs=1e-6)
+            assert verdict.satisfied == (verdict.distance <= 0.20)
+            assert verdict.reward == (1.0 if verdict.satisfied else -1.0)
+            seen.add(verdict.reward)
+    assert seen == {1.0, -1.0}
+
+
+def words(task: ReachTask) -> set[str]:
+    return set(task.episode.program.replace("(", " ").replace(")", " ").replace(",", " ").split())
+
+
+def test_nearest_of_several_named_blocks_counts() -> None:
+    task = new_task()
+    observation, _ = task.reset(0)
+    before = observation.program_id
+    observation, verdict = task.set_program("NEAR(HAND, NOT(RED))")
+    assert observation.program_id == verdict.program_id != before
+    distances = np.linalg.norm(observation.objects[:, :3], axis=1)
+    blue = [i for i, b in enumerate(task.episode.blocks, start=1) if b.kind.color == "BLUE"]
+    assert len(blue) == 2
+    assert verdict.distance == pytest.approx(distances[blue].min(), abs=1e-6)
+
+
+def test_program_changes_in_mid_episode_and_keeps_the_physics() -> None:
+    task, same = new_task(), new_task()
+    task.reset(3), same.reset(3)
+    for step in range(10):
+        if step == 5:
+            observation, _ = task.set_program("NEAR(HAND, OR(BLUE, CUBE))", "mine")
+            assert (observation.step, observation.program_id) == (5, "mine")
+        command = np.full(6, 0.3)
+        a, b = task.step(command)[0], same.step(command)[0]
+        np.testing.assert_array_equal(a.objects, b.objects)
+    assert a.program_id == "mine"
+    observation, _ = task.reset(4)
+    assert observation.program_id not in ("mine", a.program_id)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("NEAR(HAND, AND(RED, BLUE))", "program.names_nothing"),
+        ("NEAR(HAND, GREEN)", "program.unknown_word"),
+        ("", "program.empty"),
+    ],
+)
+def test_programs_that_cannot_be_satisfied_are_refused(text: str, code: str) -> None:
+    task = new_task()
+    observation, verdict = task.reset(0)
+    with pytest.raises(ProgramError) as refusal:
+        task.set_program(text)
+    assert refusal.value.code == code
+    assert task.program_id == observation.program_id
+    assert task.step(STILL)[1].distance == pytest.approx(verdict.distance, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        np.zeros(5),
+        np.zeros((6, 1)),
+        np.array([0, 0, np.nan, 0, 0, 0]),
+        np.array([0, 0, 0, 0, 0, np.inf]),
+        ["a"] * 6,
+        None,
+    ],
+)
+def test_bad_commands_are_refused_and_move_nothing(command: Float64) -> None:
+    task = new_task()
+    observation, _ = task.reset(0)
+    with pytest.raises(CommandError) as refusal:
+        task.step(command)
+    assert refusal.value.code == "arena.command"
+    np.testing.assert_array_equal(task.simulation.objects(), observation.objects)
+    assert task.step(STILL)[0].step == 1
+
+
+def test_commands_are_clamped_to_the_limits() -> None:
+    task, clamped = new_task(), new_task()
+    task.reset(0), clamped.reset(0)
+    for _ in range(5):
+        a, _ = task.step(np.array([1e6, -1e6, 3.0, -3.0, 1e6, 2.0]))
+        b, _ = clamped.step(np.array([1.5, -1.5, 1.5, -1.5, 1.5, 1.5]))
+        np.testing.assert_array_equal(a.objects, b.objects)
+    np.testing.assert_array_equal(np.abs(task.simulation.data.ctrl), 1.5)
+
+
+def test_commanded_velocity_is_reached_within_one_period() -> None:
+    task = new_task()
+    task.reset(0)
+    observation, _ = task.step(np.array([1.5, 0.5, 0.5, -0.5, 0.5, 1.0]))
+    np.testing.assert_allclose(
+        observation.joint_velocity, [1.5, 0.5, 0.5, -0.5, 0.5, 1.0], atol=0.05
+    )
+    for _ in range(3):
+        observation, _ = task.step(STILL)
+    np.testing.assert_allclose(observation.joint_velocity, 0.0, atol=0.01)
+
+
+def test_joints_stay_in_their_working_range() -> None:
+    task = new_task()
+    low, high = np.array(task.config.joint_lower), np.array(task.config.joint_upper)
+    for sign in (1.5, -1.5):
+        task.reset(0)
+        for _ in range(50):
+            observation, _ = task.step(np.full(6, sign))
+        assert (observation.joint_position[1:] > low[1:] - 0.05).all()
+        assert (observation.joint_position[1:] < high[1:] + 0.05).all()
+
+
+def test_nothing_steps_before_a_reset() -> None:
+    for call in (
+        lambda task: task.step(STILL),
+        lambda task: task.set_program("NEAR(HAND, RED)"),
+        lambda task: task.episode,
+    ):
+        with pytest.raises(EpisodeError, match="reset"):
+            call(new_task())
+
+
+def test_a_given_episode_is_placed_as_it_says() -> None:
+    blocks = (
+        Block(Kind("RED", "CUBE"), 0.4, 0.1, 0.5),
+        Block(Kind("BLUE", "SPHERE"), -0.3, 0.3, 0.0),
+    )
+    start = (1.0, *FAST.start_pose[1:])
+    task = new_task()
+    observation, _ = task.reset_to(Episode(9, "custom", blocks, start, "NEAR(HAND, BLUE)"))
+    np.testing.assert_allclose(observation.joint_position, start)
+    np.testing.assert_allclose(task.simulation.positions[1:, :2], [[0.4, 0.1], [-0.3, 0.3]])
+    with pytest.raises(EpisodeError, match="at least one block"):
+        task.simulation.place(Episode(9, "custom", (), start, "NEAR(HAND, BLUE)"))
+
+
+def test_unknown_condition_is_refused() -> None:
+    with pytest.raises(ConfigError, match="sideways"):
+        new_task().reset(0, "sideways")
+
+
+def test_number_of_blocks_can_be_chosen() -> None:
+    task = ReachTask(FAST, design_named("3-C"), 0, n_blocks=7)
+    assert task.reset(0)[0].objects.shape == (8, 16)
+
+
+def test_unstable_physics_is_an_error_not_a_silent_restart(tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log into the working directory
+    task = new_task()
+    task.reset(0)
+    task.simulation.data.qvel[:6] = 1e12
+    with pytest.raises(DivergedError, match="BADQVEL"):
+        task.step(STILL)
+    with pytest.raises(EpisodeError):
+        task.step(STILL)
+    assert issubclass(DivergedError, PaError)
+    assert task.reset(0)[1].step == 0
