@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 from time import perf_counter
 
 import mujoco
@@ -13,6 +12,7 @@ from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import design_named
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import JOINTS, Float64
+from pa_ros.core.report import device, versions
 
 
 def bench_sim(
@@ -35,11 +35,9 @@ def bench_sim(
         "sim.preset": arena.preset,
         "sim.design": design,
         "sim.sleep": str(arena.sleep),
-        "device": platform.processor() or platform.machine(),
+        "device": device(),
         "threads": os.environ.get("OMP_NUM_THREADS", "unset"),
-        "mujoco": mujoco.__version__,
-        "numpy": np.__version__,
-        "python": platform.python_version(),
+        "versions": versions(),
     }
 
 

@@ -107,7 +107,7 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
 
     def _info(self, verdict: Verdict) -> dict[str, Any]:
         return {
-            "program": str(self.task.verifier.program),
+            "program": self.task.program,
             "distance": verdict.distance,
             "is_success": verdict.satisfied,
         }

@@ -66,11 +66,6 @@ def mean_reward(task: ReachTask, policy: Policy, episodes: int, condition: str =
     return float(np.mean([reward_per_step(task, policy, i, condition) for i in range(episodes)]))
 
 
-def normalized(raw: float, low: float, high: float) -> float:
-    """0 at the random policy's reward per step, 1 at the script's; nan if they coincide."""
-    return (raw - low) / (high - low) if high != low else float("nan")
-
-
 def _distance(a: Float64, b: Float64) -> float:
     return float(np.linalg.norm(a - b))
 
