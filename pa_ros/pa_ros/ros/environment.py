@@ -1,0 +1,33 @@
+"""What the process environment must hold before rclpy starts: defaults, never overrides."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
+# Any of these says that the user has decided who may see the graph.
+NETWORK_CHOICES = (
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "ROS_STATIC_PEERS",
+    "ROS_DISCOVERY_SERVER",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_BUILTIN_TRANSPORTS",
+)
+
+
+def prepare_environment() -> None:
+    """Set what is missing; call before `rclpy.init`. Child processes inherit it.
+
+    Unless the user chose otherwise (NETWORK_CHOICES), the graph stays on this machine: Fast DDS
+    then has loopback UDP as its only transport. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST would
+    not do, because it limits discovery alone: sockets still listen on every interface.
+    """
+    os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    if not any(name in os.environ for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME")):
+        os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "pa_ros-log")
+    if not any(os.environ.get(name) for name in NETWORK_CHOICES):
+        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)

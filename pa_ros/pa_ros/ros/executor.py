@@ -1,0 +1,56 @@
+"""Spinning: the fast executor, made to stop when asked."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from rclpy.clock import Clock, ClockType
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+
+POLL_S = 0.1
+
+
+def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> object:
+    """A timer of wall time, whatever the node's clock is."""
+    return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def spin(node: Node, stop: threading.Event) -> None:
+    """Serve a node's callbacks on this thread until `stop` is set; then at most POLL_S longer.
+
+    EventsExecutor is three times as fast as the others, but its `spin()` never returns, and its
+    time-outs don't fire under continuous traffic: a timer completes a future instead. The timer
+    also lets Python run its signal handlers.
+    """
+    spin_until(node, stop.is_set, None)
+
+
+def spin_until(node: Node, condition: Callable[[], bool], timeout_s: float | None) -> bool:
+    """Serve callbacks until the condition holds or the time is up; whether it holds.
+
+    The condition is looked at every POLL_S and whenever a callback calls `wake` of the future.
+    """
+    clock = Clock(clock_type=ClockType.STEADY_TIME)
+    deadline = None if timeout_s is None else clock.now().nanoseconds + int(timeout_s * 1e9)
+    finished: Future = Future()
+
+    def poll() -> None:
+        late = deadline is not None and clock.now().nanoseconds >= deadline
+        if (late or condition()) and not finished.done():
+            finished.set_result(None)
+
+    executor = EventsExecutor()
+    executor.add_node(node)
+    timer = node.create_timer(POLL_S, poll, clock=clock)
+    try:
+        poll()
+        while not finished.done():
+            executor.spin_until_future_complete(finished, timeout_sec=1.0)
+    finally:
+        node.destroy_timer(timer)
+        executor.remove_node(node)
+        executor.shutdown()
+    return condition()

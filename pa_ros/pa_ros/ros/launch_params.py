@@ -1,0 +1,87 @@
+"""The parameters file of a launch: which nodes it starts, and with what. Needs no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pa_ros.core.errors import ConfigError
+
+NODES = ("sim_node", "agent_node", "learner_node")
+_EVERY = "**"
+_KEY = "ros__parameters"
+
+Parameters = dict[str, dict[str, Any]]
+"""Parameters by node, in the order of NODES."""
+
+
+def packaged(name: str) -> Path:
+    """A parameters file that comes with the package, by its name without ending."""
+    folder = Path(str(files("pa_ros"))) / "config"
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = sorted(found.stem for found in folder.glob("*.yaml"))
+        raise ConfigError(f"parameters: expected one of {known}, got {name!r}")
+    return path
+
+
+def load_parameters(path: Path) -> Parameters:
+    """Read a ROS 2 parameters file: each node that it names is started.
+
+    Keys are names of nodes (`sim_node`, `/arena1/sim_node`, `/**/sim_node`: the last part counts)
+    or `/**`, whose parameters go to every node started; a file with `/**` alone starts all three.
+    Raises ConfigError if the file is missing, is not YAML or has another structure.
+    """
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"parameters: {path}: {error}") from error
+    if not isinstance(content, dict) or not content:
+        shown = type(content).__name__ if content else "nothing"
+        raise ConfigError(f"parameters: {path}: expected nodes by name, got {shown}")
+    by_node: dict[str, dict[str, Any]] = {}
+    for key, value in content.items():
+        name = _node_name(path, key)
+        by_node[name] = by_node.get(name, {}) | _values(path, key, value)
+    common = by_node.pop(_EVERY, {})
+    started = by_node or dict.fromkeys(NODES, {})
+    return {name: common | started[name] for name in NODES if name in started}
+
+
+def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> Parameters:
+    """Parameters with some replaced or added; ConfigError for a node that is not started."""
+    absent = set(changes) - set(parameters)
+    if absent:
+        raise ConfigError(f"parameters: expected nodes of {list(parameters)}, got {sorted(absent)}")
+    return {name: values | dict(changes.get(name, {})) for name, values in parameters.items()}
+
+
+def write_parameters(path: Path, parameters: Parameters, namespace: str = "") -> None:
+    """Write what is really used, under the nodes' full names, for `--params-file`."""
+    prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    content = {f"{prefix}/{name}": {_KEY: values} for name, values in parameters.items() if values}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
+
+
+def _node_name(path: Path, key: object) -> str:
+    name = str(key).rstrip("/").rpartition("/")[2]
+    if name not in (*NODES, _EVERY):
+        raise ConfigError(f"parameters: {path}: expected a node of {NODES} or /**, got {key!r}")
+    return name
+
+
+def _values(path: Path, key: object, value: object) -> dict[str, Any]:
+    """The parameters under one node's key; names are text."""
+    if not isinstance(value, dict) or set(value) != {_KEY}:
+        raise ConfigError(f"parameters: {path}: {key}: expected {_KEY} alone, got {value!r:.200}")
+    values = value[_KEY]
+    if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
+        raise ConfigError(
+            f"parameters: {path}: {key}: {_KEY}: expected names and values, got {values!r:.200}"
+        )
+    return values

@@ -1,0 +1,171 @@
+"""Child processes that are started, watched and stopped together. Needs no ROS."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.ros.process import PARENT, ros_arguments
+
+TAIL_LINES = 15
+POLL_S = 0.02
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How long to wait after each signal before the next, harder one."""
+
+    interrupt_s: float = 10.0  # after SIGINT; a learner may be writing its checkpoint
+    terminate_s: float = 3.0  # after SIGTERM; rclpy's handler can leave a process hung
+    kill_s: float = 5.0  # after SIGKILL, for the kernel to take the process down
+
+    def __post_init__(self) -> None:
+        for name in ("interrupt_s", "terminate_s", "kill_s"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise ConfigError(f"launch {name}: expected at least 0, got {getattr(self, name)}")
+
+
+class ChildError(PaError):
+    """A child that could not be started, or that ended by itself; carries its log's last lines."""
+
+    code = "launch.child"
+
+
+@dataclass
+class _Child:
+    name: str
+    process: subprocess.Popen[bytes]
+    log: Path
+
+
+class Supervisor:
+    """Starts children, notices when one ends, stops them all; a context manager that stops.
+
+    Each child has its own session and process group, so a terminal's Ctrl-C reaches it only
+    through us. It is told whose child it is and has the kernel kill it when that thread ends,
+    however it ends (`pa_ros.ros.process.die_with_parent`, which every node calls): start children
+    from the main thread. stdout and stderr go to `<name>.log`.
+    """
+
+    def __init__(
+        self,
+        log_folder: Path,
+        environment: Mapping[str, str] | None = None,
+        patience: Patience | None = None,
+    ) -> None:
+        """`environment` replaces variables of this process's own."""
+        self._log_folder = log_folder
+        self._environment = {**os.environ, **(environment or {}), PARENT: str(os.getpid())}
+        self._patience = patience or Patience()
+        self._children: list[_Child] = []
+
+    def __enter__(self) -> Supervisor:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the children started and not stopped yet."""
+        return [child.name for child in self._children]
+
+    def start(self, name: str, command: Sequence[str]) -> int:
+        """Start a child; its process id. Raises ChildError if the program cannot be executed."""
+        self._log_folder.mkdir(parents=True, exist_ok=True)
+        log = self._log_folder / f"{name}.log"
+        with log.open("ab") as output:
+            try:
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    env=self._environment,
+                    start_new_session=True,
+                )
+            except OSError as error:
+                raise ChildError(f"{name}: cannot start {command[0]!r}: {error}") from error
+        self._children.append(_Child(name, process, log))
+        return process.pid
+
+    def check(self) -> None:
+        """Raise ChildError, with the tail of its log, if a child has ended by itself."""
+        for child in self._children:
+            status = child.process.poll()
+            if status is not None:
+                raise ChildError(
+                    f"{child.name} ended by itself ({_status_text(status)}); the last lines of "
+                    f"{child.log}:\n{tail(child.log)}"
+                )
+
+    def stop(self, only: Sequence[str] | None = None) -> dict[str, int]:
+        """Stop the children named (all of them): SIGINT, SIGTERM, SIGKILL as patience ends.
+
+        Returns each one's exit status, negative for the signal that ended it. A KeyboardInterrupt
+        meanwhile (a second Ctrl-C) goes on to SIGKILL at once. Raises ChildError if even that
+        does not end one in time.
+        """
+        chosen = [child for child in self._children if only is None or child.name in only]
+        patience = self._patience
+        try:
+            self._signal(chosen, signal.SIGINT, patience.interrupt_s)
+            self._signal(chosen, signal.SIGTERM, patience.terminate_s)
+        finally:
+            self._signal(chosen, signal.SIGKILL, patience.kill_s)
+            self._children = [child for child in self._children if child not in chosen]
+        statuses = {child.name: child.process.poll() for child in chosen}
+        stuck = [name for name, status in statuses.items() if status is None]
+        if stuck:
+            raise ChildError(f"{', '.join(stuck)}: still running {patience.kill_s} s after SIGKILL")
+        return {name: status for name, status in statuses.items() if status is not None}
+
+    def _signal(self, children: Sequence[_Child], number: signal.Signals, wait_s: float) -> None:
+        """Send a signal to what still runs, and wait for it, at most `wait_s`."""
+        running = [child for child in children if child.process.poll() is None]
+        for child in running:
+            try:
+                os.killpg(child.process.pid, number)
+            except ProcessLookupError:
+                continue
+        deadline = time.monotonic() + wait_s
+        while running and time.monotonic() < deadline:
+            time.sleep(POLL_S)
+            running = [child for child in running if child.process.poll() is None]
+
+
+def node_command(name: str, params: Path, namespace: str = "") -> list[str]:
+    """Command of a node, run by this interpreter with a parameters file."""
+    within = f"/{namespace.strip('/')}" if namespace.strip("/") else None
+    arguments = ros_arguments(params_file=params.resolve(), namespace=within)
+    return [sys.executable, "-m", f"{name}.main", *arguments]
+
+
+def tail(log: Path, lines: int = TAIL_LINES) -> str:
+    """The last lines of a log, reading at most 16 kB; says so if there are none."""
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
+            text = file.read().decode(errors="replace")
+    except OSError as error:
+        return f"({error})"
+    return "\n".join(text.splitlines()[-lines:]) or "(it wrote nothing)"
+
+
+def _status_text(status: int) -> str:
+    if status >= 0:
+        return f"exit status {status}"
+    return f"killed by {signal.Signals(-status).name}"

@@ -1,0 +1,80 @@
+"""The `main` of every node: environment, context, signals, exit status."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import Protocol
+
+from pa_ros.core.errors import PaError
+from pa_ros.ros.environment import prepare_environment
+from pa_ros.ros.process import die_with_parent
+
+EXIT_REFUSED = 2  # the user's input was refused, as argparse does
+
+
+class Shell(Protocol):
+    """A node of ours: a rclpy node, and what is to be closed before it goes."""
+
+    def close(self) -> None:
+        """Stop threads, save what must be saved; called once, before the node is destroyed."""
+
+
+def run_node(
+    make: Callable[[], Shell], arguments: Sequence[str] | None = None, grace_s: float = 10.0
+) -> int:
+    """Run one node until SIGINT or SIGTERM; the process's exit status.
+
+    0: stopped as asked. 2: a parameter was refused, with the reason on standard error. Should
+    closing hang for `grace_s`, the process ends all the same (status 1).
+    """
+    prepare_environment()
+    die_with_parent()
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from pa_ros.ros.executor import spin
+
+    with _stop_on_signal(grace_s) as stop:
+        rclpy.init(
+            args=[sys.argv[0], *(sys.argv[1:] if arguments is None else arguments)],
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        try:
+            node = make()
+            try:
+                spin(node, stop)
+            finally:
+                node.close()
+                node.destroy_node()  # type: ignore[attr-defined]
+        except PaError as error:
+            print(f"{os.path.basename(sys.argv[0])}: [{error.code}] {error}", file=sys.stderr)
+            return EXIT_REFUSED
+        finally:
+            rclpy.try_shutdown()
+    return 0
+
+
+@contextmanager
+def _stop_on_signal(grace_s: float) -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set, the process ending `grace_s` later come what may."""
+    stop = threading.Event()
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        if not stop.is_set():
+            last_resort = threading.Timer(grace_s, os._exit, (1,))
+            last_resort.daemon = True
+            last_resort.start()
+        stop.set()
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,66 @@
+"""The graph's topics and services: name, type and quality of service of each, in one table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from pa_ros.wire import interfaces as types
+
+
+def _reliable(depth: int, latched: bool = False) -> QoSProfile:
+    return QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+# In lockstep at most three messages of a topic are under way, so that depth loses nothing; unlike
+# KEEP_ALL, it doesn't let a stuck third party hold up the arm.
+STEP = _reliable(depth=100)
+LATCHED = _reliable(depth=1, latched=True)
+# Readers of latched topics with several writers keep one place for each.
+LATCHED_READER = _reliable(depth=100, latched=True)
+# A stretch lost would be a hole in the experience: KEEP_ALL never drops one.
+EXPERIENCE = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL, depth=1
+)
+# Not 1: with policy_lag 1 an agent acts with the version before the newest, and a late agent
+# must find both.
+POLICY = _reliable(depth=4, latched=True)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """`name` is relative to the node's namespace unless it begins with a slash."""
+
+    name: str
+    type: Any
+    writer: QoSProfile
+    reader: QoSProfile
+
+
+OBJECT_FEATURES = Topic("object_features", types.ObjectFeatures, STEP, STEP)
+JOINT_STATES = Topic("joint_states", types.JointState, STEP, STEP)
+JOINT_COMMANDS = Topic("joint_commands", types.JointCommand, STEP, STEP)
+VERDICT = Topic("verdict", types.Verdict, STEP, STEP)
+CLOCK = Topic("/clock", types.Clock, STEP, STEP)
+ARENA_INFO = Topic("arena_info", types.ArenaInfo, LATCHED, LATCHED_READER)
+PROGRAM = Topic("program", types.Program, LATCHED, LATCHED_READER)
+PROGRAM_STATUS = Topic("program_status", types.ProgramStatus, LATCHED_READER, LATCHED_READER)
+TRANSITIONS = Topic("transitions", types.Transitions, EXPERIENCE, EXPERIENCE)
+POLICY_WEIGHTS = Topic("policy_weights", types.PolicyWeights, POLICY, POLICY)
+DIAGNOSTICS = Topic("/diagnostics", types.DiagnosticArray, STEP, STEP)
+
+# A plain `ros2 topic pub` writes VOLATILE, which a TRANSIENT_LOCAL reader never hears; a reader of
+# programs therefore listens both ways (pa_ros.ros.programs).
+PROGRAM_LIVE = Topic("program", types.Program, LATCHED, STEP)
+
+RESET = ("reset", types.Reset)
+STEP_SERVICE = ("step", types.Step)
+PAUSE = ("pause", types.SetBool)
+SPEED = ("speed", types.SetSpeed)
