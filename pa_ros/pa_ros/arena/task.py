@@ -97,11 +97,6 @@ class ReachTask:
             raise EpisodeError("expected a reset before the first step")
         return self._episode
 
-    @property
-    def program(self) -> str:
-        """Canonical text of the program that is being scored."""
-        return str(self.verifier.program)
-
     def _observe(self) -> tuple[Observation, Verdict]:
         episode = self.episode
         objects = self.simulation.objects()
