@@ -67,8 +67,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
             )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {METADATA}: {error!r}") from error
-    assert isinstance(values, dict)
-    return values
+    return dict(values)
 
 
 def load_policy(path: Path) -> PolicySnapshot:
@@ -90,8 +89,8 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
     missing or damaged; the learner is then not to be used.
     """
     directory, values = find_checkpoint(path), read_metadata(path)
-    _check_same(directory, values, learner)
     try:
+        _check_same(directory, values, learner)
         for text in values["programs"]:
             learner.table.add(parse(text, learner.network.vocabulary))
         if list(learner.table.texts) != values["programs"]:
@@ -105,12 +104,12 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
         learner.counters = Counters(**values["counters"])
         learner.published.clear()
         learner.published.extend(_load_policies(directory, values))
+        extra: dict[str, Any] = values["extra"]
+        return extra
     except CheckpointError:
         raise
     except (PaError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
-    extra: dict[str, Any] = values["extra"]
-    return extra
 
 
 def find_checkpoint(path: Path) -> Path:
@@ -143,9 +142,9 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
     }
     return {
         METADATA: json.dumps(values, indent=1).encode(),
-        "backend.safetensors": save(learner.backend.tensors()),
-        "replay.safetensors": save(learner.replay.filled()),
-        "policies.safetensors": save(policies),
+        "backend.safetensors": _save_arrays(learner.backend.tensors()),
+        "replay.safetensors": _save_arrays(learner.replay.filled()),
+        "policies.safetensors": _save_arrays(policies),
     }
 
 
@@ -180,6 +179,12 @@ def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapsh
         ]
     except (PaError, KeyError, TypeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
+
+
+def _save_arrays(arrays: Arrays) -> bytes:
+    """Safetensors; it writes strided arrays wrongly, and says nothing."""
+    content: bytes = save({k: np.asarray(array, order="C") for k, array in arrays.items()})
+    return content
 
 
 def _load_arrays(path: Path) -> Arrays:

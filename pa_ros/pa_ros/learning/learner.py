@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +41,7 @@ class Counters:
     frames: int = 0  # transitions accepted
     episodes: int = 0
     updates: int = 0
-    owed: float = 0.0  # fraction of an update carried to the next stretch
+    frames_due: int = 0  # transitions that updates are due for: all but the warm-up's
 
 
 class Learner:
@@ -132,16 +133,15 @@ class Learner:
             version=self.counters.version,
             architecture=self.network.architecture,
             vocabulary_digest=self.network.vocabulary.digest,
-            tensors=self.backend.actor_tensors(),
+            tensors={k: np.ascontiguousarray(v) for k, v in self.backend.actor_tensors().items()},
         )
 
     def _updates_due(self, frames: int) -> int:
-        """Whole updates that `frames` more transitions are due; the rest is carried over."""
-        if self.counters.frames <= self.config.warmup_frames:
-            return 0
-        due = self.counters.owed + frames * self.config.updates_per_frame
-        self.counters.owed = due - int(due)
-        return int(due)
+        """Updates due for `frames` more transitions; fractions are carried over."""
+        if self.counters.frames > self.config.warmup_frames:
+            self.counters.frames_due += frames
+        total = self.counters.frames_due * self.config.updates_per_frame
+        return math.floor(total + 1e-9) - self.counters.updates
 
     def _update(self, updates: int) -> None:
         """Make updates; all their batches are drawn at once, since the replay does not change."""

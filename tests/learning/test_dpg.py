@@ -1,0 +1,263 @@
+"""One DPG update, by hand in float64; the backend's bookkeeping."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracle
+import pytest
+import torch
+from worlds import WORDS, objects_at
+
+from pa_ros.language import parse
+from pa_ros.learning.backend import Batch, make_backend
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.dpg import TorchBackend
+from pa_ros.networks.canonical import slot_matrices, target_one_hots
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
+from pa_ros.networks.programs import ProgramTable
+
+TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, OR(RED, BLUE))")
+CLIP = 0.02  # small, so that some of ∂Q/∂a is clipped and some is not
+CONFIG = LearnerConfig(
+    backend="torch", dtype="float64", actor_rate=1e-3, critic_rate=2e-3, action_gradient_clip=CLIP
+)
+
+
+def table(texts=TEXTS) -> ProgramTable:
+    made = ProgramTable(WORDS)
+    for text in texts:
+        made.add(parse(text, WORDS))
+    return made
+
+
+def random_batch(rng: np.random.Generator, size: int, k: int, programs: int) -> Batch:
+    def scenes() -> np.ndarray:
+        return np.stack([objects_at(rng.normal(0, 0.3, (2, 3))) for _ in range(size)])
+
+    return Batch(
+        objects=scenes(),
+        arm=rng.normal(size=(size, 18)).astype(np.float32),
+        action=rng.uniform(-1, 1, (size, 6)).astype(np.float32),
+        next_objects=scenes(),
+        next_arm=rng.normal(size=(size, 18)).astype(np.float32),
+        program=rng.integers(programs, size=(size, k)).astype(np.int32),
+        reward=rng.choice([-1.0, 1.0], (size, k)).astype(np.float32),
+        discount=rng.choice([0.0, 0.99], size).astype(np.float32),
+    )
+
+
+def networks(config: NetworkConfig) -> tuple[dict, dict]:
+    rng = np.random.default_rng(0)
+    actor, critic = initial_actor(config, rng), initial_critic(config, rng)
+    for tensors in (actor, critic):
+        for tensor in tensors.values():
+            tensor *= 2.0
+    return actor, critic
+
+
+def as_float64(tensors: dict) -> dict:
+    return {name: value.astype(np.float64) for name, value in tensors.items()}
+
+
+def assert_close(backend: TorchBackend, prefix: str, expected: dict, tolerance: float) -> None:
+    ours = backend.tensors()
+    for name, value in expected.items():
+        np.testing.assert_allclose(ours[f"{prefix}.{name}"], value, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic"])
+def test_updates_agree_with_the_oracle(kind) -> None:
+    """Five updates with a target copy between: formulas, clipping and Adam written out."""
+    network = NetworkConfig(WORDS, kind, hidden=8, attention=5, actor_output_scale=0.5)
+    actor, critic = networks(network)
+    backend = TorchBackend(network, CONFIG, table(), actor, critic)
+    values = {"actor": as_float64(actor), "critic": as_float64(critic)}
+    values |= {f"target_{name}": dict(tensors) for name, tensors in values.items()}
+    adam = {"actor": oracle.Adam(1e-3), "critic": oracle.Adam(2e-3)}
+    rng = np.random.default_rng(1)
+    for update in range(5):
+        if update == 3:
+            backend.copy_targets()
+            values |= {f"target_{name}": dict(values[name]) for name in adam}
+        batch = random_batch(rng, 4, 2, len(TEXTS))
+        backend.update(batch)
+        nets = {name: oracle.parameters(tensors) for name, tensors in values.items()}
+        gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP)
+        for name, gradient in zip(adam, gradients, strict=True):
+            adam[name].update(values[name], {k: g.numpy() for k, g in gradient.items()})
+    for name, tensors in values.items():
+        assert_close(backend, name, tensors, 1e-11)
+    for name, optimizer in adam.items():
+        assert_close(backend, f"adam.{name}.m", optimizer.m, 1e-12)
+        assert_close(backend, f"adam.{name}.v", optimizer.v, 1e-12)
+        assert backend.tensors()[f"adam.{name}.step"] == 5
+
+
+def oracle_transitions(batch: Batch) -> list[oracle.Transition]:
+    def scene(objects: np.ndarray, arm: np.ndarray, row: int) -> oracle.Scene:
+        given = (torch.from_numpy(array).double() for array in (objects, arm))
+        return oracle.Scene(*given, parse(TEXTS[row], WORDS), WORDS)
+
+    return [
+        oracle.Transition(
+            scene(batch.objects[b], batch.arm[b], row),
+            torch.from_numpy(batch.action[b]).double(),
+            float(batch.reward[b, i]),
+            float(batch.discount[b]),
+            scene(batch.next_objects[b], batch.next_arm[b], row),
+        )
+        for b in range(len(batch.arm))
+        for i, row in enumerate(batch.program[b])
+    ]
+
+
+class HandMlp:
+    """The canonical networks in NumPy, with the chain rule written out."""
+
+    def __init__(self, tensors: dict) -> None:
+        self.w = tensors
+
+    def layer(self, name: str, x: np.ndarray) -> np.ndarray:
+        return x @ self.w[f"{name}.weight"].T + self.w[f"{name}.bias"]
+
+    def forward(self, x: np.ndarray, action: np.ndarray | None = None) -> np.ndarray:
+        """Rows of [B, D]; keeps what `backward` needs."""
+        self.x, self.first = x, np.tanh(self.layer("layers.0", x))
+        second_in = self.first if action is None else np.concatenate([self.first, action], 1)
+        self.second_in, self.second = second_in, np.tanh(self.layer("layers.1", second_in))
+        return self.layer("output", self.second)
+
+    def backward(self, d_out: np.ndarray) -> tuple[dict, np.ndarray]:
+        """Gradients of the weights, and ∂/∂action [B, 6] if there is one."""
+        gradients = {"output.weight": d_out.T @ self.second, "output.bias": d_out.sum(0)}
+        d_second = d_out @ self.w["output.weight"] * (1 - self.second**2)
+        gradients |= {
+            "layers.1.weight": d_second.T @ self.second_in,
+            "layers.1.bias": d_second.sum(0),
+        }
+        d_in = d_second @ self.w["layers.1.weight"]
+        hidden = self.first.shape[1]
+        d_first = d_in[:, :hidden] * (1 - self.first**2)
+        gradients |= {"layers.0.weight": d_first.T @ self.x, "layers.0.bias": d_first.sum(0)}
+        return gradients, d_in[:, hidden:]
+
+
+def flattened(objects: np.ndarray, arm: np.ndarray, program: np.ndarray) -> np.ndarray:
+    """Inputs of the canonical networks, one row per transition and program."""
+    shapes, colors = slot_matrices(WORDS)
+    rows = []
+    for b, k in np.ndindex(program.shape):
+        fills = (objects[b] @ shapes) * (objects[b] @ colors)
+        scaled = objects[b].astype(np.float64) * np.array([5.0] * 3 + [1.0] * 13)
+        target = target_one_hots(parse(TEXTS[program[b, k]], WORDS), WORDS)
+        rows.append(np.concatenate([scaled[0], (fills.T @ scaled).ravel(), arm[b], target]))
+    return np.array(rows, np.float64)
+
+
+def test_one_update_by_hand() -> None:
+    """The whole update in float64 NumPy: target, both gradients, clip, Adam."""
+    network = NetworkConfig(WORDS, "canonical", canonical_hidden=10)
+    actor, critic = networks(network)
+    actor["output.weight"] *= 100.0
+    critic["output.weight"] *= 30.0
+    backend = TorchBackend(network, CONFIG, table(TEXTS[:2]), actor, critic)
+    batch = random_batch(np.random.default_rng(3), 5, 2, 2)
+    backend.update(batch)
+
+    pi, q = HandMlp(as_float64(actor)), HandMlp(as_float64(critic))
+    count = batch.program.size
+    after = flattened(batch.next_objects, batch.next_arm, batch.program)
+    now = flattened(batch.objects, batch.arm, batch.program)
+    bootstrap = q.forward(after, np.tanh(pi.forward(after)))
+    discount = np.repeat(batch.discount.astype(np.float64), 2)[:, None]
+    target = batch.reward.astype(np.float64).reshape(-1, 1) + discount * bootstrap
+    taken = np.repeat(batch.action.astype(np.float64), 2, axis=0)
+    error = q.forward(now, taken) - target
+    critic_gradient, _ = q.backward(2 * error / count)
+    action = np.tanh(pi.forward(now))
+    q.forward(now, action)
+    _, slope = q.backward(np.ones((count, 1)))
+    assert 0.1 < (np.abs(slope) > CLIP).mean() < 0.9
+    ascent = np.clip(slope, -CLIP, CLIP)
+    actor_gradient, _ = pi.backward(-ascent / count * (1 - action**2))
+    for name, tensors, gradient, rate in (
+        ("actor", pi.w, actor_gradient, 1e-3),
+        ("critic", q.w, critic_gradient, 2e-3),
+    ):
+        expected = {
+            key: tensors[key] - rate * g / (np.sqrt(g * g) + 1e-8) for key, g in gradient.items()
+        }  # Adam's first step: both bias-corrected moments are the gradient's own
+        assert_close(backend, name, expected, 1e-10)
+    assert backend.metrics()["critic_loss"] == pytest.approx(float((error**2).mean()), rel=1e-12)
+    assert backend.metrics()["mean_q"] == pytest.approx(float((error + target).mean()), rel=1e-10)
+    norm = np.sqrt(sum((g * g).sum() for g in actor_gradient.values()))
+    assert backend.metrics()["actor_gradient_norm"] == pytest.approx(norm, rel=1e-10)
+
+
+def made(config: LearnerConfig = CONFIG, kind: str = "programmable") -> TorchBackend:
+    network = NetworkConfig(WORDS, kind, hidden=8, attention=5)
+    backend = make_backend(network, config, table(), np.random.default_rng(4))
+    assert isinstance(backend, TorchBackend)
+    return backend
+
+
+def test_targets_move_only_when_copied() -> None:
+    backend = made()
+    start = backend.tensors()
+    rng = np.random.default_rng(0)
+    backend.update(random_batch(rng, 4, 1, 3))
+    after = backend.tensors()
+    for name in (n for n in start if n.startswith("target_")):
+        np.testing.assert_array_equal(after[name], start[name])
+        source = name.removeprefix("target_")
+        np.testing.assert_array_equal(start[name], start[source])
+    backend.copy_targets()
+    copied = backend.tensors()
+    for name in (n for n in start if n.startswith("target_")):
+        np.testing.assert_array_equal(copied[name], after[name.removeprefix("target_")])
+    assert not np.array_equal(after["actor.output.bias"], start["actor.output.bias"])
+
+
+def test_tensors_are_all_there_is() -> None:
+    """A second backend with the first's tensors goes on identically."""
+    first, second = made(), made(kind="programmable")
+    rng = np.random.default_rng(0)
+    batches = [random_batch(rng, 4, 2, 3) for _ in range(6)]
+    for batch in batches[:3]:
+        first.update(batch)
+    second.load_tensors(first.tensors())
+    for batch in batches[3:]:
+        first.update(batch)
+        second.update(batch)
+    theirs = second.tensors()
+    for name, value in first.tensors().items():
+        np.testing.assert_array_equal(value, theirs[name])
+
+
+def test_tensors_that_do_not_fit_are_refused() -> None:
+    backend = made()
+    tensors = backend.tensors()
+    with pytest.raises(TensorError, match="actor.output.bias: expected .6,., got .7,."):
+        backend.load_tensors(tensors | {"actor.output.bias": np.zeros(7)})
+    with pytest.raises(TensorError, match=r"missing \['adam.actor.step'\]"):
+        backend.load_tensors({k: v for k, v in tensors.items() if k != "adam.actor.step"})
+
+
+def test_actor_tensors_are_owned_float32() -> None:
+    backend = made()
+    tensors = backend.actor_tensors()
+    assert {t.dtype for t in tensors.values()} == {np.dtype(np.float32)}
+    before = tensors["output.bias"].copy()
+    backend.update(random_batch(np.random.default_rng(0), 4, 1, 3))
+    np.testing.assert_array_equal(tensors["output.bias"], before)
+
+
+def test_programs_may_join_between_updates() -> None:
+    network = NetworkConfig(WORDS, hidden=8, attention=5)
+    programs = table(TEXTS[:1])
+    backend = make_backend(network, CONFIG, programs, np.random.default_rng(4))
+    backend.update(random_batch(np.random.default_rng(0), 4, 1, 1))
+    programs.add(parse("NEAR(HAND, NOT(AND(NOT(RED), NOT(CUBE))))", WORDS))
+    backend.update(random_batch(np.random.default_rng(0), 4, 3, 2))
+    assert np.isfinite(backend.metrics()["critic_loss"])

@@ -1,0 +1,223 @@
+"""The learner: exact update-to-data ratio, idempotence, versions, relabeled batches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from worlds import KINDS, NEAR_M, PROGRAMS, WORDS, random_stretch
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import ProgramError
+from pa_ros.learning.backend import Batch
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.errors import NonFiniteError, PolicyError
+from pa_ros.learning.learner import Learner
+from pa_ros.networks.canonical import UnsupportedProgramError
+from pa_ros.networks.config import NetworkConfig
+
+NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
+
+
+def learner(network: NetworkConfig = NETWORK, **fields: object) -> Learner:
+    values = {"batch_size": 4, "replay_frames": 1000, "warmup_frames": 0, "backend": "torch"}
+    values |= {"stretch_steps": 10, "near_threshold": NEAR_M}
+    return Learner(network, LearnerConfig(**(values | fields)), PROGRAMS, seed=0)  # type: ignore[arg-type]
+
+
+class Recorder:
+    """Wraps a backend and keeps what it was given."""
+
+    def __init__(self, backend: object) -> None:
+        self._backend = backend
+        self.calls: list[str] = []
+        self.batches: list[Batch] = []
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._backend, name)
+
+    def update(self, batch: Batch) -> None:
+        self.calls.append("update")
+        self.batches.append(batch)
+
+    def copy_targets(self) -> None:
+        self.calls.append("copy")
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 2.5])
+def test_update_to_data_ratio_is_exact(ratio) -> None:
+    rng = np.random.default_rng(0)
+    one = learner(updates_per_frame=ratio)
+    one.backend = recorder = Recorder(one.backend)
+    frames = 0
+    for sequence in range(12):
+        steps = 1 + sequence % 5
+        report = one.consume(random_stretch(rng, steps, sequence=sequence))
+        frames += steps
+        assert abs(one.counters.updates - ratio * frames) < 1
+        assert report.version == one.counters.version == sequence + 1
+    assert len(recorder.batches) == one.counters.updates == int(ratio * frames + 1e-9)
+    assert one.counters.frames == frames
+
+
+def test_targets_are_copied_after_the_updates_of_an_episodes_last_stretch() -> None:
+    rng = np.random.default_rng(0)
+    one = learner()
+    one.backend = recorder = Recorder(one.backend)
+    for sequence, ends in enumerate([False, True, False]):
+        one.consume(random_stretch(rng, 2, sequence=sequence, ends_episode=ends))
+    assert recorder.calls == ["update"] * 4 + ["copy"] + ["update"] * 2
+    assert one.counters.episodes == 1
+
+
+def test_no_updates_until_warm() -> None:
+    rng = np.random.default_rng(0)
+    one = learner(warmup_frames=10)
+    updates = [one.consume(random_stretch(rng, 5, sequence=i)).updates for i in range(4)]
+    assert updates == [0, 0, 5, 5]
+
+
+def test_a_duplicate_does_nothing() -> None:
+    rng = np.random.default_rng(0)
+    one, two = learner(), learner()
+    stretches = [random_stretch(rng, 3, sequence=i) for i in range(3)]
+    for stretch in stretches:
+        one.consume(stretch)
+        two.consume(stretch)
+        report = two.consume(stretch)
+        assert not report.insert.accepted and report.updates == 0
+    assert two.replay.ledger.duplicates == 3
+    assert two.counters == one.counters
+    for name, value in one.backend.tensors().items():
+        np.testing.assert_array_equal(value, two.backend.tensors()[name])
+
+
+def test_a_refused_stretch_changes_nothing() -> None:
+    rng = np.random.default_rng(0)
+    one = learner()
+    one.consume(random_stretch(rng))
+    before = (one.counters.version, len(one.table), one.replay.to_metadata())
+    with pytest.raises(NonFiniteError):
+        one.consume(random_stretch(rng, sequence=1, rewards=np.full(5, np.nan, np.float32)))
+    with pytest.raises(ProgramError):
+        one.consume(random_stretch(rng, sequence=1, program="NEAR(HAND, AND(RED, CUBIC))"))
+    assert (one.counters.version, len(one.table), one.replay.to_metadata()) == before
+
+
+def test_canonical_networks_refuse_other_programs() -> None:
+    one = learner(NetworkConfig(WORDS, "canonical", canonical_hidden=6))
+    rng = np.random.default_rng(0)
+    assert one.consume(random_stretch(rng)).updates == 5
+    with pytest.raises(UnsupportedProgramError):
+        one.consume(random_stretch(rng, sequence=1, program="NEAR(HAND, NOT(RED))"))
+
+
+def test_published_versions() -> None:
+    rng = np.random.default_rng(0)
+    one = learner(policy_lag=1, backend="auto")
+    first = one.snapshot()
+    assert first.version == 0 and one.snapshot(0) is first
+    one.consume(random_stretch(rng))
+    second = one.snapshot()
+    assert second.version == 1 and one.snapshot(0) is first and one.snapshot(1) is second
+    assert not np.array_equal(first.tensors["output.bias"], second.tensors["output.bias"])
+    one.consume(random_stretch(rng, sequence=1))
+    with pytest.raises(PolicyError, match=r"expected one of the versions \[1, 2\], got 0"):
+        one.snapshot(0)
+    for tensor in second.tensors.values():
+        assert tensor.flags.c_contiguous and tensor.dtype == np.float32
+    assert second.architecture == NETWORK.architecture
+    assert second.vocabulary_digest == WORDS.digest
+
+
+def test_batches_are_gathered_from_transitions() -> None:
+    rng = np.random.default_rng(0)
+    one = learner(reward_shift=1.0)
+    one.backend = recorder = Recorder(one.backend)
+    stretch = random_stretch(rng, 8, terminated=True, program=PROGRAMS[1])
+    one.consume(stretch)
+    assert len(recorder.batches) == 8
+    for batch in recorder.batches:
+        assert batch.program.shape == batch.reward.shape == (4, 1)
+        assert (batch.program == 1).all()
+        for b in range(4):
+            (t,) = np.flatnonzero((stretch.arm[:-1] == batch.arm[b]).all(1))
+            np.testing.assert_array_equal(batch.objects[b], stretch.objects[t])
+            np.testing.assert_array_equal(batch.next_objects[b], stretch.objects[t + 1])
+            np.testing.assert_array_equal(batch.next_arm[b], stretch.arm[t + 1])
+            np.testing.assert_array_equal(batch.action[b], stretch.actions[t])
+            assert batch.reward[b, 0] == stretch.rewards[t] + 1
+            assert batch.discount[b] == (0.0 if t == 7 else np.float32(0.99))
+        arrays = (batch.objects, batch.arm, batch.action, batch.next_objects, batch.next_arm)
+        for array in (*arrays, batch.program, batch.reward, batch.discount):
+            assert array.flags.c_contiguous
+
+
+def test_relabeled_rewards_are_those_of_the_next_row() -> None:
+    rng = np.random.default_rng(0)
+    one = learner(relabel="all-goals", programs_per_transition=2)
+    one.backend = recorder = Recorder(one.backend)
+    one.consume(random_stretch(rng, 40))
+    seen = set()
+    for batch in recorder.batches:
+        assert (np.sort(batch.program, 1) == [0, 1]).all()
+        for b, k in np.ndindex(batch.program.shape):
+            kind = KINDS[batch.program[b, k]]
+            (target,) = np.flatnonzero(batch.next_objects[b][:, list(kind)].all(1))
+            near = np.linalg.norm(batch.next_objects[b, target, :3].astype(float)) <= NEAR_M
+            assert batch.reward[b, k] == (1.0 if near else -1.0)
+            seen.add(bool(near))
+    assert seen == {True, False}
+
+
+def test_one_seed_one_result() -> None:
+    def result(seed: int) -> np.ndarray:
+        rng = np.random.default_rng(9)
+        config = LearnerConfig(batch_size=4, replay_frames=100, stretch_steps=10, warmup_frames=0)
+        one = Learner(NETWORK, config, PROGRAMS, seed)
+        for sequence in range(3):
+            one.consume(random_stretch(rng, sequence=sequence))
+        return one.snapshot().tensors["local.0.weight"]
+
+    np.testing.assert_array_equal(result(0), result(0))
+    assert not np.array_equal(result(0), result(1))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("batch_size", 0),
+        ("discount", 1.0),
+        ("replay_frames", 100),
+        ("updates_per_frame", -1.0),
+        ("actor_rate", 0.0),
+        ("critic_rate", float("nan")),
+        ("relabel", "some"),
+        ("programs_per_transition", 2),
+        ("relabel_keeps_original", True),
+        ("stretch_steps", 0),
+        ("policy_lag", -1),
+        ("noise_scale", "loud"),
+        ("noise_dt", 0.0),
+        ("backend", "abacus"),
+        ("dtype", "float16"),
+        ("threads", True),
+        ("near_threshold", -0.1),
+        ("reward_shift", float("inf")),
+    ],
+)
+def test_a_refused_setting_is_shown(field, value) -> None:
+    with pytest.raises(ConfigError, match=str(value) if field != "relabel_keeps_original" else "1"):
+        LearnerConfig(**{field: value})
+
+
+def test_settings_round_trip() -> None:
+    config = LearnerConfig(relabel="all-goals", programs_per_transition=4, reward_shift=1.0)
+    assert LearnerConfig.from_json(config.to_json()) == config
+    for text in ("{", '{"speed": 1}', "3"):
+        with pytest.raises(ConfigError):
+            LearnerConfig.from_json(text)
+
+
+def test_a_backend_that_does_not_apply_is_refused() -> None:
+    with pytest.raises(ConfigError, match="'fused'"):
+        learner(backend="fused", dtype="float64")

@@ -1,0 +1,324 @@
+"""The loop: lag, order, resuming, checkpoints, and a problem that DPG must solve."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from worlds import PROGRAMS, WORDS, PointWorld, random_stretch
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Stretch
+from pa_ros.learning.actor import Actor
+from pa_ros.learning.checkpoint import (
+    find_checkpoint,
+    load_configs,
+    load_policy,
+    read_metadata,
+    restore,
+    save_checkpoint,
+)
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.errors import CheckpointError, PolicyError
+from pa_ros.learning.learner import ConsumeReport, Learner
+from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.schedule import Schedule
+from pa_ros.networks.config import NetworkConfig
+
+NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
+SETTINGS = LearnerConfig(
+    batch_size=4, replay_frames=500, warmup_frames=30, stretch_steps=20, relabel="all-goals"
+)
+SPEED = np.ones(6)
+
+
+def run(
+    out: Path,
+    frames: int,
+    settings: LearnerConfig = SETTINGS,
+    resume: bool = False,
+    network: NetworkConfig = NETWORK,
+    **fields: object,
+) -> Learner:
+    config = TrainConfig(out, seed=3, frames=frames, **fields)  # type: ignore[arg-type]
+    return train(config, network, settings, PointWorld(3), SPEED, PROGRAMS, None, resume)
+
+
+def assert_same(one: Learner, two: Learner) -> None:
+    """Everything that a learner is, bit for bit."""
+    assert one.counters == two.counters
+    assert one.rng.bit_generator.state == two.rng.bit_generator.state
+    assert one.replay.to_metadata() == two.replay.to_metadata()
+    for ours, theirs in (
+        (one.backend.tensors(), two.backend.tensors()),
+        (one.replay.filled(), two.replay.filled()),
+    ):
+        assert ours.keys() == theirs.keys()
+        for name in ours:
+            np.testing.assert_array_equal(ours[name], theirs[name])
+    for snapshot, other in zip(one.published, two.published, strict=True):
+        assert snapshot.version == other.version
+        for name, tensor in snapshot.tensors.items():
+            np.testing.assert_array_equal(tensor, other.tensors[name])
+
+
+def consumed(monkeypatch: pytest.MonkeyPatch) -> list[Stretch]:
+    """Every stretch that any learner consumes from here on."""
+    stretches: list[Stretch] = []
+    original = Learner.consume
+
+    def consume(self: Learner, stretch: Stretch) -> ConsumeReport:
+        stretches.append(stretch)
+        return original(self, stretch)
+
+    monkeypatch.setattr(Learner, "consume", consume)
+    return stretches
+
+
+@pytest.mark.parametrize("lag", [0, 1, 3])
+@pytest.mark.parametrize("steps", [1, 7, 20])
+def test_lag(tmp_path, monkeypatch, lag, steps) -> None:
+    """Stretch m is acted by version m − lag, and the weights are those of that version."""
+    stretches = consumed(monkeypatch)
+    settings = replace(SETTINGS, policy_lag=lag, stretch_steps=steps)
+    learner = run(tmp_path, 60, settings)
+    assert [s.sequence for s in stretches] == list(range(len(stretches)))
+    schedule = Schedule(lag)
+    for m, stretch in enumerate(stretches):
+        assert stretch.policy_version == max(0, m - lag) == schedule.acting_version(m)
+    ends = {s.first_step + len(s) for s in stretches if s.ends_episode}
+    assert ends == {20} and sum(len(s) for s in stretches) == 60
+    assert all(len(s) == steps for s in stretches if not s.ends_episode)
+    assert learner.counters.version == len(stretches)
+    assert [p.version for p in learner.published] == list(
+        range(max(0, len(stretches) - lag), len(stretches) + 1)
+    )
+
+
+def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> None:
+    """Replaying the learner alone gives the policies that explain every action."""
+    stretches = consumed(monkeypatch)
+    run(tmp_path, 100)
+    monkeypatch.undo()
+    learner = Learner(NETWORK, SETTINGS, PROGRAMS, seed=3)
+    policies = {0: learner.snapshot()}
+    world = PointWorld(3)
+    actor = Actor(NETWORK, SETTINGS, seed=3)
+    for episode, stretch in enumerate(stretches):
+        actor.load(policies[stretch.policy_version])
+        observation, _ = world.reset(episode)
+        for t in range(len(stretch)):
+            np.testing.assert_array_equal(observation.objects, stretch.objects[t])
+            action = actor.explore(observation, world.program)
+            np.testing.assert_array_equal(action, stretch.actions[t])
+            observation, verdict = world.step(action.astype(np.float64))
+            assert verdict.reward == stretch.rewards[t]
+        learner.consume(stretch)
+        policies[learner.counters.version] = learner.snapshot()
+
+
+@pytest.mark.parametrize("lag", [1, 2])
+def test_overlap_changes_nothing(tmp_path, lag) -> None:
+    settings = replace(SETTINGS, policy_lag=lag, stretch_steps=7)
+    one = run(tmp_path / "a", 200, settings, overlap=True)
+    assert_same(one, run(tmp_path / "b", 200, settings, overlap=False))
+
+
+@pytest.mark.parametrize("backend", ["auto", "torch"])
+@pytest.mark.parametrize("lag", [0, 1])
+def test_resuming_is_not_stopping(tmp_path, backend, lag) -> None:
+    """Also across the replay's wrap, at 500 rows."""
+    settings = replace(SETTINGS, backend=backend, policy_lag=lag, updates_per_frame=0.7)
+    unbroken = run(tmp_path / "a", 800, settings, evaluate_every_frames=40)
+    run(tmp_path / "b", 260, settings, evaluate_every_frames=40)
+    run(tmp_path / "b", 600, settings, resume=True, evaluate_every_frames=40)
+    assert_same(unbroken, run(tmp_path / "b", 800, settings, True, evaluate_every_frames=40))
+
+    def curve(name: str) -> list[dict[str, str]]:
+        with (tmp_path / name / "progress.csv").open(newline="") as file:
+            return [{k: v for k, v in row.items() if k != "wall_s"} for row in csv.DictReader(file)]
+
+    assert [float(row["frames"]) for row in curve("a")] == list(range(40, 801, 40))
+    assert [row["critic_loss"] for row in curve("a")] == [row["critic_loss"] for row in curve("b")]
+
+
+def test_a_run_cut_off_repeats_what_its_checkpoint_lacks(tmp_path) -> None:
+    """progress.csv loses the rows after the checkpoint, and gets them again, the same."""
+    out, kept = tmp_path / "run", tmp_path / "kept"
+    run(out, 100, evaluate_every_frames=20)
+    shutil.copytree(out / "checkpoint", kept)
+    run(out, 200, resume=True, evaluate_every_frames=20)
+    final = load_policy(out / "checkpoint")
+    shutil.rmtree(out / "checkpoint")
+    shutil.move(kept, out / "checkpoint")
+    run(out, 200, resume=True, evaluate_every_frames=20)
+    with (out / "progress.csv").open(newline="") as file:
+        assert [float(row["frames"]) for row in csv.DictReader(file)] == list(range(20, 201, 20))
+    for name, tensor in load_policy(out / "checkpoint").tensors.items():
+        np.testing.assert_array_equal(tensor, final.tensors[name])
+
+
+def test_a_new_run_starts_its_curve_anew(tmp_path) -> None:
+    run(tmp_path, 60, evaluate_every_frames=20)
+    run(tmp_path, 40, evaluate_every_frames=20)
+    assert len((tmp_path / "progress.csv").read_text().splitlines()) == 3
+
+
+def test_checkpoints_are_written_on_the_way(tmp_path, monkeypatch) -> None:
+    from pa_ros.learning import loop
+
+    versions: list[int] = []
+
+    def save(root: Path, learner: Learner, extra: dict) -> Path:
+        versions.append(learner.counters.version)
+        return save_checkpoint(root, learner, extra)
+
+    monkeypatch.setattr(loop, "save_checkpoint", save)
+    run(tmp_path, 200, checkpoint_every_frames=60)
+    assert versions == [3, 6, 9, 10]
+    directories = [p.name for p in (tmp_path / "checkpoint").iterdir()]
+    assert sorted(directories) == ["LATEST", "version-000000010"]
+
+
+@pytest.fixture
+def saved(tmp_path) -> Path:
+    run(tmp_path / "run", 100)
+    return tmp_path / "run" / "checkpoint"
+
+
+def test_a_checkpoint_is_plain_and_acts(saved) -> None:
+    values = read_metadata(saved)
+    assert values["counters"]["frames"] == 100
+    assert values["extra"]["design"] == "2-L" and values["extra"]["seed"] == 3
+    assert load_configs(saved) == (NETWORK, SETTINGS)
+    snapshot = load_policy(saved)
+    assert snapshot.version == 5
+    actor = Actor.of(snapshot)
+    observation, _ = PointWorld().reset(0)
+    assert actor.act(observation, PROGRAMS[0]).shape == (6,)
+    files = {p.suffix for p in find_checkpoint(saved).iterdir()}
+    assert files == {".json", ".safetensors"}
+
+
+@pytest.mark.parametrize(
+    ("network", "settings", "message"),
+    [
+        (replace(NETWORK, hidden=7), SETTINGS, "hidden: checkpoint 6, here 7"),
+        (replace(NETWORK, kind="distilled-critic"), SETTINGS, "checkpoint 'programmable', here"),
+        (NETWORK, replace(SETTINGS, critic_rate=1e-3), "critic_rate: checkpoint 0.0003, here"),
+    ],
+)
+def test_another_learners_checkpoint_is_refused(saved, network, settings, message) -> None:
+    with pytest.raises(CheckpointError, match=message):
+        restore(saved, Learner(network, settings, PROGRAMS, 3))
+
+
+def test_other_training_programs_are_refused(saved) -> None:
+    with pytest.raises(CheckpointError, match="expected programs"):
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS[::-1], 3))
+
+
+@pytest.mark.parametrize(
+    "name", ["metadata.json", "backend.safetensors", "replay.safetensors", "policies.safetensors"]
+)
+@pytest.mark.parametrize("damage", ["missing", "truncated", "empty"])
+def test_a_damaged_checkpoint_is_refused(saved, name, damage) -> None:
+    path = find_checkpoint(saved) / name
+    content = path.read_bytes()
+    if damage == "missing":
+        path.unlink()
+    else:
+        path.write_bytes(content[: len(content) // 2] if damage == "truncated" else b"")
+    with pytest.raises(CheckpointError):
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3))
+
+
+@pytest.mark.parametrize("missing", ["rng", "counters", "replay", "network", "published", "extra"])
+def test_metadata_that_lacks_something_is_refused(saved, missing) -> None:
+    path = find_checkpoint(saved) / "metadata.json"
+    values = json.loads(path.read_text())
+    del values[missing]
+    path.write_text(json.dumps(values))
+    with pytest.raises(CheckpointError):
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3))
+
+
+def test_no_checkpoint_and_another_format(saved, tmp_path) -> None:
+    with pytest.raises(CheckpointError, match="found none"):
+        load_policy(tmp_path / "nowhere")
+    with pytest.raises(CheckpointError, match="found none"):
+        run(tmp_path / "nowhere", 20, resume=True)
+    path = find_checkpoint(saved) / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 99}))
+    with pytest.raises(CheckpointError, match="expected format 1, got 99"):
+        load_policy(saved)
+
+
+def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) -> None:
+    from pa_ros.learning import checkpoint
+
+    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3)
+    restore(saved, learner)
+    before = load_policy(saved)
+    learner.consume(random_stretch(np.random.default_rng(0), agent_id="other"))
+    for step in ("rename", "replace"):
+        with monkeypatch.context() as patch:
+
+            def crash(*_: object) -> None:
+                raise OSError("the disk is full")
+
+            patch.setattr(checkpoint.os, step, crash)
+            with pytest.raises(CheckpointError, match="the disk is full"):
+                save_checkpoint(saved, learner)
+        assert load_policy(saved).version == before.version
+    save_checkpoint(saved, learner)
+    assert load_policy(saved).version == before.version + 1
+    assert sorted(p.name for p in saved.iterdir()) == ["LATEST", "version-000000006"]
+
+
+def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> None:
+    def consume(self: Learner, stretch: Stretch) -> ConsumeReport:
+        raise PolicyError("no")
+
+    monkeypatch.setattr(Learner, "consume", consume)
+    with pytest.raises(PolicyError, match="no"):
+        run(tmp_path, 200)
+
+
+@pytest.mark.parametrize("field", ["seed", "frames", "evaluate_every_frames"])
+def test_negative_numbers_are_refused(tmp_path, field) -> None:
+    with pytest.raises(ConfigError, match="-1"):
+        TrainConfig(tmp_path, **{field: -1})
+
+
+def mean_reward(actor: Actor, episodes: range) -> float:
+    """Greedy reward per step."""
+    world = PointWorld(3)
+    rewards = []
+    for episode in episodes:
+        observation, verdict = world.reset(episode)
+        while not verdict.truncated:
+            action = actor.act(observation, world.program).astype(np.float64)
+            observation, verdict = world.step(action)
+            rewards.append(verdict.reward)
+    return float(np.mean(rewards))
+
+
+def test_dpg_solves_the_point_world(tmp_path) -> None:
+    """From about −1 to most of the time near the block that the program names."""
+    network = NetworkConfig(WORDS, "true-properties", hidden=32, attention=8)
+    settings = replace(
+        SETTINGS, batch_size=64, replay_frames=20_000, warmup_frames=200, actor_rate=1e-3,
+        critic_rate=2e-3, discount=0.9, programs_per_transition=2, near_threshold=0.25,
+    )  # fmt: skip
+    learner = run(tmp_path, 4000, settings, network=network, evaluate_every_frames=0)
+    before = Actor(network, settings, 3)
+    before.load(Learner(network, settings, PROGRAMS, 3).snapshot())
+    episodes = range(10_000, 10_030)
+    assert mean_reward(before, episodes) < -0.8
+    assert mean_reward(Actor.of(learner.snapshot()), episodes) > 0.3

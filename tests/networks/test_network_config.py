@@ -1,0 +1,115 @@
+"""Descriptions of networks: refused values, canonical text, and what the text distinguishes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import OBJECT_FEATURE_NAMES
+from pa_ros.language import Vocabulary
+from pa_ros.networks.config import KINDS, NetworkConfig, actor_config
+from pa_ros.networks.parameters import (
+    actor_shapes,
+    critic_shapes,
+    initial_actor,
+    initial_critic,
+    truth_matrix,
+)
+
+WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("BLUE", "A"))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("kind", "quantum"),
+        ("hidden", 0),
+        ("attention", -1),
+        ("canonical_hidden", 1.5),
+        ("position_scale", 0.0),
+        ("actor_output_scale", float("nan")),
+        ("critic_output_bias", float("inf")),
+    ],
+)
+def test_a_refused_value_is_shown(field, value) -> None:
+    with pytest.raises(ConfigError, match=str(value)):
+        NetworkConfig(WORDS, **{field: value})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_json_round_trip(kind) -> None:
+    config = NetworkConfig(WORDS, kind, hidden=7, critic_output_bias=-100.0)
+    assert NetworkConfig.from_json(config.to_json()) == config
+    again = actor_config(config.architecture)
+    assert again.architecture == config.architecture
+    assert actor_shapes(again) == actor_shapes(config)
+
+
+def test_architecture_tells_actors_apart_and_nothing_else() -> None:
+    config = NetworkConfig(WORDS)
+    same = [replace(config, kind="distilled-critic"), replace(config, critic_output_bias=-100.0)]
+    other = [
+        replace(config, hidden=151),
+        replace(config, attention=65),
+        replace(config, position_scale=1.0),
+        replace(config, kind="canonical"),
+        replace(config, kind="true-properties"),
+        replace(config, vocabulary=Vocabulary(("SPHERE", "CUBE", "C"), ("BLUE", "A"))),
+    ]
+    assert {c.architecture for c in same} == {config.architecture}
+    assert len({c.architecture for c in [config, *other]}) == 1 + len(other)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", "null", '{"shapes":["CUBE"],"colors":["RED"]}'])
+def test_text_that_describes_no_actor_is_refused(text) -> None:
+    with pytest.raises(ConfigError):
+        actor_config(text)
+
+
+def test_text_with_one_thing_more_is_refused() -> None:
+    values = json.loads(NetworkConfig(WORDS).architecture) | {"layers": 3}
+    with pytest.raises(ConfigError, match="layers"):
+        actor_config(json.dumps(values, sort_keys=True, separators=(",", ":")))
+
+
+@pytest.mark.parametrize("text", ["{", "{}", "null", '{"shapes":["CUBE"],"colors":["RED"],"x":1}'])
+def test_text_that_describes_no_networks_is_refused(text) -> None:
+    with pytest.raises(ConfigError):
+        NetworkConfig.from_json(text)
+
+
+def test_shapes_are_those_of_the_design_notes() -> None:
+    shapes = actor_shapes(NetworkConfig(WORDS))
+    assert shapes["detectors.weight"] == (5, 34)
+    assert shapes["query.weight"] == shapes["context.weight"] == (64, 34)
+    assert shapes["attention.weight"] == (64,)
+    assert shapes["local.0.weight"] == (150, 34) and shapes["local.1.weight"] == (150, 150)
+    assert shapes["message.0.weight"] == (150, 68) and shapes["message.1.weight"] == (150, 150)
+    assert shapes["output.weight"] == (6, 150)
+    critic = critic_shapes(NetworkConfig(WORDS, "distilled-critic"))
+    assert "detectors.weight" not in critic
+    assert critic["action.weight"] == (150, 6) and critic["output.weight"] == (1, 150)
+
+
+def test_initial_weights() -> None:
+    config = NetworkConfig(WORDS, critic_output_bias=-100.0)
+    rng = np.random.default_rng(5)
+    actor, critic = initial_actor(config, rng), initial_critic(config, rng)
+    assert critic["output.bias"] == [-100.0]
+    assert 2e-3 < np.abs(actor["output.weight"]).max() <= 3e-3
+    assert 0.11 < np.abs(actor["message.0.weight"]).max() <= 68**-0.5
+    assert 0.11 < np.abs(actor["message.0.bias"]).max() <= 68**-0.5
+    again = initial_actor(config, np.random.default_rng(5))
+    assert all(np.array_equal(actor[name], again[name]) for name in actor)
+
+
+def test_true_properties_of_words() -> None:
+    matrix = truth_matrix(WORDS)
+    expected = {"CUBE": "shape_cube", "SPHERE": "shape_sphere", "BLUE": "color_blue"}
+    for word, row in WORDS.row.items():
+        one_hot = np.array([name == expected.get(word) for name in OBJECT_FEATURE_NAMES])
+        np.testing.assert_array_equal(matrix[:, row], one_hot)

@@ -1,0 +1,222 @@
+"""The torch networks against the oracle: forward and gradients, in float64 and float32."""
+
+from __future__ import annotations
+
+import numpy as np
+import oracle
+import pytest
+import torch
+
+from pa_ros.core.experience import COLORS, SHAPES
+from pa_ros.language import Vocabulary, parse
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.inference import ProgrammableInference, make_inference
+from pa_ros.networks.parameters import (
+    TensorError,
+    actor_shapes,
+    critic_shapes,
+    initial_actor,
+    initial_critic,
+)
+from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
+from pa_ros.networks.programs import ProgramTable
+
+WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
+TEXTS = (
+    "NEAR(HAND, AND(RED, CUBE))",
+    "NEAR(HAND, GREEN)",
+    "NEAR(HAND, OR(AND(BLUE, SPHERE), NOT(OR(RED, A, C)), CYLINDER))",
+    "NEAR(HAND, NOT(NOT(AND(NOT(B), CUBE, GREEN))))",
+)
+KINDS = ("programmable", "distilled-critic", "true-properties")
+
+
+def random_objects(rng: np.random.Generator, batch: int, n: int) -> np.ndarray:
+    """Ω of scenes with the hand first: [B, N, 16]."""
+    objects = np.zeros((batch, n, 16))
+    objects[..., :3] = rng.normal(0, 0.3, (batch, n, 3))
+    rotation = rng.normal(size=(batch, n, 4))
+    objects[..., 3:7] = rotation / np.linalg.norm(rotation, axis=-1, keepdims=True)
+    shape = rng.integers(len(SHAPES), size=(batch, n))
+    color = rng.integers(len(COLORS), size=(batch, n))
+    objects[..., 7:] = np.concatenate([np.eye(4)[shape], np.eye(5)[color]], -1)
+    objects[:, 0, :3], objects[:, 0, 7:] = 0.0, 0.0
+    return objects
+
+
+def network(kind: str = "programmable") -> NetworkConfig:
+    return NetworkConfig(WORDS, kind, hidden=12, attention=7, actor_output_scale=0.5)
+
+
+def tensors_of(config: NetworkConfig, seed: int = 0) -> tuple[dict, dict]:
+    """Weights larger than the initial ones, so that nothing is nearly linear or uniform."""
+    rng = np.random.default_rng(seed)
+    actor, critic = initial_actor(config, rng), initial_critic(config, rng)
+    for tensors in (actor, critic):
+        for tensor in tensors.values():
+            tensor *= 2.0
+    return actor, critic
+
+
+def module(kind: type, config: NetworkConfig, tensors: dict, dtype: torch.dtype):
+    made = kind(config).to(dtype)
+    made.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
+    return made
+
+
+def programs(rows: np.ndarray) -> Programs:
+    table = ProgramTable(WORDS)
+    for text in TEXTS:
+        table.add(parse(text, WORDS))
+    return Programs(*(tensor[torch.from_numpy(rows)] for tensor in table.tensors()))
+
+
+def scenes(objects, arm, rows, hand_index: int):
+    """One oracle scene per transition and program."""
+    return [
+        [
+            oracle.Scene(
+                torch.from_numpy(objects[b]), torch.from_numpy(arm[b]), parse(TEXTS[row], WORDS),
+                WORDS, hand_index,
+            )
+            for row in rows[b]
+        ]
+        for b in range(len(objects))
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("n", "k", "hand_index"), [(5, 1, 0), (2, 3, 1), (7, 4, 3), (1, 2, 0)])
+@pytest.mark.parametrize(
+    ("dtype", "tolerance"), [(torch.float64, 1e-11), (torch.float32, 1e-5)]
+)
+def test_agree_with_the_oracle(kind, n, k, hand_index, dtype, tolerance) -> None:
+    rng = np.random.default_rng(n)
+    config = network(kind)
+    actor_tensors, critic_tensors = tensors_of(config)
+    objects = random_objects(rng, 3, n).astype(np.float32).astype(np.float64)
+    arm = rng.normal(size=(3, 18)).astype(np.float32).astype(np.float64)
+    actions = rng.uniform(-1, 1, (3, k, 6)).astype(np.float32).astype(np.float64)
+    rows = rng.integers(len(TEXTS), size=(3, k))
+    weigh = rng.normal(size=(3, k, 6))
+    given = [torch.from_numpy(array).to(dtype) for array in (objects, arm, actions, weigh)]
+    actor = module(ProgrammableActor, config, actor_tensors, dtype)
+    critic = module(ProgrammableCritic, config, critic_tensors, dtype)
+    a = actor(given[0], given[1], programs(rows), hand_index)
+    q = critic(given[0], given[1], programs(rows), given[2], hand_index)
+    (a * given[3]).sum().backward()
+    (q * given[3][..., 0]).sum().backward()
+
+    actor_named = oracle.parameters(actor_tensors)
+    critic_named = oracle.parameters(critic_tensors)
+    expected = scenes(objects, arm, rows, hand_index)
+    expected_a = torch.stack(
+        [torch.stack([oracle.actor(actor_named, s) for s in per]) for per in expected]
+    )
+    expected_q = torch.stack([
+        torch.stack([
+            oracle.critic(critic_named, s, torch.from_numpy(actions[b, i]))
+            for i, s in enumerate(per)
+        ])
+        for b, per in enumerate(expected)
+    ])  # fmt: skip
+    (expected_a * torch.from_numpy(weigh)).sum().backward()
+    (expected_q * torch.from_numpy(weigh[..., 0])).sum().backward()
+
+    def close(ours: torch.Tensor, theirs: torch.Tensor) -> None:
+        torch.testing.assert_close(ours.double(), theirs, rtol=tolerance, atol=tolerance)
+
+    close(a.detach(), expected_a.detach())
+    close(q.detach(), expected_q.detach())
+    for made, named in ((actor, actor_named), (critic, critic_named)):
+        for name, parameter in made.named_parameters():
+            scale = max(1.0, float(named[name].grad.abs().max()))
+            close(parameter.grad / scale, named[name].grad / scale)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_state_dicts_are_the_table_of_tensors(kind) -> None:
+    config = NetworkConfig(WORDS, kind)
+    for made, shapes in (
+        (ProgrammableActor(config), actor_shapes(config)),
+        (ProgrammableCritic(config), critic_shapes(config)),
+    ):
+        assert {k: tuple(v.shape) for k, v in made.state_dict().items()} == shapes
+
+
+def test_an_action_per_scene_is_an_action_for_each_program() -> None:
+    rng = np.random.default_rng(0)
+    config = network()
+    critic = module(ProgrammableCritic, config, tensors_of(config)[1], torch.float64)
+    objects = torch.from_numpy(random_objects(rng, 2, 4))
+    arm, action = torch.from_numpy(rng.normal(size=(2, 18))), torch.rand(2, 6).double()
+    rows = np.array([[0, 1, 2], [3, 3, 0]])
+    once = critic(objects, arm, programs(rows), action)
+    each = critic(objects, arm, programs(rows), action[:, None].expand(-1, 3, -1))
+    torch.testing.assert_close(once, each)
+
+
+def test_irrelevant_objects_change_nothing() -> None:
+    """p_j = 0 removes an object from α, from the messages and from h (paper, relational)."""
+    config = network("true-properties")
+    actor = module(ProgrammableActor, config, tensors_of(config)[0], torch.float64)
+    rng = np.random.default_rng(2)
+    objects = random_objects(rng, 1, 3)
+    objects[0, 1:, 7:] = 0.0
+    objects[0, 1, [7, 11]] = 1.0  # a red cube
+    objects[0, 2, [8, 13]] = 1.0  # a blue sphere
+    arm = torch.from_numpy(rng.normal(size=(1, 18)))
+    moved = objects.copy()
+    moved[0, 2, :3] += 10.0
+    red_cube = programs(np.array([[0]]))
+    before, after, without = (
+        actor(torch.from_numpy(given), arm, red_cube) for given in (objects, moved, objects[:, :2])
+    )
+    torch.testing.assert_close(before, after)
+    torch.testing.assert_close(before, without)
+
+
+@pytest.mark.parametrize("kind", ["programmable", "true-properties"])
+@pytest.mark.parametrize(("n", "hand_index"), [(5, 0), (3, 2)])
+def test_numpy_inference_equals_torch(kind, n, hand_index) -> None:
+    rng = np.random.default_rng(n)
+    config = network(kind)
+    tensors = tensors_of(config)[0]
+    actor = module(ProgrammableActor, config, tensors, torch.float64)
+    inference = make_inference(config, tensors)
+    for row, text in enumerate(TEXTS):
+        objects = random_objects(rng, 1, n).astype(np.float32)
+        arm = rng.normal(size=(1, 18)).astype(np.float32)
+        given = (torch.from_numpy(x).double() for x in (objects, arm))
+        expected = actor(*given, programs(np.array([[row]])), hand_index)[0, 0]
+        action = inference.act(objects[0], arm[0], parse(text, WORDS), hand_index)
+        assert action.dtype == np.float32 and action.shape == (6,)
+        np.testing.assert_allclose(action, expected.detach().numpy(), atol=1e-5)
+
+
+def test_numpy_inference_shows_its_properties() -> None:
+    rng = np.random.default_rng(3)
+    config = network()
+    tensors = tensors_of(config)[0]
+    objects = random_objects(rng, 1, 4).astype(np.float32)
+    arm = rng.normal(size=18).astype(np.float32)
+    phi = ProgrammableInference(config, tensors).properties(objects[0], arm)
+    scene = oracle.Scene(
+        torch.from_numpy(objects[0]).double(), torch.from_numpy(arm).double(),
+        parse(TEXTS[0], WORDS), WORDS,
+    )  # fmt: skip
+    named = oracle.parameters(tensors)
+    for i in range(4):
+        expected = [x.item() for x in oracle.properties(named, scene, i).values()]
+        np.testing.assert_allclose(phi[:, i], expected, atol=1e-5)
+
+
+def test_inference_refuses_tensors_that_do_not_fit() -> None:
+    config = network()
+    tensors = tensors_of(config)[0]
+    with pytest.raises(TensorError, match=r"query.bias: expected \(7,\), got \(8,\)"):
+        make_inference(config, tensors | {"query.bias": np.zeros(8, np.float32)})
+    with pytest.raises(TensorError, match="missing .*output.bias"):
+        make_inference(config, {k: v for k, v in tensors.items() if k != "output.bias"})
+    with pytest.raises(TensorError, match="finite"):
+        make_inference(config, tensors | {"query.bias": np.full(7, np.nan, np.float32)})

@@ -1,0 +1,86 @@
+"""A fake of the arena, small enough to solve in seconds, and random experience."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pa_ros.core.experience import Float64, Observation, Stretch, Verdict
+from pa_ros.language import Vocabulary
+
+WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+PROGRAMS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))")
+KINDS = ((7, 11), (8, 13))  # one-hots of a red cube and a blue sphere
+NEAR_M = 0.25
+
+
+def objects_at(positions: Float64) -> np.ndarray:
+    """Ω of a hand at the origin, a red cube and a blue sphere, [3, 16]."""
+    objects = np.zeros((3, 16), np.float32)
+    objects[:, 6] = 1.0
+    for row, (position, one_hots) in enumerate(zip(positions, KINDS, strict=True), start=1):
+        objects[row, :3] = position
+        objects[row, list(one_hots)] = 1.0
+    return objects
+
+
+class PointWorld:
+    """A hand that moves in the plane by the first two velocities; two blocks that stay.
+
+    Reward +1 within NEAR_M of the named block. Same protocol as the arena's task.
+    """
+
+    def __init__(self, seed: int = 0, steps: int = 20) -> None:
+        self._seed, self._steps = seed, steps
+        self._stamp = 0
+        self.program = PROGRAMS[0]
+
+    def reset(self, episode_index: int, condition: str = "train") -> tuple[Observation, Verdict]:
+        rng = np.random.default_rng([self._seed, 0, episode_index])
+        self._episode, self._step = episode_index, 0
+        self.program = PROGRAMS[rng.integers(2)]
+        angle = rng.uniform(0, 2 * np.pi)
+        place = 0.6 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        self._blocks = np.stack([place, -place])
+        self._hand = np.zeros(3)
+        return self._observe()
+
+    def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
+        self._step += 1
+        self._hand[:2] += 0.1 * np.clip(joint_velocity[:2], -1, 1)
+        return self._observe()
+
+    def _observe(self) -> tuple[Observation, Verdict]:
+        self._stamp += 100
+        positions = self._blocks - self._hand
+        named = PROGRAMS.index(self.program)
+        distance = float(np.linalg.norm(positions[named].astype(np.float32).astype(np.float64)))
+        where = (self._episode, self._step, self._stamp)
+        joints = np.concatenate([self._hand, np.zeros(3)])
+        program_id = f"{self._episode}.0"
+        observation = Observation(*where, objects_at(positions), joints, 0 * joints, 0, program_id)
+        near = distance <= NEAR_M
+        reward = 1.0 if near else -1.0
+        truncated = self._step >= self._steps
+        verdict = Verdict(*where, program_id, reward, near, distance, truncated)
+        return observation, verdict
+
+
+def random_stretch(rng: np.random.Generator, steps: int = 5, **fields: object) -> Stretch:
+    """Random numbers of the right shapes; `fields` replace any of it."""
+    values = {
+        "agent_id": "agent",
+        "sequence": 0,
+        "policy_version": 0,
+        "episode": 0,
+        "first_step": 0,
+        "program": PROGRAMS[0],
+        "hand_index": 0,
+        "objects": np.stack([objects_at(rng.normal(0, 0.3, (2, 3))) for _ in range(steps + 1)]),
+        "arm": rng.normal(size=(steps + 1, 18)).astype(np.float32),
+        "actions": rng.uniform(-1, 1, (steps, 6)).astype(np.float32),
+        "rewards": rng.choice([-1.0, 1.0], steps).astype(np.float32),
+        "ends_episode": True,
+        "terminated": False,
+        "vocabulary_digest": WORDS.digest,
+    }
+    return Stretch(**(values | fields))  # type: ignore[arg-type]
