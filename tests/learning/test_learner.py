@@ -131,7 +131,7 @@ def test_published_versions() -> None:
 
 def test_batches_are_gathered_from_transitions() -> None:
     rng = np.random.default_rng(0)
-    one = learner(reward_shift=1.0)
+    one = learner(reward_shift=1.0, reward_scale=0.5)
     one.backend = recorder = Recorder(one.backend)
     stretch = random_stretch(rng, 8, terminated=True, program=PROGRAMS[1])
     one.consume(stretch)
@@ -145,7 +145,7 @@ def test_batches_are_gathered_from_transitions() -> None:
             np.testing.assert_array_equal(batch.next_objects[b], stretch.objects[t + 1])
             np.testing.assert_array_equal(batch.next_arm[b], stretch.arm[t + 1])
             np.testing.assert_array_equal(batch.action[b], stretch.actions[t])
-            assert batch.reward[b, 0] == stretch.rewards[t] + 1
+            assert batch.reward[b, 0] == 0.5 * (stretch.rewards[t] + 1)
             assert batch.discount[b] == (0.0 if t == 7 else np.float32(0.99))
         arrays = (batch.objects, batch.arm, batch.action, batch.next_objects, batch.next_arm)
         for array in (*arrays, batch.program, batch.reward, batch.discount):
@@ -203,6 +203,7 @@ def test_one_seed_one_result() -> None:
         ("threads", True),
         ("near_threshold", -0.1),
         ("reward_shift", float("inf")),
+        ("reward_scale", 0.0),
     ],
 )
 def test_a_refused_setting_is_shown(field, value) -> None:

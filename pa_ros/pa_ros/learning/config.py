@@ -117,7 +117,7 @@ def _check_integers(config: LearnerConfig) -> None:
 
 def _check_numbers(config: LearnerConfig) -> None:
     positive = ["action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"]
-    positive += ["near_threshold", "noise_dt"]
+    positive += ["near_threshold", "noise_dt", "reward_scale"]
     for name in (*positive, "updates_per_frame", "noise_sigma", "noise_damping", "reward_shift"):
         value = getattr(config, name)
         if not (isinstance(value, (int, float)) and math.isfinite(value)):

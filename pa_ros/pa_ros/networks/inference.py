@@ -123,8 +123,8 @@ class CanonicalInference:
         scaled = objects * self._scale
         x = np.concatenate([scaled[hand_index], (fills.T @ scaled).ravel(), arm, target])
         for weight, bias in self._layers:
-            x = np.asarray(np.tanh(weight @ x + bias), np.float32)
-        return x
+            x = np.tanh(weight @ x + bias)
+        return np.asarray(x, np.float32)
 
 
 def _relevant(phi: Float32, flat: FlatProgram, hand_index: int) -> Float32:
