@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import yaml
 
 from pa_ros.core.errors import ConfigError
 
+CONFIG = Path(__file__).parents[1] / "config"
 NODES = ("sim_node", "agent_node", "learner_node")
 _EVERY = "**"
 _KEY = "ros__parameters"
@@ -21,10 +21,9 @@ Parameters = dict[str, dict[str, Any]]
 
 def packaged(name: str) -> Path:
     """A parameters file that comes with the package, by its name without ending."""
-    folder = Path(str(files("pa_ros"))) / "config"
-    path = folder / f"{name}.yaml"
+    path = CONFIG / f"{name}.yaml"
     if not path.is_file():
-        known = sorted(found.stem for found in folder.glob("*.yaml"))
+        known = sorted(found.stem for found in CONFIG.glob("*.yaml"))
         raise ConfigError(f"parameters: expected one of {known}, got {name!r}")
     return path
 

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from rclpy.node import Node
@@ -50,7 +50,7 @@ BAG_TOPICS = (
     topics.DIAGNOSTICS,
 )
 _FOREVER = QosTime(9223372036, 854775807)  # how rosbag2 writes an unlimited duration
-BAG_VERSION = 9  # of rosbag2's metadata, as Jazzy writes it
+BAG_VERSION: Final = 9  # of rosbag2's metadata, as Jazzy writes it
 
 
 class BagError(PaError):
@@ -67,10 +67,13 @@ class Recorder:
     """
 
     def __init__(self, folder: Path, node: Node, recorded: Iterable[Topic] = BAG_TOPICS) -> None:
-        """`folder` must not exist. Names are resolved in the node's namespace."""
+        """Names are resolved in the node's namespace. Raises BagError if `folder` exists."""
         self._node = node
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
-        self._writer = Writer(folder, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+        try:
+            self._writer = Writer(folder, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+        except WriterError as error:
+            raise BagError(f"bag: {error}") from error
         self._recorded = tuple(recorded)
         self._subscriptions: list[Any] = []
         self.counts: dict[str, int] = {}  # by the topic's full name
@@ -114,10 +117,9 @@ class Recorder:
             )
         )
 
-    def _keep(self, connection: Connection) -> Callable[[bytes, dict[str, Any]], None]:
-        def receive(payload: bytes, info: dict[str, Any]) -> None:
-            stamp_ns = info["received_timestamp"] or time.time_ns()
-            self._writer.write(connection, stamp_ns, payload)
+    def _keep(self, connection: Connection) -> Callable[[bytes], None]:
+        def receive(payload: bytes) -> None:
+            self._writer.write(connection, time.time_ns(), payload)
             self.counts[connection.topic] += 1
 
         return receive

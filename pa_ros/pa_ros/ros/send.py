@@ -1,0 +1,118 @@
+"""Sending a program to a running graph, hearing who accepts it, and what becomes of it."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+from rclpy.node import Node
+
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.ros.execution import Execution, ExecutionWatch
+from pa_ros.ros.executor import spin_until
+from pa_ros.ros.topics import PROGRAM, PROGRAM_STATUS, VERDICT
+from pa_ros.wire import codec
+from pa_ros.wire.records import ProgramJudgement, ProgramRequest
+
+SETTLE_S = 0.5  # after which every node of a graph on this machine has been discovered
+_serial = count()
+
+
+class SendTimeoutError(PaError):
+    """Nobody, or not everybody, answered in time; or no verdict came."""
+
+    code = "send.timeout"
+
+
+@dataclass
+class Answers:
+    """Who said what to one program, and who has not spoken yet."""
+
+    judgements: dict[str, ProgramJudgement] = field(default_factory=dict)  # by node
+    silent: set[str] = field(default_factory=set)  # nodes that judge programs
+
+    @property
+    def refused(self) -> list[ProgramJudgement]:
+        """The refusals among the judgements."""
+        return [judgement for judgement in self.judgements.values() if not judgement.accepted]
+
+
+class ProgramSender:
+    """Publishes programs from a node, one at a time, and follows each.
+
+    Programs are latched for as long as this object lives, so a node that starts late hears them.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._since = time.monotonic()
+        self._program_id = ""
+        self._answers = Answers()
+        self._watch = ExecutionWatch("")
+        self._execution: Execution | None = None
+        self._publisher = node.create_publisher(PROGRAM.type, PROGRAM.name, PROGRAM.writer)
+        node.create_subscription(
+            PROGRAM_STATUS.type, PROGRAM_STATUS.name, self._on_status, PROGRAM_STATUS.reader
+        )
+        node.create_subscription(VERDICT.type, VERDICT.name, self._on_verdict, VERDICT.reader)
+
+    def send(self, text: str, timeout_s: float) -> Answers:
+        """Publish a program and wait until every node that judges programs has answered.
+
+        Returns at the first refusal. Raises SendTimeoutError if someone stays silent, ConfigError
+        for text that cannot be sent at all.
+        """
+        self._program_id = f"send-{os.getpid()}-{next(_serial)}"
+        self._answers, self._execution = Answers(), None
+        self._watch = ExecutionWatch(self._program_id)
+        message = codec.encode_program(ProgramRequest(self._program_id, _sendable(text)))
+        self._publisher.publish(message)
+        if not spin_until(self._node, self._answered, timeout_s):
+            raise SendTimeoutError(_silence(self._answers, timeout_s))
+        return self._answers
+
+    def wait(self, timeout_s: float) -> Execution:
+        """Wait for what becomes of the program sent last; SendTimeoutError if it stays open."""
+        if not spin_until(self._node, lambda: self._execution is not None, timeout_s):
+            begun = "it is still being executed" if self._watch.begun else "no verdict on it came"
+            raise SendTimeoutError(f"{begun} after {timeout_s:g} s")
+        assert self._execution is not None
+        return self._execution
+
+    def _answered(self) -> bool:
+        if self._answers.refused:
+            return True
+        judges = {
+            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            for info in self._node.get_publishers_info_by_topic(PROGRAM_STATUS.name)
+        }
+        self._answers.silent = judges - self._answers.judgements.keys()
+        settled = time.monotonic() - self._since > SETTLE_S
+        return settled and bool(self._answers.judgements) and not self._answers.silent
+
+    def _on_status(self, message: Any) -> None:
+        judgement = codec.decode_program_status(message)
+        if judgement.program_id == self._program_id:
+            self._answers.judgements[judgement.node] = judgement
+
+    def _on_verdict(self, message: Any) -> None:
+        if self._execution is None:
+            self._execution = self._watch.observe(codec.decode_verdict(message))
+
+
+def _sendable(text: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ConfigError(f"program: expected text in UTF-8: {error}") from error
+    return text
+
+
+def _silence(answers: Answers, timeout_s: float) -> str:
+    if not answers.silent and not answers.judgements:
+        return f"nobody answered within {timeout_s:g} s: is the graph running, in this ROS domain?"
+    names = ", ".join(sorted(answers.silent))
+    return f"no answer within {timeout_s:g} s from {names}"
