@@ -31,14 +31,15 @@ class Link:
     max_speed: float  # rad/s, [dm_control]: 36°/s for joints 1-3, 48°/s for joints 4-6
     max_torque: float  # N m, [dm_control]
     armature: float  # kg m², reflected rotor inertia; our estimate (gear ratio 160 in [urdf])
-    velocity_gain: float  # N m s/rad, ours: reaches the command within one control period
+    velocity_gain: float  # N m s/rad, ours: within one control period, and no higher than what
+    # a saturated torque can follow at a physics step of 10 ms (else the joint chatters)
     limits: tuple[float, float] | None  # rad, [urdf]; None is a continuous joint
 
 
 LARGE_SPEED, SMALL_SPEED = radians(36.0), radians(48.0)
 LARGE_TORQUE, SMALL_TORQUE = 30.5, 6.8
-_LARGE = (LARGE_SPEED, LARGE_TORQUE, 0.2, 100.0)
-_SMALL = (SMALL_SPEED, SMALL_TORQUE, 0.05, 10.0)
+_LARGE = (LARGE_SPEED, LARGE_TORQUE, 0.4, 60.0)
+_SMALL = (SMALL_SPEED, SMALL_TORQUE, 0.1, 10.0)
 _SHOULDER_LIMITS = (radians(47.0), radians(313.0))
 _ELBOW_LIMITS = (radians(19.0), radians(341.0))
 _WRIST = (0.0, -0.03703, -0.06414)
