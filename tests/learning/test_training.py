@@ -163,6 +163,21 @@ def test_a_run_cut_off_repeats_what_its_checkpoint_lacks(tmp_path) -> None:
         np.testing.assert_array_equal(tensor, final.tensors[name])
 
 
+@pytest.mark.parametrize(("field", "value"), [("design", "3-D"), ("preset", "paper")])
+def test_another_runs_checkpoint_is_refused(tmp_path, field, value) -> None:
+    run(tmp_path, 20)
+    with pytest.raises(CheckpointError, match=f"{field}: expected '{value}'"):
+        run(tmp_path, 40, resume=True, **{field: value})
+
+
+def test_another_curve_is_refused(tmp_path) -> None:
+    run(tmp_path, 60, evaluate_every_frames=20)
+    curve = tmp_path / "progress.csv"
+    curve.write_text(curve.read_text().replace("mean_q", "mean_z"))
+    with pytest.raises(CheckpointError, match="mean_z.*got.*mean_q"):
+        run(tmp_path, 80, resume=True, evaluate_every_frames=20)
+
+
 def test_a_new_run_starts_its_curve_anew(tmp_path) -> None:
     run(tmp_path, 60, evaluate_every_frames=20)
     run(tmp_path, 40, evaluate_every_frames=20)

@@ -22,6 +22,7 @@ from pa_ros.learning.actor import Actor
 from pa_ros.learning.agent import LearningAgent
 from pa_ros.learning.checkpoint import restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.progress import Progress
 from pa_ros.learning.schedule import Schedule
@@ -90,11 +91,24 @@ def train(
     learner = Learner(network, learner_config, training_programs, config.seed)
     wall_s = 0.0
     if resume:
-        wall_s = float(restore(config.out / "checkpoint", learner)["wall_s"])
+        wall_s = _resume(config, learner)
     run = _Run(config, learner, environment, max_speed, evaluate, wall_s, resume)
     with run:
         run.until(config.frames)
     return learner
+
+
+def _resume(config: TrainConfig, learner: Learner) -> float:
+    """Restore the learner of the same run; the seconds that it has taken so far."""
+    path = config.out / "checkpoint"
+    extra = restore(path, learner)
+    for name in ("seed", "design", "preset"):
+        if extra.get(name) != getattr(config, name):
+            raise CheckpointError(
+                f"checkpoint: {path}: {name}: expected {getattr(config, name)!r}, "
+                f"got {extra.get(name)!r}"
+            )
+    return float(extra.get("wall_s", 0.0))
 
 
 class _Consumer:

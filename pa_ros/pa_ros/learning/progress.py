@@ -24,7 +24,11 @@ class Progress:
             self.add(row)
 
     def add(self, row: dict[str, float] | dict[str, str]) -> None:
-        """Write one row; raises ValueError if its columns are not the first row's."""
+        """Write one row; CheckpointError if its columns are not the first row's."""
+        if self._columns is not None and self._columns != list(row):
+            raise CheckpointError(
+                f"progress: {self._path}: expected columns {self._columns}, got {list(row)}"
+            )
         with self._path.open("a", newline="") as file:
             writer = csv.DictWriter(file, self._columns or list(row))
             if self._columns is None:

@@ -121,17 +121,17 @@ class CanonicalInference:
         target = target_one_hots(program, self._vocabulary)
         fills = (objects @ self._shapes) * (objects @ self._colors)  # [N, S]
         scaled = objects * self._scale
-        x = np.concatenate([scaled[hand_index], (fills.T @ scaled).ravel(), arm, target])
+        x: Float32 = np.concatenate([scaled[hand_index], (fills.T @ scaled).ravel(), arm, target])
         for weight, bias in self._layers:
             x = np.tanh(weight @ x + bias)
-        return np.asarray(x, np.float32)
+        return x
 
 
 def _relevant(phi: Float32, flat: FlatProgram, hand_index: int) -> Float32:
     """p, [N], by running the flat program over the rows of Φ (paper, eq. logic)."""
     hand = np.zeros(phi.shape[1], np.float32)
     hand[hand_index] = 1.0
-    registers = [*phi, hand]
+    registers: list[Float32] = [*phi, hand]
     for op, a, b in zip(flat.op, flat.a, flat.b, strict=True):
         x, y = registers[a], registers[b]
         if op == NOT:
