@@ -72,9 +72,25 @@ static void multiply_add(int64_t rows, int64_t columns, int64_t depth, Matrix a,
     multiply(rows, columns, depth, a, b, ldb, c, ldc, FromRows{c, ldc, 1});
 }
 
-// out[n][m] = in[m][n]
+// out[n][m] = in[m][n], by squares of 4 × 4; rows and columns are multiples of kLane.
 static void transpose(const float* in, int64_t rows, int64_t columns, float* out) {
-    for (int64_t m = 0; m < rows; m += kLane)
-        for (int64_t n = 0; n < columns; n++)
-            for (int64_t k = m; k < m + kLane; k++) out[n * rows + k] = in[k * columns + n];
+    typedef float v4 __attribute__((vector_size(16), may_alias));
+    typedef int32_t i4 __attribute__((vector_size(16)));
+    const i4 low = {0, 4, 1, 5}, high = {2, 6, 3, 7}, first = {0, 1, 4, 5}, last = {2, 3, 6, 7};
+    const auto at = [](auto* p, int64_t line, int64_t stride) -> v4& {
+        return *(v4*)(p + line * stride);
+    };
+    for (int64_t n = 0; n < columns; n += 4)
+        for (int64_t m = 0; m < rows; m += 4) {
+            const float* from = in + m * columns + n;
+            float* to = out + n * rows + m;
+            const v4 a = at(from, 0, columns), b = at(from, 1, columns);
+            const v4 c = at(from, 2, columns), d = at(from, 3, columns);
+            const v4 ab0 = __builtin_shuffle(a, b, low), ab1 = __builtin_shuffle(a, b, high);
+            const v4 cd0 = __builtin_shuffle(c, d, low), cd1 = __builtin_shuffle(c, d, high);
+            at(to, 0, rows) = __builtin_shuffle(ab0, cd0, first);
+            at(to, 1, rows) = __builtin_shuffle(ab0, cd0, last);
+            at(to, 2, rows) = __builtin_shuffle(ab1, cd1, first);
+            at(to, 3, rows) = __builtin_shuffle(ab1, cd1, last);
+        }
 }

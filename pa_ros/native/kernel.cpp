@@ -50,7 +50,7 @@ void* create(const Network* actor, const Network* critic, const Tensors* actor_t
     g->actor = *actor_tensors, g->critic = *critic_tensors;
     g->batch = z->transitions, g->objects = z->objects, g->programs = z->programs;
     g->length = z->length, g->threads = z->threads;
-    g->chunk = chunk_size(z->transitions, z->objects, z->programs, z->threads);
+    choose_chunks(*g);
     g->thread = static_cast<Thread*>(std::calloc((size_t)z->threads, sizeof(Thread)));
     g->memory = zeroed(carve_learner(*g, nullptr));
     if (!g->thread || !g->memory) return destroy(g), nullptr;
@@ -70,12 +70,14 @@ void apply_gradients(void* learner, int64_t actor_step, int64_t critic_step, int
 
 void read_metrics(const void* learner, const Batch* batch, Metrics* out) {
     const auto& g = *static_cast<const Learner*>(learner);
-    double error = 0, q = 0, gradient = 0;
-    for (int t = 0; t < g.threads; t++)
-        error += g.thread[t].squared_error, q += g.thread[t].sum_q,
-            gradient += g.thread[t].squared_gradient;
+    double error = 0, q = 0, gradient = 0, largest = 0;
+    for (int t = 0; t < g.threads; t++) {
+        const Thread& x = g.thread[t];
+        error += x.squared_error, q += x.sum_q, gradient += x.squared_gradient;
+        for (int i = 0; i < W; i++) largest = x.w.largest[i] > largest ? x.w.largest[i] : largest;
+    }
     const double rows = (double)batch->transitions * batch->programs;
-    *out = {error / rows, q / rows, __builtin_sqrt(gradient)};
+    *out = {error / rows, q / rows, __builtin_sqrt(gradient), largest};
 }
 
 struct Actor {
@@ -95,7 +97,7 @@ void* create_actor(const Network* shape, const float* parameters, int objects, i
     auto* x = static_cast<Actor*>(std::calloc(1, sizeof(Actor)));
     if (!x) return nullptr;
     const Layout l = layout_of(*shape);
-    const WorkSize size{1, objects, 1, length, shape->words, l.columns, l.hidden};
+    const WorkSize size{1, 1, objects, 1, length, shape->words, l.columns, l.hidden};
     x->shape = *shape, x->parameters = parameters;
     Arena arena{nullptr, 0};
     carve(x->w, arena, size);

@@ -83,8 +83,10 @@ struct Batch {
     const int32_t *op, *a, *b;
 };
 
+// `largest_part`: of the sums x + y under tanh, the largest |x| or |y|. Beyond 43.6 a part is
+// clamped, so a sum of two such parts of opposite sign is wrong (see simd.h).
 struct Metrics {
-    double critic_loss, mean_q, actor_gradient_norm;
+    double critic_loss, mean_q, actor_gradient_norm, largest_part;
 };
 
 }  // namespace pa

@@ -1,8 +1,10 @@
 // One DPG update (docs/DESIGN.md, "Learning"; paper, appendix), split over threads by chunks.
 // Included inside a namespace of its own per instruction-set level.
 
-// Rows of Work's large arrays that fit the second-level cache beside the weights.
-constexpr int kChunkRows = 80;
+// A chunk's rows (samples × programs) go through the second layers together, so that their weights
+// are read seldom; a block's (samples × objects) through the first layers, and stay in cache.
+constexpr int kChunkRows = 64;
+constexpr int kBlockRows = 80;
 
 struct Thread {
     Work w;
@@ -16,7 +18,7 @@ struct Learner {
     Network actor_shape, critic_shape;
     Tensors actor, critic;
     Settings settings;
-    int batch, objects, programs, length, threads, chunk;
+    int batch, objects, programs, length, threads, chunk, block;
     Thread* thread;  // [threads]
     void* memory;
 };
@@ -25,18 +27,23 @@ static Net net_of(const Network& shape, const float* parameters) {
     return {&shape, layout_of(shape), parameters};
 }
 
-static int chunk_size(int batch, int objects, int programs, int threads) {
-    int samples = kChunkRows / objects / 4 * 4;
-    if (samples < 4) samples = 4;
-    while (samples > 4 && samples * programs > 128) samples -= 4;
-    const int per_thread = (batch + threads - 1) / threads;
-    return samples < per_thread ? samples : per_thread;
+// Samples per block and per chunk: blocks are multiples of what a tile has of rows.
+static void choose_chunks(Learner& g) {
+    const int per_thread = (g.batch + g.threads - 1) / g.threads;
+    const auto samples = [&](int rows, int each) {
+        const int most = rows / each / kTileRows * kTileRows, least = kTileRows;
+        return most > least ? most : least;
+    };
+    const int chunk = samples(kChunkRows, g.programs);
+    g.chunk = chunk < per_thread ? chunk : per_thread;
+    const int block = samples(kBlockRows, g.objects);
+    g.block = block < g.chunk ? block : g.chunk;
 }
 
 static int64_t carve_learner(Learner& g, char* base) {
     Arena arena{base, 0};
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
-    WorkSize size{g.chunk, g.objects, g.programs, g.length, g.actor_shape.words,
+    WorkSize size{g.chunk, g.block, g.objects, g.programs, g.length, g.actor_shape.words,
                   actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden};
     const int64_t square = 2 * actor.hidden * actor.hidden, rows = (int64_t)g.batch * g.programs;
     for (int t = 0; t < g.threads; t++) {
@@ -58,9 +65,9 @@ static void targets(const Learner& g, Thread& x, const Batch& b, int64_t from, i
     const Net actor = net_of(g.actor_shape, g.actor.target);
     const Net critic = net_of(g.critic_shape, g.critic.target);
     read_inputs(w, b.next_object, b.next_arm, from, count, actor.position_scale());
-    forward(actor, w, b.program + base, count);
+    forward(actor, w, b.program + base, count, false);
     actor_head(actor, w, rows);
-    forward(critic, w, b.program + base, count);
+    forward(critic, w, b.program + base, count, false);
     critic_head(critic, w, w.h, w.action, kActionColumns, 1, rows);
     for (int64_t r = 0; r < rows; r++)
         x.target_q[base + r] = b.reward[base + r] + b.discount[from + r / g.programs] * w.q[r];
@@ -72,7 +79,7 @@ static void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t fro
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
     const float* action = b.action + from * kActions;
     read_inputs(w, b.object, b.arm, from, count, critic.position_scale());
-    forward(critic, w, b.program + base, count);
+    forward(critic, w, b.program + base, count, true);
     const int64_t h = critic.l.hidden;
     __builtin_memcpy(x.critic_h + base * h, w.h, rows * h * sizeof(float));
     critic_head(critic, w, w.h, action, kActions, g.programs, rows);
@@ -92,7 +99,7 @@ static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     const Net actor = net_of(g.actor_shape, g.actor.parameters);
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
     read_inputs(w, b.object, b.arm, from, count, actor.position_scale());
-    forward(actor, w, b.program + base, count);
+    forward(actor, w, b.program + base, count, true);
     actor_head(actor, w, rows);
     const int64_t h = actor.l.hidden;
     float* actor_z = w.z;
@@ -116,6 +123,7 @@ static void gradients(Learner& g, const Batch& b, int index) {
     transpose(g.critic.parameters + critic.second, 2 * h, h, x.critic_second_t);
     set_objects(x.w, b.hand_index);
     x.w.op = b.op, x.w.a = b.a, x.w.b = b.b, x.w.length = b.table_length;
+    for (int i = 0; i < W; i++) x.w.largest[i] = 0.0f;
     x.squared_error = x.sum_q = x.squared_gradient = 0.0;
     const int64_t part = (b.transitions + g.threads - 1) / g.threads;
     const int64_t begin = index * part, stop = begin + part;
@@ -172,7 +180,7 @@ static void act(const Network& shape, const float* parameters, Work& w, const fl
     const int32_t program = 0;
     set_objects(w, hand_index);
     read_inputs(w, objects, arm, 0, 1, shape.position_scale);
-    forward(net, w, &program, 1);
+    forward(net, w, &program, 1, false);
     actor_head(net, w, 1);
     for (int i = 0; i < kActions; i++) action[i] = w.action[i];
 }

@@ -5,31 +5,33 @@
 static const float kCoefficients[4][4] = {{1, -1, 0, 0}, {0, 0, 0, 1}, {0, 1, 1, -1}, {0, 1, 0, 0}};
 
 // Φ of all samples: a softmax per group over the logits in `first`, or the true properties.
-static void evaluate_phi(const Net& net, Work& w, int count) {
+static void evaluate_phi(const Net& net, Work& w, int64_t from, int count) {
     const Network& n = *net.shape;
     const int64_t rows = (int64_t)count * w.objects, stride = w.phi_stride;
     for (int v = 0; v < n.words; v++) {
+        const bool named = n.detectors || n.truth[v] >= 0;
         const int64_t ld = n.detectors ? net.l.columns : kObjectFeatures;
-        const float* in = n.detectors ? w.first + net.l.detectors + v : w.x + n.truth[v];
-        const bool present = n.detectors || n.truth[v] >= 0;
-        for (int64_t r = 0; r < rows; r++) w.phi[v * stride + r] = present ? in[r * ld] : 0.0f;
+        const float* in = n.detectors ? w.first_of(from, ld) + net.l.detectors + v
+                                      : w.x + from * w.objects * ld + (named ? n.truth[v] : 0);
+        float* out = w.phi + v * stride + from * w.objects;
+        for (int64_t r = 0; r < rows; r++) out[r] = named ? in[r * ld] : 0.0f;
     }
     if (!n.detectors) return;
     for (int64_t r = 0; r < rows; r += W) {
-        float* group = w.phi + r;
+        float* group = w.phi + from * w.objects + r;
         for (int g = 0; g < n.groups; group += n.group_size[g++] * stride) {
-            vf most = load(group), total{};
+            vf most = loadu(group), total{};
             for (int v = 1; v < n.group_size[g]; v++) {
-                const vf x = load(group + v * stride);
+                const vf x = loadu(group + v * stride);
                 most = x > most ? x : most;
             }
             for (int v = 0; v < n.group_size[g]; v++) {
-                const vf e = exponential(load(group + v * stride) - most);
+                const vf e = exponential(loadu(group + v * stride) - most);
                 total += e;
-                store(group + v * stride, e);
+                storeu(group + v * stride, e);
             }
             for (int v = 0; v < n.group_size[g]; v++)
-                store(group + v * stride, load(group + v * stride) / total);
+                storeu(group + v * stride, loadu(group + v * stride) / total);
         }
     }
 }
@@ -89,7 +91,7 @@ static void run_program_backward(const Net& net, Work& w, int64_t s, int64_t sk,
 static void detectors_backward(const Net& net, Work& w, int64_t s) {
     const Network& n = *net.shape;
     const int64_t stride = w.phi_stride;
-    float* out = w.first + s * w.objects * net.l.columns + net.l.detectors;
+    float* out = w.first_of(s, net.l.columns) + net.l.detectors;
     const float* phi = w.phi + s * w.objects;
     float* d = w.dregister;
     for (int g = 0; g < n.groups; g++) {

@@ -16,6 +16,7 @@ typedef int32_t vi __attribute__((vector_size(4 * W), may_alias));
 static inline vf load(const float* p) { return *reinterpret_cast<const vf*>(p); }
 static inline vf loadu(const float* p) { return *reinterpret_cast<const vfu*>(p); }
 static inline void store(float* p, vf x) { *reinterpret_cast<vf*>(p) = x; }
+static inline void storeu(float* p, vf x) { *reinterpret_cast<vfu*>(p) = x; }
 static inline vf splat(float x) { return vf{} + x; }
 
 // min and max of a vector and a bound; NaN stays NaN.
@@ -84,7 +85,8 @@ constexpr float kLog2E = 1.4426950408889634f;
 static inline vf exponential(vf x) { return exp2_clamped(x * kLog2E); }
 
 // tanh(x) = 1 - 1/h with h = (1 + e^2x)/2: absolute error 2e-7, exact in sign and limits.
-// A sum is the point: e^2(x+y) = e^2x · e^2y, so N² sums cost 2N exponentials.
+// A sum is the point: e^2(x+y) = e^2x · e^2y, so N² sums cost 2N exponentials. The price: each of
+// x and y is clamped to ±43.6, where floats end.
 static inline vf exponential_of_twice(vf x) { return exp2_clamped(x * (2.0f * kLog2E)); }
 static inline vf tanh_of_sum(vf half_exp_2x, vf exp_2y) {
     return 1.0f - reciprocal(at_most(half_exp_2x * exp_2y + 0.5f, 0x1p100f));

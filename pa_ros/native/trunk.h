@@ -13,19 +13,35 @@ struct StartMass {  // row m starts from Σp · (local.1.bias + message.1.bias)
 };
 
 // In place: tanh for local; for the four kinds that meet in pairs, exponentials (see simd.h).
-static void activate(const Layout& l, float* row) {
+// Returns the largest |x| of those and `largest`.
+static vf activate(const Layout& l, float* row, vf largest) {
     for (int64_t c = 0; c < l.receiver; c += W) store(row + c, tanh_of(load(row + c)));
     for (int64_t c = l.receiver; c < l.detectors; c += W) {
         const bool receives = c < l.sender || (c >= l.query && c < l.context);
-        store(row + c, (receives ? 0.5f : 1.0f) * exponential_of_twice(load(row + c)));
+        const vf x = load(row + c), size = x < 0.0f ? -x : x;
+        largest = size > largest ? size : largest;
+        store(row + c, (receives ? 0.5f : 1.0f) * exponential_of_twice(x));
     }
+    return largest;
+}
+
+// The arm's share reaches a pair through both of its objects. Each is given half of the total, so
+// that large parts of opposite sign, which no pair ever sees, do not overflow the exponentials.
+static void balance_arm(const Layout& l, float* row) {
+    const int64_t halves[2][3] = {{l.receiver, l.sender, l.hidden}, {l.query, l.context, l.attention}};
+    for (const auto& [one, other, size] : halves)
+        for (int64_t c = 0; c < size; c += W) {
+            const vf half = 0.5f * (load(row + one + c) + load(row + other + c));
+            store(row + one + c, half);
+            store(row + other + c, half);
+        }
 }
 
 // exp α̃_ij, up to a factor per receiver.
 static void attend(const Net& net, Work& w, int64_t s) {
     const Layout& l = net.l;
     const int n = w.objects;
-    const float* first = w.first + s * n * l.columns;
+    const float* first = w.first_of(s, l.columns);
     const float* weight = net.p + l.attention_weight;
     for (int j = 0; j < n; j++)
         for (int i = 0; i < n; i++) {
@@ -72,7 +88,7 @@ static void pool(const Net& net, Work& w, int64_t s) {
     const Layout& l = net.l;
     const int n = w.objects, programs = KT ? KT : w.programs;
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs;
-    const float *first = w.first + s * n * l.columns, *receiver = first + l.receiver;
+    const float *first = w.first_of(s, l.columns), *receiver = first + l.receiver;
     const float *p = w.relevant + sk * w.lanes, *weight = w.weight + sk * per_program;
     float* out = w.pooled + sk * 2 * l.hidden;
     for (int64_t c = 0; c < l.hidden; c += W, first += W, receiver += W, out += W) {
@@ -102,19 +118,25 @@ static Pool pool_for(int programs) {
     return programs <= 8 ? fixed[programs] : fixed[0];
 }
 
-// h of every sample and program of the chunk, from w.x and w.arm. `programs` is [count, K].
-static void forward(const Net& net, Work& w, const int32_t* programs, int count) {
+// Everything up to the sums of samples [from, from + count), whose `first` stays in cache.
+static void forward_block(const Net& net, Work& w, const int32_t* programs, int64_t from,
+                          int count) {
     const Layout& l = net.l;
     const int64_t rows = (int64_t)count * w.objects, c = l.columns;
-    const float* first = net.p + l.first;
-    multiply(count, c, kArmFeatures + 1, {w.arm, kArmColumns, 1}, first + kObjectFeatures * c, c,
-             w.first_arm, c, FromZero{});
-    multiply(rows, c, kObjectFeatures, {w.x, kObjectFeatures, 1}, first, c, w.first, c,
-             FromRows{w.first_arm, c, w.objects});
-    for (int64_t r = 0; r < rows; r++) activate(l, w.first + r * c);
-    evaluate_phi(net, w, count);
+    const float* weight = net.p + l.first;
+    float *first = w.first_of(from, c), *arm = w.first_arm + from * c;
+    multiply(count, c, kArmFeatures + 1, {w.arm + from * kArmColumns, kArmColumns, 1},
+             weight + kObjectFeatures * c, c, arm, c, FromZero{});
+    for (int s = 0; s < count; s++) balance_arm(l, arm + s * c);
+    multiply(rows, c, kObjectFeatures,
+             {w.x + from * w.objects * kObjectFeatures, kObjectFeatures, 1}, weight, c, first, c,
+             FromRows{arm, c, w.objects});
+    vf largest = load(w.largest);
+    for (int64_t r = 0; r < rows; r++) largest = activate(l, first + r * c, largest);
+    store(w.largest, largest);
+    evaluate_phi(net, w, from, count);
     const Pool pool_sample = pool_for(w.programs);
-    for (int64_t s = 0; s < count; s++) {
+    for (int64_t s = from; s < from + count; s++) {
         attend(net, w, s);
         for (int64_t sk = s * w.programs; sk < (s + 1) * w.programs; sk++) {
             run_program(net, w, s, sk, programs[sk]);
@@ -122,7 +144,18 @@ static void forward(const Net& net, Work& w, const int32_t* programs, int count)
         }
         pool_sample(net, w, s);
     }
-    multiply((int64_t)count * w.programs, l.hidden, 2 * l.hidden, {w.pooled, 2 * l.hidden, 1},
-             net.p + l.second, l.hidden, w.h, l.hidden,
-             StartMass{w.mass, net.p + l.second_bias, l.hidden});
+}
+
+// h of every sample and program of the chunk, from w.x and w.arm. `programs` is [count, K].
+// `keep`: leave the activations of the whole chunk in w.first, for `backward`.
+static void forward(const Net& net, Work& w, const int32_t* programs, int count, bool keep) {
+    const Layout& l = net.l;
+    w.ring = keep ? w.samples : w.block;
+    for (int from = 0; from < count; from += w.block)
+        forward_block(net, w, programs, from, count - from < w.block ? count - from : w.block);
+    const int64_t pairs = (int64_t)count * w.programs, h = l.hidden;
+    const float* second = net.p + l.second;
+    multiply(pairs, h, net.shape->hidden, {w.pooled, 2 * h, 1}, second, h, w.h, h,
+             StartMass{w.mass, net.p + l.second_bias, h});
+    multiply_add(pairs, h, net.shape->hidden, {w.pooled + h, 2 * h, 1}, second + h * h, h, w.h, h);
 }

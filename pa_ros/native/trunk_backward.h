@@ -9,7 +9,7 @@ static void pool_backward(const Net& net, Work& w, int64_t s) {
     const Layout& l = net.l;
     const int n = w.objects, programs = KT ? KT : w.programs;
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs, dots = w.dots_per_program();
-    float *first = w.first + s * n * l.columns, *receiver = first + l.receiver;
+    float *first = w.first_of(s, l.columns), *receiver = first + l.receiver;
     const float *p = w.relevant + sk * w.lanes, *weight = w.weight + sk * per_program;
     const float *dpooled = w.dpooled + sk * 2 * l.hidden, *dh = w.dh + sk * l.hidden;
     const float* bias = net.p + l.second_bias;
@@ -82,7 +82,7 @@ static void weigh_backward(const Net& net, Work& w, int64_t k, int64_t sk) {
 static void attend_backward(const Net& net, Work& w, int64_t s, float* gradient) {
     const Layout& l = net.l;
     const int n = w.objects;
-    float *query = w.first + s * n * l.columns + l.query, *context = query + l.context - l.query;
+    float *query = w.first_of(s, l.columns) + l.query, *context = query + l.context - l.query;
     vf dquery[kMaxObjects];
     for (int64_t u = 0; u < l.attention; u += W) {
         const vf weight = load(net.p + l.attention_weight + u);
@@ -129,10 +129,11 @@ static void sample_backward(const Net& net, Work& w, const int32_t* programs, in
     }
     attend_backward(net, w, s, gradient);
     if (net.shape->detectors) detectors_backward(net, w, s);
+    const float* first = w.first_of(s, l.columns);
     float* sum = w.first_arm + s * l.columns;
     for (int64_t c = 0; c < l.columns; c += W) {
         vf total{};
-        for (int i = 0; i < n; i++) total += load(w.first + (s * n + i) * l.columns + c);
+        for (int i = 0; i < n; i++) total += load(first + i * l.columns + c);
         store(sum + c, total);
     }
 }
@@ -141,14 +142,21 @@ static void sample_backward(const Net& net, Work& w, const int32_t* programs, in
 static void backward(const Net& net, Work& w, const int32_t* programs, int count,
                      const float* second_t, float* gradient) {
     const Layout& l = net.l;
-    const int64_t rows = (int64_t)count * w.objects, pairs = (int64_t)count * w.programs;
-    const int64_t h = l.hidden, c = l.columns;
-    multiply(pairs, 2 * h, h, {w.dh, h, 1}, second_t, 2 * h, w.dpooled, 2 * h, FromZero{});
-    multiply_add(2 * h, h, pairs, {w.pooled, 1, 2 * h}, w.dh, h, gradient + l.second, h);
+    const int64_t pairs = (int64_t)count * w.programs;
+    const int64_t h = l.hidden, c = l.columns, size = net.shape->hidden;
+    float* second = gradient + l.second;
+    multiply(pairs, 2 * h, size, {w.dh, h, 1}, second_t, 2 * h, w.dpooled, 2 * h, FromZero{});
+    multiply_add(size, h, pairs, {w.pooled, 1, 2 * h}, w.dh, h, second, h);
+    multiply_add(size, h, pairs, {w.pooled + h, 1, 2 * h}, w.dh, h, second + h * h, h);
     multiply_add(1, h, pairs, {w.mass, 0, 1}, w.dh, h, gradient + l.second_bias, h);
-    for (int64_t s = 0; s < count; s++) sample_backward(net, w, programs, s, gradient);
     float* first = gradient + l.first;
-    multiply_add(kObjectFeatures, c, rows, {w.x, 1, kObjectFeatures}, w.first, c, first, c);
+    for (int64_t from = 0; from < count; from += w.block) {
+        const int64_t end = from + w.block < count ? from + w.block : count;
+        for (int64_t s = from; s < end; s++) sample_backward(net, w, programs, s, gradient);
+        multiply_add(kObjectFeatures, c, (end - from) * w.objects,
+                     {w.x + from * w.objects * kObjectFeatures, 1, kObjectFeatures},
+                     w.first_of(from, c), c, first, c);
+    }
     multiply_add(kArmFeatures + 1, c, count, {w.arm, 1, kArmColumns}, w.first_arm, c,
                  first + kObjectFeatures * c, c);
     for (int64_t i = 0; i < h; i++) {  // both biases see Σp ∂/∂h; the sender has none

@@ -16,6 +16,7 @@ struct Arena {  // one block, handed out in 64-byte lines; `base` null: only mea
 
 struct Work {
     int samples, objects, lanes, programs;  // S, N, N padded, K
+    int block, ring;  // samples per block; samples that `first` holds, in turn
     int64_t phi_stride;
 
     float *x, *arm;          // inputs: scaled objects [S·N, 16]; arm and a 1 [S, 20]
@@ -35,22 +36,26 @@ struct Work {
     float *sums, *dregister, *dscore, *row;  // of one sample
     vf* dots;                // [K, N² + N + 1] or [N²]
     float *hand, *mask;      // [lanes]: HAND; 1 for the objects there are
+    float* largest;          // [W]: largest |x| that met in pairs since it was set to 0
 
     const int32_t *op, *a, *b;  // the program table, rows of `length`
     int64_t length, capacity;   // instructions a program has now, and at most
 
+    float* first_of(int64_t s, int64_t columns) const {
+        return first + s % ring * objects * columns;
+    }
     int64_t dots_per_program() const { return (int64_t)objects * objects + objects + 1; }
 };
 
 struct WorkSize {
-    int samples, objects, programs, length, words;
+    int samples, block, objects, programs, length, words;
     int64_t columns, hidden;
 };
 
 static void carve(Work& w, Arena& arena, const WorkSize& z) {
     const int64_t s = z.samples, n = z.objects, k = z.programs, lanes = padded(n), sk = s * k;
     w.samples = z.samples, w.objects = z.objects, w.programs = z.programs, w.lanes = (int)lanes;
-    w.capacity = z.length, w.phi_stride = padded(s * n) + lanes;
+    w.capacity = z.length, w.block = z.block, w.phi_stride = padded(s * n) + lanes;
     w.x = arena.take(s * n * kObjectFeatures), w.arm = arena.take(s * kArmColumns);
     w.first = arena.take(s * n * z.columns), w.first_arm = arena.take(s * z.columns);
     w.phi = arena.take(z.words * w.phi_stride);
@@ -66,7 +71,7 @@ static void carve(Work& w, Arena& arena, const WorkSize& z) {
     w.sums = arena.take(dots + 2 * lanes), w.dots = (vf*)arena.take((dots + n) * W);
     w.dregister = arena.take((z.words + 1 + z.length) * lanes);
     w.dscore = arena.take(n * lanes), w.row = arena.take(z.hidden);
-    w.hand = arena.take(lanes), w.mask = arena.take(lanes);
+    w.hand = arena.take(lanes), w.mask = arena.take(lanes), w.largest = arena.take(W);
 }
 
 static void set_objects(Work& w, int hand_index) {

@@ -6,7 +6,9 @@ they are rearranged. Float32; deterministic for given inputs, threads and instru
 
 from __future__ import annotations
 
+import logging
 import weakref
+from collections.abc import Callable
 from ctypes import byref
 from typing import cast
 
@@ -32,6 +34,12 @@ from pa_ros.networks.parameters import (
 from pa_ros.networks.programs import ProgramTable
 
 Arrays = dict[str, NDArray[np.generic]]
+log = logging.getLogger(__name__)
+
+_BATCH_ARRAYS = (  # in the order of fused_library.Batch
+    *("objects", "arm", "action", "next_objects", "next_arm"),
+    *("program", "reward", "discount"),
+)
 
 
 def fused_available() -> tuple[bool, str]:
@@ -119,28 +127,30 @@ class FusedBackend:
         }
         self._sizes = fused_library.Sizes()
         self._handle: int | None = None
+        self._release: Callable[[], object] | None = None
         self._metrics: fused_library.Metrics | None = None
+        self._warned = False
 
     def update(self, batch: Batch) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
         transitions, objects, programs = _check_batch(batch, len(self._table))
         op, a, b = self._table.arrays()
         self._fit(transitions, objects, programs, op.shape[1])
-        arrays = (batch.objects, batch.arm, batch.action, batch.next_objects, batch.next_arm)
-        arrays += (batch.program, batch.reward, batch.discount)
         given = fused_library.Batch(
             *(transitions, objects, programs, HAND_INDEX),
-            *(array.ctypes.data for array in arrays),
+            *(getattr(batch, name).ctypes.data for name in _BATCH_ARRAYS),
             *op.shape,
             *(array.ctypes.data for array in (op, a, b)),
         )
-        self._metrics = self._metrics or fused_library.Metrics()
+        metrics = fused_library.Metrics()
         actor, critic = self._trained["actor"], self._trained["critic"]
         actor.step += 1
         critic.step += 1
         fused_library.library().pa_fused_update(
-            self._handle, byref(given), actor.step, critic.step, byref(self._metrics)
+            self._handle, byref(given), actor.step, critic.step, byref(metrics)
         )
+        self._metrics = metrics
+        self._warn_if_clamped(metrics.largest_part)
 
     def copy_targets(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""
@@ -185,9 +195,21 @@ class FusedBackend:
         check_shapes(tensors, expected, "backend")
         for name, trained in self._trained.items():
             for prefix, buffer in trained.named_buffers(name).items():
-                own = {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+                own = {
+                    k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)
+                }
                 trained.flat.write(buffer, cast(Tensors, own))
             trained.step = int(tensors[f"adam.{name}.step"])
+
+    def _warn_if_clamped(self, largest: float) -> None:
+        limit = fused_library.LARGEST_PART
+        if largest > limit and not self._warned:
+            self._warned = True
+            log.warning(
+                "fused update: a first layer reaches %.1f, and sums of two such are exact only to "
+                "%.1f; use the torch backend if weights are meant to be this large",
+                *(largest, limit),
+            )
 
     def _fit(self, transitions: int, objects: int, programs: int, length: int) -> None:
         """Make the library's workspace anew unless the present one is large enough."""
@@ -204,7 +226,7 @@ class FusedBackend:
         )
         if not handle:
             raise FusedError("fused update: not enough memory")
-        if self._handle:
+        if self._release:
             self._release()
         self._release = weakref.finalize(self, fused_library.library().pa_fused_destroy, handle)
         self._handle = handle
@@ -223,11 +245,12 @@ class FusedActor:
         self._flat.write(self._parameters, tensors)
         self._size = (0, 0)
         self._handle: int | None = None
+        self._release: Callable[[], object] | None = None
         self._codes: dict[Program, NDArray[np.int32]] = {}
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [6], for objects [N, 16] and arm [18]."""
-        objects, arm = np.ascontiguousarray(objects, np.float32), np.ascontiguousarray(arm, np.float32)
+        objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
         code = self._codes.get(program)
         if code is None:
             code = self._codes[program] = self._compile(program)
@@ -256,7 +279,7 @@ class FusedActor:
         )
         if not handle:
             raise FusedError("fused actor: not enough memory")
-        if self._handle:
+        if self._release:
             self._release()
         self._release = weakref.finalize(self, library.pa_fused_actor_destroy, handle)
         self._handle, self._size = handle, (objects, length)
@@ -307,4 +330,6 @@ def _check_observation(objects: Float32, arm: Float32, hand_index: int) -> None:
             f"fused actor: expected objects [N, 16] and arm [18], got {objects.shape}, {arm.shape}"
         )
     if not 0 <= hand_index < len(objects):
-        raise FusedError(f"fused actor: hand_index: expected below {len(objects)}, got {hand_index}")
+        raise FusedError(
+            f"fused actor: hand_index: expected below {len(objects)}, got {hand_index}"
+        )

@@ -11,6 +11,7 @@ from pa_ros.core.errors import PaError
 
 PATH = Path(__file__).with_name("_fused.so")
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS = 128, 64, 64, 8
+LARGEST_PART = 43.6
 
 
 class FusedError(PaError):
@@ -107,7 +108,11 @@ class Metrics(ctypes.Structure):
     critic_loss: float
     mean_q: float
     actor_gradient_norm: float
-    _fields_ = [(name, c_double) for name in ("critic_loss", "mean_q", "actor_gradient_norm")]
+    largest_part: float  # |x| or |y| of the sums x + y under tanh; exact up to LARGEST_PART
+    _fields_ = [
+        (name, c_double)
+        for name in ("critic_loss", "mean_q", "actor_gradient_norm", "largest_part")
+    ]
 
 
 @cache

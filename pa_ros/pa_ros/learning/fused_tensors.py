@@ -78,7 +78,9 @@ class FlatNetwork:
         views |= self._second(buffer, "message.1", 1)
         return views | self._head(buffer)
 
-    def _first(self, buffer: Float32, name: str, column: int, size: int) -> dict[str, list[Float32]]:
+    def _first(
+        self, buffer: Float32, name: str, column: int, size: int
+    ) -> dict[str, list[Float32]]:
         at = self._layout
         rows = OBJECT_FEATURES + ARM_FEATURES + 1
         matrix = buffer[at.first :][: rows * at.columns].reshape(rows, at.columns)
