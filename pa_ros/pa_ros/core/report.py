@@ -14,7 +14,7 @@ Report = Mapping[str, float | int | str]
 
 
 def versions() -> str:
-    """`name version` of what the figures depend on, comma separated; absent packages are left out."""
+    """`name version` of what the figures depend on; packages that are absent are left out."""
     found = [f"python {platform.python_version()}"]
     for package in PACKAGES:
         try:
