@@ -70,6 +70,8 @@ struct ActorHandle {
 
 extern "C" {
 
+int32_t pa_fused_interface() { return pa::kInterface; }
+
 const char* pa_fused_level() { return pa::level().name; }
 
 void pa_fused_layout(const pa::Network* network, pa::Layout* out) {

@@ -30,7 +30,7 @@ class Team {
 
   private:
     using Task = void (*)(void*, int);
-    static constexpr int kSpins = 20000;  // some tens of microseconds, then sleep
+    static constexpr int kSpins = 100000;  // some tens of microseconds, then sleep
 
     void start(Task task, void* argument, bool stop) {
         busy_.store((int)threads_.size(), std::memory_order_relaxed);

@@ -16,8 +16,9 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning import fused_library
-from pa_ros.learning.backend import HAND_INDEX, Batch
+from pa_ros.learning.backend import HAND_INDEX, Batch, make_backend
 from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.dpg import TorchBackend
 from pa_ros.learning.fused import FusedActor, FusedBackend, FusedError, fused_available, why_not
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
@@ -236,6 +237,21 @@ def test_the_library_was_built() -> None:
     assert fused_available() == (True, "")
 
 
+def test_a_missing_or_other_library_is_a_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = setting()
+    monkeypatch.setattr(fused_library, "NAME", "_absent.so")
+    monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
+    assert not fused_available()[0]
+    assert "_absent.so" in why_not(made.network, made.config)
+    monkeypatch.undo()
+    monkeypatch.setattr(fused_library, "INTERFACE", -1)
+    monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
+    with pytest.raises(FusedError, match="expected interface -1, got 1: rebuild"):
+        made.backend()
+
+
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
 @pytest.mark.parametrize("objects", range(2, 10))
 def test_gradients_for_every_number_of_objects(kind: str, objects: int) -> None:
@@ -349,6 +365,25 @@ def test_state_survives_a_round_trip() -> None:
         after.load_tensors(state)
 
 
+def test_exchanges_state_with_the_torch_backend() -> None:
+    made = setting(vocabulary=SMALL)
+    rng = np.random.default_rng(9)
+    batches = [make_batch(rng, 16, 5, 1, len(made.table)) for _ in range(3)]
+    theirs = TorchBackend(made.network, made.config, made.table, made.actor, made.critic)
+    ours = setting(vocabulary=SMALL, scale=2).backend()
+    theirs.update(batches[0])
+    ours.load_tensors(theirs.tensors())
+    for batch in batches[1:]:
+        ours.update(batch)
+        theirs.update(batch)
+    expected = theirs.tensors()
+    for name, tensor in ours.tensors().items():
+        np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-5, err_msg=name)
+    assert ours.tensors()["adam.critic.step"] == expected["adam.critic.step"] == 3
+    theirs.load_tensors(ours.tensors())
+    assert ours.metrics() == pytest.approx(theirs.metrics(), rel=1e-3)
+
+
 def test_targets_change_only_when_copied() -> None:
     made = setting()
     backend = made.backend()
@@ -420,6 +455,13 @@ def test_refuses_batches_that_do_not_fit(change: dict[str, np.ndarray], message:
     batch = replace(make_batch(np.random.default_rng(0), 8, 5, 1, 6), **change)
     with pytest.raises(FusedError, match=message):
         setting().backend().update(batch)
+
+
+def test_is_chosen_where_it_applies() -> None:
+    made = setting()
+    for choice, name in (("auto", "fused"), ("fused", "fused"), ("torch", "torch")):
+        config = replace(made.config, backend=choice)
+        assert make_backend(made.network, config, made.table, np.random.default_rng()).name == name
 
 
 def test_says_why_it_does_not_apply() -> None:

@@ -10,6 +10,7 @@ import logging
 import weakref
 from collections.abc import Callable
 from ctypes import byref
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
 from pa_ros.language import Program, compile_program
+from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning import fused_library
 from pa_ros.learning.backend import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
@@ -246,14 +248,11 @@ class FusedActor:
         self._size = (0, 0)
         self._handle: int | None = None
         self._release: Callable[[], object] | None = None
-        self._codes: dict[Program, NDArray[np.int32]] = {}
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [6], for objects [N, 16] and arm [18]."""
         objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
-        code = self._codes.get(program)
-        if code is None:
-            code = self._codes[program] = self._compile(program)
+        code = _code(program, self._vocabulary)
         _check_observation(objects, arm, hand_index)
         length = code.shape[1]
         self._fit(len(objects), length)
@@ -264,11 +263,6 @@ class FusedActor:
             *(start, start + step, start + 2 * step, length, action.ctypes.data),
         )
         return action
-
-    def _compile(self, program: Program) -> NDArray[np.int32]:
-        """`op`, `a`, `b` as rows, [3, L]."""
-        flat = compile_program(program, self._vocabulary)
-        return np.array([flat.op, flat.a, flat.b], np.int32)
 
     def _fit(self, objects: int, length: int) -> None:
         if self._handle and self._size[0] == objects and self._size[1] >= length:
@@ -283,6 +277,13 @@ class FusedActor:
             self._release()
         self._release = weakref.finalize(self, library.pa_fused_actor_destroy, handle)
         self._handle, self._size = handle, (objects, length)
+
+
+@lru_cache(maxsize=1024)
+def _code(program: Program, vocabulary: Vocabulary) -> NDArray[np.int32]:
+    """`op`, `a`, `b` of the flat form as rows, [3, L]."""
+    flat = compile_program(program, vocabulary)
+    return np.array([flat.op, flat.a, flat.b], np.int32)
 
 
 def _check_batch(batch: Batch, rows: int) -> tuple[int, int, int]:

@@ -7,9 +7,11 @@ from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_int64
 from functools import cache
 from pathlib import Path
 
+import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
-PATH = Path(__file__).with_name("_fused.so")
+NAME = "_fused.so"  # in the package's folder; an editable installation has two
+INTERFACE = 1  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS = 128, 64, 64, 8
 LARGEST_PART = 43.6
 
@@ -119,11 +121,20 @@ class Metrics(ctypes.Structure):
 def library() -> ctypes.CDLL:
     """The library, its functions typed; FusedError when it is not there or not loadable."""
     try:
-        loaded = ctypes.CDLL(str(PATH))
+        loaded = ctypes.CDLL(str(_path()))
+        interface = loaded.pa_fused_interface()
         _declare(loaded)
     except (OSError, AttributeError) as error:
-        raise FusedError(f"fused update: expected a library {PATH.name}: {error}") from error
+        raise FusedError(f"fused update: expected a library {NAME}: {error}") from error
+    if interface != INTERFACE:
+        raise FusedError(f"fused update: expected interface {INTERFACE}, got {interface}: rebuild")
     return loaded
+
+
+def _path() -> Path:
+    """The library that was built last; the bare name, which no loader finds, if there is none."""
+    paths = [path for folder in package.__path__ if (path := Path(folder, NAME)).exists()]
+    return max(paths, key=lambda path: path.stat().st_mtime, default=Path(NAME))
 
 
 def level() -> str:
