@@ -43,6 +43,7 @@ ARENA = ArenaDescription(
     episode_steps=100,
     hand_index=0,
     stamp_ns=1_500_000_000,
+    arena_id="0a1b",
     software_version="0.1.0",
 )
 

@@ -52,7 +52,8 @@ def test_observation_survives_the_wire(seed, count, episode, step, stamp, progra
         program_id=program,
         hand_index=seed % count,
     )
-    features, joints = codec.encode_observation(sent, NAMES, evaluation)
+    features, joints = codec.encode_observation(sent, NAMES, evaluation, program)
+    assert codec.commanded_by(features) == program
     assert same(codec.decode_observation(features, joints, NAMES), sent)
     assert codec.is_evaluation(features) is evaluation
     assert codec.header_stamp(features) == codec.header_stamp(joints) == stamp

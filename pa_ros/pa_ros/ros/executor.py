@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental.events_executor import EventsExecutor
@@ -13,7 +14,7 @@ from rclpy.task import Future
 POLL_S = 0.1
 
 
-def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> object:
+def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Any:
     """A timer of wall time, whatever the node's clock is."""
     return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Protocol
 
-from pa_ros.core.errors import PaError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.process import die_with_parent
 
@@ -41,11 +41,12 @@ def run_node(
     from pa_ros.ros.executor import spin
 
     with _stop_on_signal(grace_s) as stop:
-        rclpy.init(
-            args=[sys.argv[0], *(sys.argv[1:] if arguments is None else arguments)],
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        given = [sys.argv[0], *(sys.argv[1:] if arguments is None else arguments)]
         try:
+            try:
+                rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+            except RuntimeError as error:  # an unreadable --params-file, a bad remap rule
+                raise ConfigError(str(error)) from error
             node = make()
             try:
                 spin(node, stop)

@@ -2,48 +2,79 @@
 
 from __future__ import annotations
 
-from collections import deque
+import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
 
+from pa_ros.core.errors import PaError
+from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import PROGRAM, PROGRAM_LIVE
 from pa_ros.wire import codec
-from pa_ros.wire.records import ProgramRequest
+from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
-REMEMBERED = 64
+TWIN_S = 2.0
+
+
+class Twins:
+    """Tells which of two readers' deliveries are one and the same message.
+
+    A TRANSIENT_LOCAL reader hears latched programs and a VOLATILE one hears every writer, so a
+    message may come once or twice: the second time from the other reader, and soon.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._alone: dict[tuple[int, ProgramRequest], list[float]] = {}
+
+    def is_new(self, reader: int, request: ProgramRequest) -> bool:
+        """Whether a delivery to reader 0 or 1 is not the twin of one to the other."""
+        now = self._clock()
+        self._alone = {
+            key: recent
+            for key, times in self._alone.items()
+            if (recent := [when for when in times if now - when < TWIN_S])
+        }
+        if times := self._alone.get((1 - reader, request)):
+            times.pop(0)
+            return False
+        self._alone.setdefault((reader, request), []).append(now)
+        return True
 
 
 def subscribe_programs(
-    node: Node,
-    callback: Callable[[ProgramRequest], None],
-    guard: Callable[[str, Callable[..., None]], Callable[..., None]],
+    node: Node, callback: Callable[[ProgramRequest], None], refusals: Refusals
 ) -> None:
-    """Call back once per program published on `program`, late joiners included.
+    """Call back once per program published on `program`, latched ones of the past included."""
+    twins = Twins()
 
-    A TRANSIENT_LOCAL reader hears latched programs and a VOLATILE one hears everyone, so there
-    are two, and what both hear is told once, by its text, id and time of sending.
-    """
-    heard: deque[tuple[str, str, int]] = deque(maxlen=REMEMBERED)
-
-    def receive(message: Any, info: Any) -> None:
+    def receive(reader: int, message: Any) -> None:
         request = codec.decode_program(message)
-        key = (request.program_id, request.text, info["source_timestamp"])
-        if key not in heard:
-            heard.append(key)
+        if twins.is_new(reader, request):
             callback(request)
 
-    for topic in (PROGRAM, PROGRAM_LIVE):
-        node.create_subscription(
-            topic.type, topic.name, _two_arguments(guard("program", receive)), topic.reader
-        )
+    for reader, topic in enumerate((PROGRAM, PROGRAM_LIVE)):
+        guarded = refusals.guard(topic.name, partial(receive, reader))
+        node.create_subscription(topic.type, topic.name, guarded, topic.reader)
 
 
-def _two_arguments(callback: Callable[..., None]) -> Callable[[Any, Any], None]:
-    """rclpy looks at the signature to see whether a callback takes the message's info."""
+def judge(
+    request: ProgramRequest,
+    node: str,
+    stamp_ns: int,
+    accept: Callable[[ProgramRequest], str],
+    refusals: Refusals,
+) -> ProgramJudgement:
+    """What a node answers to a program; a refusal is counted, and says where in the text.
 
-    def with_info(message: Any, info: Any) -> None:
-        callback(message, info)
-
-    return with_info
+    `accept` returns the canonical text or raises a PaError.
+    """
+    judged = partial(ProgramJudgement, request.program_id, node, stamp_ns=stamp_ns)
+    try:
+        return judged(True, canonical=accept(request))
+    except PaError as error:
+        refusals.refuse("program", error)
+        position = int(getattr(error, "position", -1))
+        return judged(False, code=error.code, reason=str(error), position=position)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
 from pa_ros.core.errors import PaError
@@ -41,13 +40,12 @@ class Refusals:
         more = f" ({silent} more since the last report)" if silent else ""
         self._log(f"refused: {where}: [{code}] {error}{more}")
 
-    def guard(self, where: str, callback: Callable[..., None]) -> Callable[..., None]:
+    def guard(self, where: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """The callback, with typed errors turned into refusals. Other errors are bugs, and pass."""
 
-        @wraps(callback)
-        def guarded(*arguments: Any) -> None:
+        def guarded(argument: Any) -> None:
             try:
-                callback(*arguments)
+                callback(argument)
             except PaError as error:
                 self.refuse(where, error)
 

@@ -54,6 +54,7 @@ class ArenaDescription:
     episode_steps: int
     hand_index: int = 0
     stamp_ns: int = NO_STAMP
+    arena_id: str = ""
     software_version: str = ""
 
 

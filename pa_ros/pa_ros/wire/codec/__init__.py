@@ -29,6 +29,7 @@ from pa_ros.wire.codec.services import (
 )
 from pa_ros.wire.codec.stamp import decode_clock, encode_clock, header_stamp
 from pa_ros.wire.codec.step import (
+    commanded_by,
     decode_command,
     decode_observation,
     decode_verdict,
@@ -40,6 +41,7 @@ from pa_ros.wire.codec.step import (
 from pa_ros.wire.codec.weights import decode_weights, encode_weights
 
 __all__ = [
+    "commanded_by",
     "decode_arena_info",
     "decode_clock",
     "decode_command",

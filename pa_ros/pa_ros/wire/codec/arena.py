@@ -16,6 +16,7 @@ def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
     """The latched self-description of an arena."""
     message = ArenaInfo()
     write_stamp(message.stamp, arena.stamp_ns)
+    message.arena_id = arena.arena_id
     message.software_version = arena.software_version
     message.wire_version = WIRE_VERSION
     message.mode = int(arena.mode)
@@ -61,6 +62,7 @@ def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
         episode_steps=message.episode_steps,
         hand_index=message.hand_index,
         stamp_ns=read_stamp(message.stamp),
+        arena_id=message.arena_id,
         software_version=message.software_version,
     )
 

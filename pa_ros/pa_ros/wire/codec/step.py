@@ -17,7 +17,10 @@ MAX_OBJECTS = 64
 
 
 def encode_observation(
-    observation: Observation, joint_names: tuple[str, ...], evaluation: bool = False
+    observation: Observation,
+    joint_names: tuple[str, ...],
+    evaluation: bool = False,
+    commanded_by: str = "",
 ) -> tuple[ObjectFeatures, JointState]:
     """The two messages of one observation; they share one stamp."""
     features = ObjectFeatures()
@@ -26,6 +29,7 @@ def encode_observation(
     features.episode = observation.episode
     features.step = observation.step
     features.evaluation = evaluation
+    features.commanded_by = commanded_by
     features.program_id = observation.program_id
     features.hand_index = observation.hand_index
     features.object_count = len(observation.objects)
@@ -41,6 +45,11 @@ def encode_observation(
 def is_evaluation(message: ObjectFeatures | VerdictMessage) -> bool:
     """Whether the step belongs to an episode that must leave no trace in training."""
     return bool(message.evaluation)
+
+
+def commanded_by(message: ObjectFeatures) -> str:
+    """The agent whose command, unaltered, led to this step; empty: none's."""
+    return str(message.commanded_by)
 
 
 def decode_observation(

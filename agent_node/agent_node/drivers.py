@@ -1,0 +1,170 @@
+"""What an agent does about a control step, without ROS: act greedily, or learn."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Protocol
+
+from agent_node.shelf import UNPUBLISHED, PolicyShelf, ShelfSchedule
+from pa_ros.core.experience import Float32, Observation, PolicySnapshot, Stretch, Verdict
+from pa_ros.learning.actor import Actor
+from pa_ros.learning.agent import LearningAgent
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.stretches import StretchBuilder
+from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.wire.records import PublishedPolicy
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One control step as it came from the wire."""
+
+    observation: Observation
+    program: str  # canonical text of the observation's program id
+    evaluation: bool
+    commanded_by: str
+    verdict: Verdict | None  # None: not waited for
+    ends_episode: bool  # nothing is to be done about it any more
+
+
+class Driver(Protocol):
+    """What the node asks of either kind of agent."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can take in steps: weights have come."""
+
+    @property
+    def version(self) -> int:
+        """Of the weights in use; -1: none yet."""
+
+    def offer(self, policy: PublishedPolicy) -> None:
+        """Weights have come. Raises PolicyError or ConfigError if they cannot be used."""
+
+    def observe(self, step: Step) -> Stretch | None:
+        """Take in a step; the stretch that it completed, if it did."""
+
+    def act(self) -> Float32 | None:
+        """The action at the step observed last, [6]; None if it must wait, or has none."""
+
+
+class GreedyDriver:
+    """Acts with the newest weights on every step."""
+
+    def __init__(self, snapshot: PolicySnapshot | None = None) -> None:
+        self._actor = Actor.of(snapshot) if snapshot is not None else None
+        self._step: Step | None = None
+
+    @property
+    def ready(self) -> bool:
+        return self._actor is not None
+
+    @property
+    def version(self) -> int:
+        return -1 if self._actor is None else self._actor.version
+
+    def offer(self, policy: PublishedPolicy) -> None:
+        if self._actor is None:
+            self._actor = Actor.of(policy.snapshot)
+        else:
+            self._actor.load(policy.snapshot)
+
+    def observe(self, step: Step) -> Stretch | None:
+        self._step = None if step.ends_episode else step
+        return None
+
+    def act(self) -> Float32 | None:
+        step, actor = self._step, self._actor
+        if step is None or actor is None:
+            return None
+        self._step = None
+        return actor.act(step.observation, step.program)
+
+
+class LearningDriver:
+    """Explores under the synchronous protocol; greedy, and silent, in evaluation episodes."""
+
+    def __init__(
+        self, agent_id: str, config: LearnerConfig, seed: int, first_sequence: int = 0
+    ) -> None:
+        self.agent_id = agent_id
+        self._first_sequence = first_sequence
+        self.shelf = PolicyShelf(agent_id)
+        self.interrupted = 0  # runs broken off because the arm did not do as commanded
+        self._config, self._seed = config, seed
+        self._schedule = ShelfSchedule(config.policy_lag, self.shelf)
+        self._agent: LearningAgent | None = None
+        self._step: Step | None = None
+        self._sent: deque[Stretch] = deque(maxlen=self._schedule.versions_kept)
+
+    @property
+    def ready(self) -> bool:
+        return self._agent is not None
+
+    @property
+    def version(self) -> int:
+        return -1 if self._agent is None else self._agent.actor.version
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a step waits for weights."""
+        return self._step is not None
+
+    def offer(self, policy: PublishedPolicy) -> None:
+        snapshot = policy.snapshot
+        if self._agent is None:
+            network = actor_config(snapshot.architecture)
+            self._agent = self._make_agent(network, self._first_sequence)
+        self.shelf.add(policy, self._agent.builder.sequence)
+
+    def observe(self, step: Step) -> Stretch | None:
+        agent, verdict = self._agent, step.verdict
+        if verdict is None or agent is None:
+            raise AssertionError("a learning agent observes verdicts, and only once it has weights")
+        self._step = None if step.ends_episode or verdict.truncated else step
+        if step.evaluation:
+            return None
+        goes_on = step.observation.step > 0 and not agent.builder.at_boundary
+        if goes_on and step.commanded_by != self.agent_id:
+            self.interrupted += 1
+            agent.builder = self._make_builder(agent.actor.network, agent.builder.sequence)
+        stretch = agent.observe(step.observation, verdict, step.program)
+        if stretch is not None:
+            self._sent.append(stretch)
+        return stretch
+
+    def act(self) -> Float32 | None:
+        step, agent = self._step, self._agent
+        if step is None or agent is None or not self._load(agent):
+            return None
+        self._step = None
+        if step.evaluation:
+            return agent.actor.act(step.observation, step.program)
+        return agent.act()
+
+    def unaccounted(self) -> list[Stretch]:
+        """Stretches sent that the newest policy does not account for."""
+        newest = self.shelf.newest
+        done = 0 if newest is None else self.shelf.accounted(newest)
+        return [stretch for stretch in self._sent if stretch.sequence >= done]
+
+    def _load(self, agent: LearningAgent) -> bool:
+        """Load what the protocol requires now; whether it is there."""
+        required = agent.required_version
+        if required == UNPUBLISHED:
+            return False
+        if required is not None:
+            found = self.shelf.for_stretch(agent.builder.sequence, self._config.policy_lag)
+            if found is None or found.snapshot.version != required:
+                return False
+            agent.load(found.snapshot)
+        return True
+
+    def _make_agent(self, network: NetworkConfig, sequence: int) -> LearningAgent:
+        actor = Actor(network, self._config, self._seed)
+        return LearningAgent(actor, self._make_builder(network, sequence), self._schedule)
+
+    def _make_builder(self, network: NetworkConfig, sequence: int) -> StretchBuilder:
+        digest = network.vocabulary.digest
+        return StretchBuilder(self.agent_id, self._config.stretch_steps, digest, sequence)

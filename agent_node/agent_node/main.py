@@ -1,0 +1,22 @@
+"""Entry point of `agent_node`."""
+
+from __future__ import annotations
+
+import sys
+
+from pa_ros.ros.node_main import Shell, run_node
+
+
+def main() -> int:
+    """Run the agent until SIGINT or SIGTERM; the exit status."""
+
+    def make() -> Shell:
+        from agent_node.node import AgentNode  # after the environment is prepared
+
+        return AgentNode()
+
+    return run_node(make)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

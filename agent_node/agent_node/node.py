@@ -1,0 +1,240 @@
+"""The agent as a ROS node: each callback decodes, makes one core call, encodes, publishes."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+
+from agent_node.config import AgentConfig
+from agent_node.drivers import Driver, GreedyDriver, LearningDriver, Step
+from agent_node.errors import NoArenaError
+from agent_node.programs import ProgramBook, vocabulary_of
+from agent_node.steps import StepMatcher
+from pa_ros.core.experience import PolicySnapshot, Stretch
+from pa_ros.language import Vocabulary
+from pa_ros.learning.checkpoint import load_policy
+from pa_ros.networks.parameters import initial_actor
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
+from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.ros.programs import judge, subscribe_programs
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.records import ArenaDescription, Command, ProgramRequest, PublishedPolicy
+
+
+class AgentNode(Node):
+    """One agent. It speaks only when spoken to: one command per observation, and none without."""
+
+    def __init__(self) -> None:
+        super().__init__("agent_node", automatically_declare_parameters_from_overrides=True)
+        self.config = config_from_parameters(self, AgentConfig)
+        self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
+        self.refusals = Refusals(self.get_logger().warning)
+        self.driver: Driver = self._make_driver()
+        self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
+        self._arena: ArenaDescription | None = None
+        self._book: ProgramBook | None = None
+        self._early: list[ProgramRequest] = []  # programs heard before the arena was known
+        self._policy: PublishedPolicy | None = None  # the newest accepted
+        self._unread: dict[str, Any] | None = None  # newest step whose program is not known yet
+        self._handled = -1  # stamp of the newest step taken in
+        self._command: Command | None = None  # the newest sent
+        self._commands = self._stretches = 0
+        self._heard_at = self._progress_at = time.monotonic()
+        self._make_publishers()
+        self._make_subscriptions()
+        HealthReporter(self, self.refusals, self._collect)
+        if self.config.learning:
+            steady_timer(self, self.config.resend_period_s, self._send_again)
+
+    def close(self) -> None:
+        """Nothing to save."""
+
+    def _make_driver(self) -> Driver:
+        config = self.config
+        if config.learning:
+            learner = config.settings().learner
+            return LearningDriver(self.agent_id, learner, config.seed, config.first_sequence)
+        if config.weights == "checkpoint":
+            return GreedyDriver(load_policy(Path(config.checkpoint)))
+        return GreedyDriver()  # random weights need the arena's vocabulary first
+
+    def _make_publishers(self) -> None:
+        def publisher(topic: topics.Topic) -> Any:
+            return self.create_publisher(topic.type, topic.name, topic.writer)
+
+        self._commands_out = publisher(topics.JOINT_COMMANDS)
+        self._transitions_out = publisher(topics.TRANSITIONS)
+        self._status_out = publisher(topics.PROGRAM_STATUS)
+
+    def _make_subscriptions(self) -> None:
+        callbacks = [
+            (topics.ARENA_INFO, self._on_arena),
+            (topics.OBJECT_FEATURES, lambda m: self._on_part("features", m)),
+            (topics.JOINT_STATES, lambda m: self._on_part("joints", m)),
+        ]
+        if self.config.learning:
+            callbacks.append((topics.VERDICT, lambda m: self._on_part("verdict", m)))
+        if self.config.weights == "topic":
+            callbacks.append((topics.POLICY_WEIGHTS, self._on_policy))
+        for topic, callback in callbacks:
+            guarded = self.refusals.guard(topic.name, callback)
+            self.create_subscription(topic.type, topic.name, guarded, topic.reader)
+        subscribe_programs(self, self._on_program, self.refusals)
+
+    # What the arena says
+
+    def _on_arena(self, message: Any) -> None:
+        arena = codec.decode_arena_info(message)
+        vocabulary = vocabulary_of(arena)
+        restarted = self._arena is not None and self._arena.arena_id != arena.arena_id
+        if self._book is None or self._book.vocabulary != vocabulary:
+            self._book = ProgramBook(vocabulary)
+        self._arena = arena
+        if restarted:
+            self._matcher.restart()
+            self._handled, self._command, self._unread = -1, None, None
+        if self.config.weights == "random" and not self.driver.ready:
+            self.driver = GreedyDriver(_random_policy(vocabulary, self.config))
+        early, self._early = self._early, []
+        for request in early:
+            self._on_program(request)
+
+    def _on_part(self, part: str, message: Any) -> None:
+        if self._arena is None:
+            raise NoArenaError(f"{part}: expected arena_info first, got none")
+        self._heard_at = time.monotonic()
+        step = self._matcher.add(part, codec.header_stamp(message), message)
+        if step is not None:
+            self._on_step(step)
+
+    def _on_step(self, parts: dict[str, Any]) -> None:
+        assert self._arena is not None and self._book is not None
+        observation = codec.decode_observation(
+            parts["features"], parts["joints"], self._arena.joint_names
+        )
+        if observation.stamp_ns == self._handled:
+            self._answer_again()
+            return
+        program = self._book.text_of(observation.program_id)
+        if program is None or not self.driver.ready:
+            self._unread = parts
+            return
+        self._unread = None
+        verdict = codec.decode_verdict(parts["verdict"]) if "verdict" in parts else None
+        step = Step(
+            observation,
+            program,
+            codec.is_evaluation(parts["features"]),
+            codec.commanded_by(parts["features"]),
+            verdict,
+            ends_episode=observation.step >= self._arena.episode_steps,
+        )
+        stretch = self.driver.observe(step)
+        self._handled = observation.stamp_ns
+        self._observation = observation
+        if stretch is not None:
+            self._stretches += 1
+            self._send_stretch(stretch)
+        self._act()
+
+    def _act(self) -> None:
+        action = self.driver.act()
+        if action is None:
+            return
+        observation = self._observation
+        self._command = Command(
+            observation.episode,
+            observation.step,
+            observation.stamp_ns,
+            self.agent_id,
+            self.driver.version,
+            action,
+        )
+        self._commands += 1
+        self._progress_at = time.monotonic()
+        self._commands_out.publish(codec.encode_command(self._command))
+
+    def _answer_again(self) -> None:
+        """The arena repeats a step that was answered: the answer was lost."""
+        if self._command is not None and self._command.stamp_ns == self._handled:
+            self._commands_out.publish(codec.encode_command(self._command))
+
+    def _retry(self) -> None:
+        """Something that a step waited for has come."""
+        if self._unread is not None:
+            self._on_step(self._unread)
+        else:
+            self._act()
+
+    # What people and the learner say
+
+    def _on_program(self, request: ProgramRequest) -> None:
+        if self._book is None:
+            self._early = [*self._early[-31:], request]
+            return
+        name, stamp_ns = self.get_fully_qualified_name(), max(self._handled, 0)
+        judgement = judge(request, name, stamp_ns, self._book.accept, self.refusals)
+        self._status_out.publish(codec.encode_program_status(judgement))
+        if judgement.accepted:
+            self._retry()
+
+    def _on_policy(self, message: Any) -> None:
+        known = self._policy.snapshot if self._policy else None
+        digest = self._book.vocabulary.digest if self._book else None
+        policy = codec.decode_weights(
+            message,
+            known.architecture if known else None,
+            known.vocabulary_digest if known else digest,
+        )
+        self.driver.offer(policy)
+        self._policy = policy
+        self._retry()
+
+    def _send_stretch(self, stretch: Stretch) -> None:
+        self._transitions_out.publish(codec.encode_transitions(stretch))
+
+    def _send_again(self) -> None:
+        """Stretches that the weights waited for should have taken in: perhaps none heard them."""
+        driver = self.driver
+        late = time.monotonic() - self._progress_at > self.config.resend_period_s
+        if isinstance(driver, LearningDriver) and driver.waiting and late:
+            for stretch in driver.unaccounted():
+                self._send_stretch(stretch)
+
+    # Health
+
+    def _collect(self) -> tuple[int, str, dict[str, str]]:
+        now = time.monotonic()
+        values = {
+            "agent_id": self.agent_id,
+            "policy_version": str(self.driver.version),
+            "commands": str(self._commands),
+            "stretches": str(self._stretches),
+            "observation_age_s": f"{now - self._heard_at:.2f}",
+        }
+        driver = self.driver
+        if isinstance(driver, LearningDriver):
+            values["interrupted"] = str(driver.interrupted)
+            stuck = now - self._progress_at > self.config.stuck_after_s
+            if driver.waiting and stuck:
+                message = f"policy version stuck at {driver.version}: no newer weights come"
+                return ERROR, message, values
+        if not driver.ready:
+            return WARN, "no weights yet", values
+        if now - self._heard_at > 1.0:
+            return WARN, "no observations come", values
+        return OK, "acting", values
+
+
+def _random_policy(vocabulary: Vocabulary, config: AgentConfig) -> PolicySnapshot:
+    network = config.settings().network_config(vocabulary, config.network)
+    tensors = initial_actor(network, np.random.default_rng(config.seed))
+    return PolicySnapshot(0, network.architecture, vocabulary.digest, tensors)

@@ -1,0 +1,43 @@
+"""Programs that an agent has heard of, by the id that observations name them by."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import Vocabulary, parse
+from pa_ros.wire.records import ArenaDescription, ProgramRequest
+
+REMEMBERED = 256
+
+
+class ProgramBook:
+    """Canonical texts by id, the newest REMEMBERED of them."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self.vocabulary = vocabulary
+        self._texts: OrderedDict[str, str] = OrderedDict()
+
+    def accept(self, request: ProgramRequest) -> str:
+        """Remember a program; its canonical text. Raises ProgramError if it isn't one."""
+        text = str(parse(request.text, self.vocabulary))
+        self._texts[request.program_id] = text
+        self._texts.move_to_end(request.program_id)
+        while len(self._texts) > REMEMBERED:
+            self._texts.popitem(last=False)
+        return text
+
+    def text_of(self, program_id: str) -> str | None:
+        """The text that an id stands for; None if it has not been heard of, or is empty."""
+        return self._texts.get(program_id)
+
+
+def vocabulary_of(arena: ArenaDescription) -> Vocabulary:
+    """The arena's words. Raises ConfigError if they are none, or not what the digest says."""
+    vocabulary = Vocabulary(arena.shapes, arena.colors)
+    if vocabulary.digest != arena.vocabulary_digest:
+        raise ConfigError(
+            f"arena_info.vocabulary_digest: expected {vocabulary.digest} for these words, "
+            f"got {arena.vocabulary_digest}"
+        )
+    return vocabulary

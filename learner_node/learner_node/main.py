@@ -1,0 +1,22 @@
+"""Entry point of `learner_node`."""
+
+from __future__ import annotations
+
+import sys
+
+from pa_ros.ros.node_main import Shell, run_node
+
+
+def main() -> int:
+    """Run the learner until SIGINT or SIGTERM; the exit status."""
+
+    def make() -> Shell:
+        from learner_node.node import LearnerNode  # after the environment is prepared
+
+        return LearnerNode()
+
+    return run_node(make, grace_s=60.0)  # a checkpoint may take a while
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,104 @@
+"""The learner as a ROS node: transitions in, policy weights out."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+
+from learner_node.config import LearnerNodeConfig
+from learner_node.worker import LearnerWorker, Sinks
+from pa_ros.core.errors import PaError
+from pa_ros.learning.checkpoint import find_checkpoint
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.health import OK, WARN, HealthReporter
+from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.errors import VocabularyError
+from pa_ros.wire.records import ArenaDescription, PublishedPolicy
+
+WATCH_S = 0.5
+
+
+class LearnerNode(Node):
+    """One learner. The first arena that describes itself says what the words are."""
+
+    def __init__(self) -> None:
+        super().__init__("learner_node", automatically_declare_parameters_from_overrides=True)
+        self.config = config_from_parameters(self, LearnerNodeConfig)
+        self.refusals = Refusals(self.get_logger().warning)
+        self.worker: LearnerWorker | None = None
+        if self.config.resume:
+            find_checkpoint(Path(self.config.out) / "checkpoint")
+        self._failure: BaseException | None = None
+        self._rate = (time.monotonic(), 0.0, 0.0)  # since when, frames and updates then
+        weights = topics.POLICY_WEIGHTS
+        self._weights = self.create_publisher(weights.type, weights.name, weights.writer)
+        for topic, callback in (
+            (topics.ARENA_INFO, self._on_arena),
+            (topics.TRANSITIONS, self._on_transitions),
+        ):
+            guarded = self.refusals.guard(topic.name, callback)
+            self.create_subscription(topic.type, topic.name, guarded, topic.reader)
+        HealthReporter(self, self.refusals, self._collect)
+        steady_timer(self, WATCH_S, self._watch)
+
+    def close(self) -> None:
+        """Write a last checkpoint."""
+        if self.worker is not None:
+            self.worker.close()
+
+    def _on_arena(self, message: Any) -> None:
+        arena = codec.decode_arena_info(message)
+        if self.worker is None:
+            self._start(arena)
+        elif self.worker.vocabulary.digest != arena.vocabulary_digest:
+            ours = self.worker.vocabulary.digest
+            raise VocabularyError("arena_info.vocabulary_digest", ours, arena.vocabulary_digest)
+
+    def _start(self, arena: ArenaDescription) -> None:
+        sinks = Sinks(self._publish, self.refusals.refuse)
+        try:
+            self.worker = LearnerWorker(self.config, arena, sinks)
+        except PaError as error:  # a checkpoint of other settings: nothing to go on with
+            self._failure = error
+            raise
+        self.worker.start()
+
+    def _on_transitions(self, message: Any) -> None:
+        digest = self.worker.vocabulary.digest if self.worker else None
+        stretch = codec.decode_transitions(message, digest)
+        if self.worker is not None:
+            self.worker.submit(stretch)
+
+    def _publish(self, policy: PublishedPolicy) -> None:
+        self._weights.publish(codec.encode_weights(policy))
+
+    def _watch(self) -> None:
+        failure = self._failure if self.worker is None else self.worker.failure
+        if failure is not None:
+            raise failure
+
+    def _collect(self) -> tuple[int, str, dict[str, str]]:
+        worker = self.worker
+        if worker is None:
+            return WARN, "no arena has described itself yet", {}
+        metrics, now = worker.metrics, time.monotonic()
+        since, frames, updates = self._rate
+        self._rate = (now, metrics["frames"], metrics["updates"])
+        elapsed = max(now - since, 1e-9)
+        values = {
+            "run_id": worker.run_id,
+            "backlog": str(worker.backlog),
+            "rejected_stretches": str(worker.rejected),
+            "frames_per_s": f"{(metrics['frames'] - frames) / elapsed:.1f}",
+            "updates_per_s": f"{(metrics['updates'] - updates) / elapsed:.1f}",
+            **{name: f"{value:.6g}" for name, value in metrics.items()},
+        }
+        if metrics["missing_stretches"]:
+            return WARN, "stretches are missing", values
+        return OK, "learning", values

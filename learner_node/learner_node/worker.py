@@ -1,0 +1,131 @@
+"""The learner on a thread of its own, so that messages are heard while it learns."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from learner_node.config import LearnerNodeConfig
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import PolicySnapshot, Stretch
+from pa_ros.language import Vocabulary
+from pa_ros.learning.checkpoint import restore, save_checkpoint
+from pa_ros.learning.learner import Learner
+from pa_ros.wire.records import ArenaDescription, PublishedPolicy
+
+
+@dataclass(frozen=True)
+class Sinks:
+    """Where a worker's results go; called on the worker's thread."""
+
+    publish: Callable[[PublishedPolicy], None]
+    refuse: Callable[[str, PaError], None]
+
+
+class LearnerWorker:
+    """Consumes stretches in the order they came, publishing a policy for each.
+
+    A duplicate and a stretch that cannot be used leave the version as it is, but are published
+    as accounted for: the agent that sent it must not wait for ever.
+    """
+
+    def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
+        self.vocabulary = Vocabulary(arena.shapes, arena.colors)
+        self.failure: BaseException | None = None  # a bug; the node must not go on
+        self.rejected = 0  # stretches that could not be used
+        self._config, self._arena, self._sinks = config, arena, sinks
+        self._learner = _make_learner(config, arena, self.vocabulary)
+        extra = restore(Path(config.out) / "checkpoint", self._learner) if config.resume else {}
+        self.run_id = str(extra.get("run_id") or uuid4().hex)
+        self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
+        self._accounted = self._from_ledger()
+        self.metrics = self._learner.metrics()
+        self._stretches: queue.SimpleQueue[Stretch | None] = queue.SimpleQueue()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
+
+    @property
+    def backlog(self) -> int:
+        """Stretches that wait; with the synchronous protocol at most policy_lag + 1 per agent."""
+        return self._stretches.qsize()
+
+    def start(self) -> None:
+        """Publish the versions that may still be asked for, oldest first; then learn."""
+        newest = self._learner.counters.version
+        for snapshot in self._learner.published:
+            self._publish(snapshot, behind=newest - snapshot.version)
+        self._thread.start()
+
+    def submit(self, stretch: Stretch) -> None:
+        """Learn from a stretch when its turn comes."""
+        self._stretches.put(stretch)
+
+    def close(self) -> None:
+        """Finish the stretch under way, drop the ones that wait, and write a checkpoint."""
+        self._stopping = True
+        self._stretches.put(None)
+        if self._thread.is_alive():
+            self._thread.join()
+        if self.failure is None:
+            self._save()
+
+    def _run(self) -> None:
+        try:
+            while (stretch := self._stretches.get()) is not None and not self._stopping:
+                self._consume(stretch)
+        except BaseException as error:  # seen by the node's timer
+            self.failure = error
+
+    def _consume(self, stretch: Stretch) -> None:
+        before = self._learner.counters.frames
+        try:
+            self._learner.consume(stretch)
+        except PaError as error:
+            self.rejected += 1
+            self._sinks.refuse("transitions", error)
+        agent, last = stretch.agent_id, self._accounted.get(stretch.agent_id, -1)
+        self._accounted = {**self._accounted, agent: max(last, stretch.sequence)}
+        self.metrics = self._learner.metrics()
+        self._publish(self._learner.snapshot())
+        every = self._config.checkpoint_every_frames
+        if every and self._learner.counters.frames // every > before // every:
+            self._save()
+
+    def _publish(self, snapshot: PolicySnapshot, behind: int = 0) -> None:
+        """`behind`: how many stretches fewer than now the snapshot accounts for."""
+        consumed = {a: n - behind for a, n in self._accounted.items() if n >= behind}
+        self._sinks.publish(PublishedPolicy(snapshot, self.run_id, consumed, time.time_ns()))
+
+    def _from_ledger(self) -> dict[str, int]:
+        following: Any = self._learner.replay.ledger.to_metadata()["next"]
+        return {agent: sequence - 1 for agent, sequence in following.items()}
+
+    def _save(self) -> None:
+        if not self._config.out:
+            return
+        extra = {
+            "wall_s": time.monotonic() - self._started,
+            "seed": self._config.seed,
+            "design": self._arena.design,
+            "preset": self._arena.preset,
+            "run_id": self.run_id,
+        }
+        try:
+            save_checkpoint(Path(self._config.out) / "checkpoint", self._learner, extra)
+        except PaError as error:  # a full disk: the one before is still whole
+            self._sinks.refuse("checkpoint", error)
+
+
+def _make_learner(
+    config: LearnerNodeConfig, arena: ArenaDescription, vocabulary: Vocabulary
+) -> Learner:
+    settings = config.settings()
+    learner = replace(settings.learner, near_threshold=arena.near_threshold)
+    network = settings.network_config(vocabulary, config.network)
+    return Learner(network, learner, arena.training_programs, config.seed)

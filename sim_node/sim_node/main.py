@@ -1,0 +1,22 @@
+"""Entry point of `sim_node`."""
+
+from __future__ import annotations
+
+import sys
+
+from pa_ros.ros.node_main import Shell, run_node
+
+
+def main() -> int:
+    """Run the arena until SIGINT or SIGTERM; the exit status."""
+
+    def make() -> Shell:
+        from sim_node.node import SimNode  # after the environment is prepared
+
+        return SimNode()
+
+    return run_node(make)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,222 @@
+"""The arena as a ROS node: each callback decodes, makes one core call, encodes, publishes."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rclpy.node import Node
+
+from pa_ros.arena import DivergedError
+from pa_ros.core.errors import PaError
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.health import OK, WARN, HealthReporter
+from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.ros.programs import judge, subscribe_programs
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.records import Outcome, ProgramRequest
+from sim_node.config import SimConfig
+from sim_node.description import JOINT_NAMES, describe
+from sim_node.errors import LockstepError, NotPausedError, PausedError
+from sim_node.session import Frame, Session
+from sim_node.watchdog import Watchdog
+
+
+class SimNode(Node):
+    """One arena. In lockstep a command moves it on; in real time a timer does."""
+
+    def __init__(self) -> None:
+        super().__init__("sim_node", automatically_declare_parameters_from_overrides=True)
+        self.config = config_from_parameters(self, SimConfig)
+        self.session = Session(self.config, arena_id=uuid.uuid4().hex[:8])
+        self.watchdog = Watchdog(self.session, self.config.command_timeout_s)
+        self.refusals = Refusals(self.get_logger().warning)
+        self.paused = False
+        self._real_time = self.config.mode == "real_time"
+        self._announced: ProgramRequest | None = None
+        self._sent_at = time.monotonic()
+        self._rate = (time.monotonic(), 0)  # where the reported rates are measured from
+        self._make_publishers()
+        self._make_subscriptions()
+        self._make_services()
+        self._health = HealthReporter(self, self.refusals, self._collect)
+        self._send(self.session.begin())
+        period = self.session.arena.control_period_s / self.config.real_time_factor
+        if self._real_time:
+            self._ticker = steady_timer(self, period, self._tick)
+        else:
+            steady_timer(self, self.config.resend_period_s / 4, self._send_again)
+
+    def close(self) -> None:
+        """Nothing to save."""
+
+    def _make_publishers(self) -> None:
+        def publisher(topic: topics.Topic) -> Any:
+            return self.create_publisher(topic.type, topic.name, topic.writer)
+
+        self._features = publisher(topics.OBJECT_FEATURES)
+        self._joints = publisher(topics.JOINT_STATES)
+        self._verdict = publisher(topics.VERDICT)
+        self._clock_topic = publisher(topics.CLOCK)
+        self._program = publisher(topics.PROGRAM)
+        self._status = publisher(topics.PROGRAM_STATUS)
+        self._info = publisher(topics.ARENA_INFO)
+        self._info.publish(codec.encode_arena_info(describe(self.session)))
+
+    def _make_subscriptions(self) -> None:
+        command = topics.JOINT_COMMANDS
+        guarded = self.refusals.guard(command.name, self._on_command)
+        self.create_subscription(command.type, command.name, guarded, command.reader)
+        subscribe_programs(self, self._on_program, self.refusals)
+
+    def _make_services(self) -> None:
+        services: list[tuple[tuple[str, Any], Callable[[Any], Outcome]]] = [
+            (topics.RESET, self._reset),
+            (topics.STEP_SERVICE, self._step),
+            (topics.PAUSE, self._pause),
+            (topics.SPEED, self._speed),
+        ]
+        for (name, kind), act in services:
+            self.create_service(kind, name, self._answering(name, act))
+
+    # One control step
+
+    def _on_command(self, message: Any) -> None:
+        command = codec.decode_command(message)
+        if self.paused:
+            raise PausedError("joint_commands: expected none while the arena is paused")
+        if self._real_time:
+            self.watchdog.offer(command)
+            return
+        self.session.check(command)
+        self._run(self.session.execute(command))
+
+    def _tick(self) -> None:
+        if not self.paused:
+            self._run(self.watchdog.tick())
+
+    def _run(self, frames: Iterable[Frame]) -> None:
+        try:
+            for frame in frames:
+                self._send(frame)
+        except DivergedError as error:
+            self.refusals.refuse("physics", error)
+            self._send(self.session.begin())
+
+    def _send(self, frame: Frame) -> None:
+        self._announce()
+        self._verdict.publish(codec.encode_verdict(frame.verdict, frame.evaluation))
+        features, joints = codec.encode_observation(
+            frame.observation, JOINT_NAMES, frame.evaluation, frame.commanded_by
+        )
+        self._joints.publish(joints)
+        self._features.publish(features)
+        self._clock_topic.publish(codec.encode_clock(frame.observation.stamp_ns))
+        self._sent_at = time.monotonic()
+
+    def _send_again(self) -> None:
+        """Nobody answered: perhaps nobody was there yet."""
+        if not self.paused and time.monotonic() - self._sent_at > self.config.resend_period_s:
+            self._send(self.session.frame)
+
+    # Programs
+
+    def _announce(self) -> None:
+        program = self.session.program
+        if program is not self._announced and program is not None:
+            if program.program_id.startswith(f"{self.session.arena_id}/"):
+                self._program.publish(codec.encode_program(program))
+        self._announced = program
+
+    def _on_program(self, request: ProgramRequest) -> None:
+        if request.program_id.startswith(f"{self.session.arena_id}/"):
+            return  # our own
+        idle = self.session.program is None
+        stamp_ns = self.session.frame.observation.stamp_ns
+        judgement = judge(
+            request, self.get_fully_qualified_name(), stamp_ns, self.session.submit, self.refusals
+        )
+        self._status.publish(codec.encode_program_status(judgement))
+        if idle and judgement.accepted:
+            self._send(self.session.frame)
+
+    # Services
+
+    def _answering(self, name: str, act: Callable[[Any], Outcome]) -> Callable[[Any, Any], Any]:
+        """A service that answers a refusal with its cause."""
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                outcome = act(request)
+            except PaError as error:
+                self.refusals.refuse(name, error)
+                outcome = self._outcome(False, error.code, str(error))
+            return codec.encode_outcome(response, outcome)
+
+        return answer
+
+    def _reset(self, message: Any) -> Outcome:
+        self._send(self.session.begin(codec.decode_reset(message)))
+        return self._outcome(True)
+
+    def _step(self, message: Any) -> Outcome:
+        steps = codec.decode_steps(message)
+        if not self.paused:
+            raise NotPausedError("step: expected a paused arena, got a running one")
+        for _ in range(steps):
+            self._run(self.session.advance(self.session.hold))
+        return self._outcome(True)
+
+    def _pause(self, message: Any) -> Outcome:
+        self.paused = codec.decode_pause(message)
+        return self._outcome(True)
+
+    def _speed(self, message: Any) -> Outcome:
+        factor = codec.decode_speed(message)
+        if not self._real_time:
+            raise LockstepError("speed: expected mode real_time, got lockstep")
+        self._ticker.timer_period_ns = int(self.session.arena.control_period_ns / factor)
+        return self._outcome(True)
+
+    def _outcome(self, success: bool, code: str = "", reason: str = "") -> Outcome:
+        stands = self.session.frame.observation
+        return Outcome(
+            success, code, reason, stands.episode, stands.step, stands.stamp_ns, self._speed_now()
+        )
+
+    def _speed_now(self) -> float:
+        if not self._real_time:
+            return 0.0
+        return float(self.session.arena.control_period_ns / self._ticker.timer_period_ns)
+
+    # Health
+
+    def _collect(self) -> tuple[int, str, dict[str, str]]:
+        now, steps = time.monotonic(), self.session.steps
+        since, steps_then = self._rate
+        self._rate = (now, steps)
+        rate = (steps - steps_then) / max(now - since, 1e-9)
+        stands = self.session.frame
+        values = {
+            "mode": self.config.mode,
+            "episode": str(stands.observation.episode),
+            "step": str(stands.observation.step),
+            "evaluation": str(stands.evaluation).lower(),
+            "steps": str(steps),
+            "steps_per_s": f"{rate:.1f}",
+            "real_time_factor": f"{rate * self.session.arena.control_period_s:.3f}",
+            "clamped": str(self.session.clamped),
+            "holds": str(self.watchdog.holds),
+            "paused": str(self.paused).lower(),
+        }
+        for evaluation, rewards in self.session.rewards.items():
+            name = "eval" if evaluation else "train"
+            if rewards:
+                values[f"{name}.reward_per_step"] = f"{sum(rewards) / len(rewards):.4f}"
+                values[f"{name}.episodes"] = str(len(rewards))
+        waiting = not self._real_time and rate == 0.0 and not self.paused
+        return (WARN, "no command comes", values) if waiting else (OK, "running", values)

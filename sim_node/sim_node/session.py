@@ -1,0 +1,166 @@
+"""Episodes and programs of one arena on the graph, without ROS."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from pa_ros.arena import Episode, ReachTask, generate
+from pa_ros.core.experience import JOINTS, Float64, Observation, Verdict
+from pa_ros.language import parse, require_target
+from pa_ros.language.errors import ProgramError
+from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
+from sim_node.config import SimConfig
+from sim_node.errors import NoProgramError, StaleCommandError
+
+RECENT = 20  # episodes that the reported means are over
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One control step as it goes on the wire."""
+
+    observation: Observation
+    verdict: Verdict
+    evaluation: bool
+    commanded_by: str  # the agent whose command, exactly, led here; empty: none's
+
+
+class Session:
+    """What runs next, under which program, and how it went. `frame` is where the arena stands.
+
+    Training and evaluation episodes are numbered apart, so that evaluating changes nothing else.
+    """
+
+    frame: Frame
+    program: ProgramRequest | None  # in force, with its canonical text
+
+    def __init__(self, config: SimConfig, arena_id: str) -> None:
+        self.config = config
+        self.arena_id = arena_id
+        self.arena = config.arena_config()
+        self.task = ReachTask(self.arena, config.design_of(), config.seed)
+        self.speed_limits = np.array(self.arena.joint_speed_limits)
+        self.steps = 0  # control periods taken
+        self.clamped = 0  # commands that were outside [-1, 1]
+        self.rewards = {kind: deque[float](maxlen=RECENT) for kind in (False, True)}
+        every = config.eval_every_episodes
+        self._next = {False: config.first_episode, True: config.first_episode // (every or 1)}
+        self._evaluation_due = False
+        self._user: ProgramRequest | None = None  # the newest program that someone sent
+        self._episode_rewards: list[float] = []
+
+    @property
+    def hold(self) -> Float64:
+        """The command that keeps the arm where it is, [6] rad/s."""
+        return np.zeros(JOINTS)
+
+    def begin(self, request: ResetRequest | None = None) -> Frame:
+        """Begin the next episode, or the one asked for. A refusal changes nothing.
+
+        Raises ProgramError if the request's program cannot be executed in that scene,
+        EpisodeError if there is no such scene.
+        """
+        request = request or ResetRequest(evaluation=self._evaluation_due)
+        evaluation = request.evaluation
+        index = self._next[evaluation] if request.episode is None else request.episode
+        condition = self.config.eval_condition if evaluation else self.config.condition
+        drawn_from = self.config.condition_of(condition)
+        episode = generate(self.arena, self.task.design, drawn_from, self.config.seed, index)
+        program = self._program_of(episode, evaluation, request.program)
+        self.task.reset_to(episode)
+        self._next[evaluation] = index + 1
+        every = self.config.eval_every_episodes
+        self._evaluation_due = not evaluation and every > 0 and (index + 1) % every == 0
+        self._episode_rewards = []
+        self._stand(program, evaluation)
+        return self.frame
+
+    def submit(self, request: ProgramRequest) -> str:
+        """Put someone's program in force from the next step on; its canonical text.
+
+        Where none was in force, the step that stands is the first one under it. Raises
+        ProgramError, with nothing changed, if it is not a program or names no block here.
+        """
+        assert self.task.episode is not None
+        program = self._checked(request, self.task.episode)
+        self._user = program
+        if self.program is None:
+            self._stand(program, self.frame.evaluation)
+        else:
+            self.program = program
+            self.task.set_program(program.text, program.program_id)
+        return program.text
+
+    def check(self, command: Command) -> None:
+        """Raise StaleCommandError unless it answers the step that stands, NoProgramError if
+        there is nothing to answer."""
+        if self.program is None:
+            raise NoProgramError("joint_commands: expected a program first, got none")
+        stands = self.frame.observation
+        expected = (stands.episode, stands.step, stands.stamp_ns)
+        received = (command.episode, command.step, command.stamp_ns)
+        if received != expected:
+            raise StaleCommandError(
+                f"joint_commands: expected (episode, step, stamp) {expected}, got {received}"
+            )
+
+    def execute(self, command: Command) -> Iterator[Frame]:
+        """Act for one control period as commanded, clamped to [-1, 1]; see `advance`."""
+        action = np.clip(command.action, -1.0, 1.0)
+        exact = bool((action == command.action).all())
+        self.clamped += not exact
+        stands = self.frame.observation
+        by = command.agent_id if exact and command.stamp_ns == stands.stamp_ns else ""
+        return self.advance(action.astype(np.float64) * self.speed_limits, by)
+
+    def advance(self, velocity: Float64, commanded_by: str = "") -> Iterator[Frame]:
+        """Act for one control period, rad/s; yield the step it led to and, if that was the
+        episode's last, the next episode's first. Raises DivergedError, the episode then void."""
+        evaluation = self.frame.evaluation
+        observation, verdict = self.task.step(velocity)
+        self.steps += 1
+        self.frame = Frame(*self._masked(observation, verdict), evaluation, commanded_by)
+        self._episode_rewards.append(verdict.reward)
+        yield self.frame
+        if verdict.truncated:
+            self.rewards[evaluation].append(float(np.mean(self._episode_rewards)))
+            yield self.begin()
+
+    def _stand(self, program: ProgramRequest | None, evaluation: bool) -> None:
+        """Make the task's present step the frame, under a program."""
+        assert self.task.episode is not None
+        self.program = program
+        text = program.text if program else self.task.episode.program
+        program_id = program.program_id if program else None
+        observation, verdict = self.task.set_program(text, program_id)
+        self.frame = Frame(*self._masked(observation, verdict), evaluation, "")
+
+    def _masked(self, observation: Observation, verdict: Verdict) -> tuple[Observation, Verdict]:
+        """Without a program in force there is nothing to satisfy."""
+        if self.program is not None:
+            return observation, verdict
+        none = replace(verdict, program_id="", reward=-1.0, satisfied=False, distance=inf)
+        return replace(observation, program_id=""), none
+
+    def _program_of(self, episode: Episode, evaluation: bool, wanted: str) -> ProgramRequest | None:
+        """The program that an episode begins with."""
+        if wanted:
+            self._user = self._checked(ProgramRequest(program_id_of(wanted), wanted), episode)
+            return self._user
+        if self.config.program_source == "generator":
+            kind = "eval" if evaluation else "train"
+            return ProgramRequest(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
+        try:
+            return self._user and self._checked(self._user, episode)
+        except ProgramError:  # accepted in another scene; here it names nothing
+            return None
+
+    def _checked(self, request: ProgramRequest, episode: Episode) -> ProgramRequest:
+        program = parse(request.text, self.task.design.vocabulary)
+        require_target(program, [block.kind.words for block in episode.blocks], None)
+        return ProgramRequest(request.program_id, str(program))
