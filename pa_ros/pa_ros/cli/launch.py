@@ -1,0 +1,55 @@
+"""`pa_ros launch`: the nodes of a parameters file as processes, and one live table."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from pa_ros.ros.client import client_node
+from pa_ros.ros.graph import refuse_occupied, signals_noted, start_nodes, watch
+from pa_ros.ros.launch_params import load_parameters, packaged
+from pa_ros.ros.launcher import ChildError, Supervisor
+from pa_ros.ros.monitor import Display, GraphFigures, watch_diagnostics
+
+DEFAULT = "train_2l"
+EXIT_FAILED = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros launch`."""
+    parser.add_argument(
+        "--params", type=Path, metavar="FILE",
+        help="ROS parameters; each node that it names is started "
+        "(default: learn design 2-L, as packaged)",
+    )  # fmt: skip
+    parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR",
+        help="where parameters and logs go (default: runs/launch-<time>)",
+    )  # fmt: skip
+    parser.epilog = "Ctrl-C stops all nodes; exit status 1 if one ended by itself"
+
+
+def run(options: argparse.Namespace) -> int:
+    """Launch, and show figures until a signal comes or a node ends by itself."""
+    parameters = load_parameters(options.params or packaged(DEFAULT))
+    folder = options.out or Path("runs") / f"launch-{time.strftime('%Y%m%d-%H%M%S')}"
+    figures = GraphFigures()
+    with signals_noted() as interrupted, client_node("launcher", options.namespace) as node:
+        refuse_occupied(node, parameters)
+        watch_diagnostics(node, figures)
+        with Supervisor(folder / "log") as supervisor:
+            try:
+                start_nodes(supervisor, parameters, folder, options.namespace)
+                print(f"started {', '.join(supervisor.names)}; logs in {folder / 'log'}")
+                with Display("Graph (Ctrl-C stops it)", figures.rows, figures.line) as display:
+                    watch(node, supervisor, display.refresh, interrupted)
+            except ChildError as error:
+                print(f"pa_ros launch: {error}", file=sys.stderr)
+                return EXIT_FAILED
+            print("stopping")
+            supervisor.stop()
+    print("stopped")
+    return 0

@@ -1,0 +1,123 @@
+"""What a demonstration asks of the arm, the scenes it asks it in, and the pictures it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pa_ros.arena import (
+    ArenaConfig,
+    Design,
+    Episode,
+    ReachTask,
+    condition_named,
+    generate,
+)
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.figures import learning_curve, phi_picture
+from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
+from pa_ros.language import parse, relevance, satisfying
+from pa_ros.learning.checkpoint import load_policy
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.inference import ProgrammableInference
+
+FULL, FEWER = "eval", "only-color"
+"""Conditions of scenes: as in training; and with one block alone of a color, so fewer blocks."""
+
+SCENES_SEARCHED = 1000
+FARTHER_M = 0.4
+"""From hand to target at a scene's start: twice NEAR's threshold, so that the arm must move."""
+
+
+@dataclass(frozen=True)
+class DemoProgram:
+    """A program to send, and what is new about it."""
+
+    kind: str
+    text: str
+    targets: int = 1  # blocks of the scene that it names
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An episode of an arena, as its Reset service is asked for it."""
+
+    condition: str  # FULL or FEWER
+    episode: Episode
+    distance: float  # m, hand to the nearest block that the program names, at the start
+
+
+def demo_programs(design: Design) -> list[DemoProgram]:
+    """Six programs: one trained, five never trained. ConfigError if nothing is held out."""
+    if not design.held_out:
+        raise ConfigError(f"demo: expected a design with held-out targets, got {design.name}")
+    known, new = design.train[0], design.held_out[0]
+    other = next(kind for kind in design.train if kind.shape == known.shape and kind != known)
+    trained, held_out = f"AND({known.color}, {known.shape})", f"AND({new.color}, {new.shape})"
+    return [
+        DemoProgram("trained", f"NEAR(HAND, {trained})"),
+        DemoProgram("held out", f"NEAR(HAND, {held_out})"),
+        DemoProgram("color alone", f"NEAR(HAND, {known.color})"),
+        DemoProgram("shape alone", f"NEAR(HAND, {new.shape})"),
+        DemoProgram("NOT", f"NEAR(HAND, AND(NOT({known.color}), {other.shape}))"),
+        DemoProgram("OR of two", f"NEAR(HAND, OR({trained}, {held_out}))", targets=2),
+    ]
+
+
+def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProgram) -> Scene:
+    """The first scene of a seed that lets a program show something.
+
+    The program names exactly as many blocks as it should, none of them within FARTHER_M. Scenes
+    as in training come first; where they cannot do (2 x 2 blocks and a color alone), one with
+    fewer blocks. Raises ConfigError if none does.
+    """
+    task = ReachTask(config, design, seed)
+    parsed = parse(program.text, design.vocabulary)
+    for condition in (FULL, FEWER):
+        drawn_from = condition_named(condition, design)
+        for index in range(SCENES_SEARCHED):
+            episode = generate(config, design, drawn_from, seed, index)
+            kinds = [block.kind.words for block in episode.blocks]
+            if sum(satisfying(parsed, kinds, None)) != program.targets:
+                continue
+            task.reset_to(episode)
+            _, verdict = task.set_program(program.text)
+            if verdict.distance >= FARTHER_M:
+                return Scene(condition, episode, verdict.distance)
+    raise ConfigError(
+        f"demo: no scene of design {design.name} in which {program.text} names "
+        f"{program.targets} block(s) at least {FARTHER_M} m away"
+    )
+
+
+def draw_learning_curve(path: Path, tally: EpisodeTally, target: HeldOutTarget, title: str) -> None:
+    """Reward per step against frames, from what was watched."""
+    frames, train, held_out = tally.curve()
+    learning_curve(path, frames, train, held_out, title, (target.random, target.scripted))
+
+
+def draw_phi(path: Path, checkpoint: Path, config: ArenaConfig, design: Design, scene: Scene,
+             program: str) -> None:  # fmt: skip
+    """Φ and p of a learned actor at the first observation of a scene, beside the arena."""
+    snapshot = load_policy(checkpoint)
+    network = actor_config(snapshot.architecture)
+    task = ReachTask(config, design, seed=0)
+    observation, _ = task.reset_to(scene.episode)
+    phi = ProgrammableInference(network, snapshot.tensors).properties(
+        observation.objects, observation.arm
+    )
+    parsed = parse(program, network.vocabulary)
+    p = relevance(parsed, phi.tolist(), network.vocabulary.row, observation.hand_index)
+    hand, *blocks = task.simulation.positions[:, :2].tolist()
+    phi_picture(
+        path,
+        [(b.kind.color, b.kind.shape, x, y)
+         for b, (x, y) in zip(scene.episode.blocks, blocks, strict=True)],
+        (hand[0], hand[1]),
+        phi,
+        np.array(p),
+        network.vocabulary.words,
+        str(parsed),
+    )  # fmt: skip

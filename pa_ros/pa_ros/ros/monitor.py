@@ -1,0 +1,170 @@
+"""Live figures of a running graph, from /diagnostics: one table, or plain lines without a terminal.
+
+Everything shown is what the nodes say of themselves; nothing is measured here.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, TextIO
+
+from rclpy.node import Node
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from pa_ros.ros.topics import DIAGNOSTICS
+from pa_ros.wire import codec
+from pa_ros.wire.records import Health
+
+REFRESH_S = 0.5  # of the table
+LINE_PERIOD_S = 5.0  # of plain lines
+STALE_S = 5.0  # a node that says nothing for this long is shown as silent
+UNKNOWN = "-"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One row: whose value it is, under which key, and how it is written."""
+
+    label: str
+    node: str  # last part of the node's name
+    key: str
+    form: str = "{:.0f}"
+    short: str = ""  # label in plain lines; empty: not in them
+
+
+FIGURES = (
+    Figure("frames", "learner_node", "frames", short="frames"),
+    Figure("frames/s", "sim_node", "steps_per_s", short="frames/s"),
+    Figure("updates/s", "learner_node", "updates_per_s", short="updates/s"),
+    Figure("reward/step, training", "sim_node", "train.reward_per_step", "{:+.3f}", "train"),
+    Figure("reward/step, zero-shot", "sim_node", "eval.reward_per_step", "{:+.3f}", "zero-shot"),
+    Figure("weights version, learner", "learner_node", "version", short="version"),
+    Figure("weights version, agent", "agent_node", "policy_version"),
+    Figure("critic loss", "learner_node", "critic_loss", "{:.5f}", "critic"),
+    Figure("actor loss (minus mean Q)", "learner_node", "mean_q", "{:+.4f}", "actor"),
+    Figure("real-time factor", "sim_node", "real_time_factor", "{:.1f}", "x real time"),
+)
+NEGATED = {"mean_q"}  # the actor ascends Q
+
+
+class GraphFigures:
+    """The newest figures of each node; `now` is a steady clock in seconds."""
+
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        self._now = now
+        self._health: dict[str, tuple[Health, float]] = {}  # by full name, and when it came
+
+    def take(self, entries: Iterable[Health]) -> None:
+        """Take in the entries of one diagnostics message."""
+        for entry in entries:
+            self._health[entry.name] = (entry, self._now())
+
+    def value(self, node: str, key: str) -> float | None:
+        """A figure as a number; None if it was not reported or is not one."""
+        try:
+            return float(self._values(node)[key])
+        except (KeyError, ValueError):
+            return None
+
+    def rows(self) -> list[tuple[str, str]]:
+        """(label, text) of every figure, then refusals and alarms, node by node."""
+        found = [(figure.label, self._text(figure)) for figure in FIGURES]
+        return [*found, ("refused messages", self._refusals()), ("alarms", self._alarms())]
+
+    def line(self) -> str:
+        """The figures in one plain line."""
+        parts = [f"{figure.short} {self._text(figure)}" for figure in FIGURES if figure.short]
+        return "  ".join([*parts, f"refused {self._refusals()}", f"alarms {self._alarms()}"])
+
+    def _values(self, node: str) -> Mapping[str, str]:
+        return next(
+            (entry.values for name, (entry, _) in self._health.items()
+             if name.rpartition("/")[2] == node),
+            {},
+        )  # fmt: skip
+
+    def _text(self, figure: Figure) -> str:
+        value = self.value(figure.node, figure.key)
+        if value is None:
+            return UNKNOWN
+        return figure.form.format(-value if figure.key in NEGATED else value)
+
+    def _refusals(self) -> str:
+        counts: dict[str, int] = {}
+        for entry, _ in self._health.values():
+            for key, value in entry.values.items():
+                if key.startswith("refused.") and value.isdecimal():
+                    code = key.removeprefix("refused.")
+                    counts[code] = counts.get(code, 0) + int(value)
+        return ", ".join(f"{code} {count}" for code, count in sorted(counts.items())) or "0"
+
+    def _alarms(self) -> str:
+        alarms = []
+        for name, (entry, when) in sorted(self._health.items()):
+            if self._now() - when > STALE_S:
+                alarms.append(f"{name}: silent for {self._now() - when:.0f} s")
+            elif entry.level:
+                alarms.append(f"{name}: {entry.message}")
+        return "; ".join(alarms) or "none"
+
+
+def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
+    """Feed figures from /diagnostics for as long as the node lives."""
+
+    def receive(message: Any) -> None:
+        figures.take(codec.decode_diagnostics(message))
+
+    node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, receive, DIAGNOSTICS.reader)
+
+
+class Display:
+    """Shows rows about twice a second in place; without a terminal, a line every LINE_PERIOD_S.
+
+    A context manager. `rows` and `line` are asked for what to show at each `refresh`.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        rows: Callable[[], list[tuple[str, str]]],
+        line: Callable[[], str],
+        stream: TextIO | None = None,
+    ) -> None:
+        self._title, self._rows, self._line = title, rows, line
+        self._stream = stream or sys.stdout
+        self._console = Console(file=self._stream)
+        self._live: Live | None = None
+        self._printed = time.monotonic()
+
+    def __enter__(self) -> Display:
+        if self._console.is_terminal:
+            self._live = Live(console=self._console, auto_refresh=False)
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self.refresh()
+            self._live.stop()
+            self._live = None
+
+    def refresh(self) -> None:
+        """Show what there is now; call every REFRESH_S or so."""
+        if self._live is not None:
+            self._live.update(self._table(), refresh=True)
+        elif time.monotonic() - self._printed >= LINE_PERIOD_S:
+            self._printed = time.monotonic()
+            print(self._line(), file=self._stream, flush=True)
+
+    def _table(self) -> Table:
+        table = Table(title=self._title, title_justify="left", show_header=False)
+        table.add_column(style="bold")
+        table.add_column(min_width=40)
+        for label, text in self._rows():
+            table.add_row(label, text)
+        return table
