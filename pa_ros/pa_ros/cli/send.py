@@ -34,8 +34,10 @@ def run(options: argparse.Namespace) -> int:
     with client_node("send", options.namespace) as node:
         sender = ProgramSender(node)
         try:
-            answers = sender.send(options.text, options.timeout)
-            print_answers(answers)
+            try:
+                answers = sender.send(options.text, options.timeout)
+            finally:
+                print_answers(sender.answers)
             if answers.refused:
                 return EXIT_REFUSED
             if not options.wait:

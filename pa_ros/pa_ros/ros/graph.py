@@ -42,7 +42,7 @@ def refuse_occupied(node: Node, parameters: Parameters) -> None:
     occupied = sorted(present & set(parameters))
     if occupied:
         raise ConfigError(
-            f"launch: {', '.join(occupied)} already in the graph of ROS domain "
+            f"{', '.join(occupied)} already in the graph of ROS domain "
             f"{os.environ.get('ROS_DOMAIN_ID', '0')}, namespace {namespace}: choose another "
             "namespace or ROS_DOMAIN_ID (a node that was killed vanishes within half a minute)"
         )

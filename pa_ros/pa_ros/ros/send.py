@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -13,12 +15,14 @@ from rclpy.node import Node
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.execution import Execution, ExecutionWatch
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.topics import PROGRAM, PROGRAM_STATUS, VERDICT
+from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
 from pa_ros.wire import codec
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
-SETTLE_S = 0.5  # after which every node of a graph on this machine has been discovered
+SETTLE_S = 1.0  # in which nodes on one machine find each other
 _serial = count()
+
+Spin = Callable[[Callable[[], bool], float], bool]
 
 
 class SendTimeoutError(PaError):
@@ -46,11 +50,13 @@ class ProgramSender:
     Programs are latched for as long as this object lives, so a node that starts late hears them.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, spin: Spin | None = None) -> None:
+        """`spin` serves callbacks until a condition holds or a time is up; whether it holds."""
         self._node = node
+        self._spin = spin or partial(spin_until, node)
         self._since = time.monotonic()
         self._program_id = ""
-        self._answers = Answers()
+        self.answers = Answers()  # to the program sent last
         self._watch = ExecutionWatch("")
         self._execution: Execution | None = None
         self._publisher = node.create_publisher(PROGRAM.type, PROGRAM.name, PROGRAM.writer)
@@ -66,37 +72,42 @@ class ProgramSender:
         for text that cannot be sent at all.
         """
         self._program_id = f"send-{os.getpid()}-{next(_serial)}"
-        self._answers, self._execution = Answers(), None
+        self.answers, self._execution = Answers(), None
         self._watch = ExecutionWatch(self._program_id)
         message = codec.encode_program(ProgramRequest(self._program_id, _sendable(text)))
         self._publisher.publish(message)
-        if not spin_until(self._node, self._answered, timeout_s):
-            raise SendTimeoutError(_silence(self._answers, timeout_s))
-        return self._answers
+        if not self._spin(self._answered, timeout_s):
+            raise SendTimeoutError(_silence(self.answers, timeout_s))
+        return self.answers
 
     def wait(self, timeout_s: float) -> Execution:
         """Wait for what becomes of the program sent last; SendTimeoutError if it stays open."""
-        if not spin_until(self._node, lambda: self._execution is not None, timeout_s):
+        if not self._spin(lambda: self._execution is not None, timeout_s):
             begun = "it is still being executed" if self._watch.begun else "no verdict on it came"
             raise SendTimeoutError(f"{begun} after {timeout_s:g} s")
         assert self._execution is not None
         return self._execution
 
     def _answered(self) -> bool:
-        if self._answers.refused:
+        if self.answers.refused:
             return True
-        judges = {
-            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            for info in self._node.get_publishers_info_by_topic(PROGRAM_STATUS.name)
-        }
-        self._answers.silent = judges - self._answers.judgements.keys()
+        arenas = self._publishers(ARENA_INFO)
+        judges = arenas | self._publishers(PROGRAM_STATUS)
+        self.answers.silent = judges - self.answers.judgements.keys()
         settled = time.monotonic() - self._since > SETTLE_S
-        return settled and bool(self._answers.judgements) and not self._answers.silent
+        return settled and bool(arenas) and not self.answers.silent
+
+    def _publishers(self, topic: Topic) -> set[str]:
+        """Full names of the nodes that publish a topic, as far as they have been discovered."""
+        return {
+            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            for info in self._node.get_publishers_info_by_topic(topic.name)
+        }
 
     def _on_status(self, message: Any) -> None:
         judgement = codec.decode_program_status(message)
         if judgement.program_id == self._program_id:
-            self._answers.judgements[judgement.node] = judgement
+            self.answers.judgements[judgement.node] = judgement
 
     def _on_verdict(self, message: Any) -> None:
         if self._execution is None:
@@ -112,7 +123,5 @@ def _sendable(text: str) -> str:
 
 
 def _silence(answers: Answers, timeout_s: float) -> str:
-    if not answers.silent and not answers.judgements:
-        return f"nobody answered within {timeout_s:g} s: is the graph running, in this ROS domain?"
-    names = ", ".join(sorted(answers.silent))
+    names = ", ".join(sorted(answers.silent)) or "an arena: is the graph running, in this domain?"
     return f"no answer within {timeout_s:g} s from {names}"

@@ -1,0 +1,52 @@
+"""Asking an arena for a scene, or to stand still: its services, with bounds and typed errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+from pa_ros.core.errors import PaError
+from pa_ros.ros.executor import spin_until
+from pa_ros.ros.topics import PAUSE, RESET
+from pa_ros.wire import codec
+from pa_ros.wire.records import Outcome, ResetRequest
+
+Spin = Callable[[Callable[[], bool], float], bool]
+
+
+class ArenaServiceError(PaError):
+    """A service of the arena that was refused, with its cause, or that did not answer in time."""
+
+    code = "arena.service"
+
+
+class ArenaClient:
+    """The services of the arena in a node's namespace."""
+
+    def __init__(self, node: Node, spin: Spin | None = None) -> None:
+        """`spin` serves callbacks until a condition holds or a time is up; whether it holds."""
+        self._spin = spin or partial(spin_until, node)
+        self._reset = node.create_client(RESET[1], RESET[0])
+        self._pause = node.create_client(PAUSE[1], PAUSE[0])
+
+    def reset(self, request: ResetRequest, timeout_s: float) -> Outcome:
+        """Begin an episode; where the arena then stands. Raises ArenaServiceError."""
+        return self._call("reset", self._reset, codec.encode_reset(request), timeout_s)
+
+    def pause(self, paused: bool, timeout_s: float) -> Outcome:
+        """Stop the arena's time, or let it go on. Raises ArenaServiceError."""
+        return self._call("pause", self._pause, codec.encode_pause(paused), timeout_s)
+
+    def _call(self, name: str, client: Any, request: Any, timeout_s: float) -> Outcome:
+        if not self._spin(client.service_is_ready, timeout_s):
+            raise ArenaServiceError(f"{name}: no arena offers it within {timeout_s:g} s")
+        answer = client.call_async(request)
+        if not self._spin(answer.done, timeout_s):
+            raise ArenaServiceError(f"{name}: no answer within {timeout_s:g} s")
+        outcome = codec.decode_outcome(answer.result())
+        if not outcome.success:
+            raise ArenaServiceError(f"{name}: refused: [{outcome.code}] {outcome.reason}")
+        return outcome
