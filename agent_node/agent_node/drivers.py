@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from agent_node.shelf import UNPUBLISHED, PolicyShelf, ShelfSchedule
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot, Stretch, Verdict
@@ -28,6 +28,13 @@ class Step:
     ends_episode: bool  # nothing is to be done about it any more
 
 
+class Outgoing(NamedTuple):
+    """A stretch to be sent, and the simulation time of its first row."""
+
+    stretch: Stretch
+    stamp_ns: int
+
+
 class Driver(Protocol):
     """What the node asks of either kind of agent."""
 
@@ -42,7 +49,7 @@ class Driver(Protocol):
     def offer(self, policy: PublishedPolicy) -> None:
         """Weights have come. Raises PolicyError or ConfigError if they cannot be used."""
 
-    def observe(self, step: Step) -> Stretch | None:
+    def observe(self, step: Step) -> Outgoing | None:
         """Take in a step; the stretch that it completed, if it did."""
 
     def act(self) -> Float32 | None:
@@ -70,7 +77,7 @@ class GreedyDriver:
         else:
             self._actor.load(policy.snapshot)
 
-    def observe(self, step: Step) -> Stretch | None:
+    def observe(self, step: Step) -> Outgoing | None:
         self._step = None if step.ends_episode else step
         return None
 
@@ -96,7 +103,8 @@ class LearningDriver:
         self._schedule = ShelfSchedule(config.policy_lag, self.shelf)
         self._agent: LearningAgent | None = None
         self._step: Step | None = None
-        self._sent: deque[Stretch] = deque(maxlen=self._schedule.versions_kept)
+        self._stamps: dict[tuple[int, int], int] = {}  # by episode and step, of the run so far
+        self._sent: deque[Outgoing] = deque(maxlen=self._schedule.versions_kept)
 
     @property
     def ready(self) -> bool:
@@ -118,7 +126,7 @@ class LearningDriver:
             self._agent = self._make_agent(network, self._first_sequence)
         self.shelf.add(policy, self._agent.builder.sequence)
 
-    def observe(self, step: Step) -> Stretch | None:
+    def observe(self, step: Step) -> Outgoing | None:
         agent, verdict = self._agent, step.verdict
         if verdict is None or agent is None:
             raise AssertionError("a learning agent observes verdicts, and only once it has weights")
@@ -128,11 +136,12 @@ class LearningDriver:
         goes_on = step.observation.step > 0 and not agent.builder.at_boundary
         if goes_on and step.commanded_by != self.agent_id:
             self.interrupted += 1
+            self._stamps = {}
             agent.builder = self._make_builder(agent.actor.network, agent.builder.sequence)
-        stretch = agent.observe(step.observation, verdict, step.program)
-        if stretch is not None:
-            self._sent.append(stretch)
-        return stretch
+        observation = step.observation
+        self._stamps[observation.episode, observation.step] = observation.stamp_ns
+        stretch = agent.observe(observation, verdict, step.program)
+        return None if stretch is None else self._outgoing(stretch, observation)
 
     def act(self) -> Float32 | None:
         step, agent = self._step, self._agent
@@ -143,11 +152,17 @@ class LearningDriver:
             return agent.actor.act(step.observation, step.program)
         return agent.act()
 
-    def unaccounted(self) -> list[Stretch]:
+    def unaccounted(self) -> list[Outgoing]:
         """Stretches sent that the newest policy does not account for."""
         newest = self.shelf.newest
         done = 0 if newest is None else self.shelf.accounted(newest)
-        return [stretch for stretch in self._sent if stretch.sequence >= done]
+        return [outgoing for outgoing in self._sent if outgoing.stretch.sequence >= done]
+
+    def _outgoing(self, stretch: Stretch, observation: Observation) -> Outgoing:
+        outgoing = Outgoing(stretch, self._stamps[stretch.episode, stretch.first_step])
+        self._stamps = {(observation.episode, observation.step): observation.stamp_ns}
+        self._sent.append(outgoing)
+        return outgoing
 
     def _load(self, agent: LearningAgent) -> bool:
         """Load what the protocol requires now; whether it is there."""

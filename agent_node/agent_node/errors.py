@@ -9,15 +9,3 @@ class StaleObservationError(PaError):
     """An observation from before the one that was handled last."""
 
     code = "observation.stale"
-
-
-class NoArenaError(PaError):
-    """A step of an arena that has not described itself yet."""
-
-    code = "observation.no_arena"
-
-
-class RunError(PaError):
-    """Weights older than the ones in use, of the same run."""
-
-    code = "policy.stale"

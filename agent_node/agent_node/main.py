@@ -15,7 +15,7 @@ def main() -> int:
 
         return AgentNode()
 
-    return run_node(make)
+    return run_node("agent_node", make)
 
 
 if __name__ == "__main__":

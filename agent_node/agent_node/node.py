@@ -12,10 +12,9 @@ from rclpy.node import Node
 
 from agent_node.config import AgentConfig
 from agent_node.drivers import Driver, GreedyDriver, LearningDriver, Step
-from agent_node.errors import NoArenaError
 from agent_node.programs import ProgramBook, vocabulary_of
 from agent_node.steps import StepMatcher
-from pa_ros.core.experience import PolicySnapshot, Stretch
+from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import Vocabulary
 from pa_ros.learning.checkpoint import load_policy
 from pa_ros.networks.parameters import initial_actor
@@ -109,7 +108,7 @@ class AgentNode(Node):
 
     def _on_part(self, part: str, message: Any) -> None:
         if self._arena is None:
-            raise NoArenaError(f"{part}: expected arena_info first, got none")
+            return  # arena_info is on its way; the arena repeats a step that nobody answers
         self._heard_at = time.monotonic()
         step = self._matcher.add(part, codec.header_stamp(message), message)
         if step is not None:
@@ -137,12 +136,12 @@ class AgentNode(Node):
             verdict,
             ends_episode=observation.step >= self._arena.episode_steps,
         )
-        stretch = self.driver.observe(step)
+        outgoing = self.driver.observe(step)
         self._handled = observation.stamp_ns
         self._observation = observation
-        if stretch is not None:
+        if outgoing is not None:
             self._stretches += 1
-            self._send_stretch(stretch)
+            self._transitions_out.publish(codec.encode_transitions(*outgoing))
         self._act()
 
     def _act(self) -> None:
@@ -198,16 +197,13 @@ class AgentNode(Node):
         self._policy = policy
         self._retry()
 
-    def _send_stretch(self, stretch: Stretch) -> None:
-        self._transitions_out.publish(codec.encode_transitions(stretch))
-
     def _send_again(self) -> None:
         """Stretches that the weights waited for should have taken in: perhaps none heard them."""
         driver = self.driver
         late = time.monotonic() - self._progress_at > self.config.resend_period_s
         if isinstance(driver, LearningDriver) and driver.waiting and late:
-            for stretch in driver.unaccounted():
-                self._send_stretch(stretch)
+            for outgoing in driver.unaccounted():
+                self._transitions_out.publish(codec.encode_transitions(*outgoing))
 
     # Health
 

@@ -15,7 +15,7 @@ def main() -> int:
 
         return LearnerNode()
 
-    return run_node(make, grace_s=60.0)  # a checkpoint may take a while
+    return run_node("learner_node", make, grace_s=60.0)  # a checkpoint may take a while
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ def main() -> int:
 
         return SimNode()
 
-    return run_node(make)
+    return run_node("sim_node", make)
 
 
 if __name__ == "__main__":

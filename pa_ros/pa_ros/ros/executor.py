@@ -29,10 +29,12 @@ def spin(node: Node, stop: threading.Event) -> None:
     spin_until(node, stop.is_set, None)
 
 
-def spin_until(node: Node, condition: Callable[[], bool], timeout_s: float | None) -> bool:
+def spin_until(
+    node: Node, condition: Callable[[], bool], timeout_s: float | None, *others: Node
+) -> bool:
     """Serve callbacks until the condition holds or the time is up; whether it holds.
 
-    The condition is looked at every POLL_S and whenever a callback calls `wake` of the future.
+    The condition is looked at every POLL_S. Callbacks of `others` are served too.
     """
     clock = Clock(clock_type=ClockType.STEADY_TIME)
     deadline = None if timeout_s is None else clock.now().nanoseconds + int(timeout_s * 1e9)
@@ -44,7 +46,8 @@ def spin_until(node: Node, condition: Callable[[], bool], timeout_s: float | Non
             finished.set_result(None)
 
     executor = EventsExecutor()
-    executor.add_node(node)
+    for served in (node, *others):
+        executor.add_node(served)
     timer = node.create_timer(POLL_S, poll, clock=clock)
     try:
         poll()
@@ -52,6 +55,7 @@ def spin_until(node: Node, condition: Callable[[], bool], timeout_s: float | Non
             executor.spin_until_future_complete(finished, timeout_sec=1.0)
     finally:
         node.destroy_timer(timer)
-        executor.remove_node(node)
+        for served in (node, *others):
+            executor.remove_node(served)
         executor.shutdown()
     return condition()

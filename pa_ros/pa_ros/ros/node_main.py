@@ -26,9 +26,12 @@ class Shell(Protocol):
 
 
 def run_node(
-    make: Callable[[], Shell], arguments: Sequence[str] | None = None, grace_s: float = 10.0
+    name: str,
+    make: Callable[[], Shell],
+    arguments: Sequence[str] | None = None,
+    grace_s: float = 10.0,
 ) -> int:
-    """Run one node until SIGINT or SIGTERM; the process's exit status.
+    """Run the node called `name` until SIGINT or SIGTERM; the process's exit status.
 
     0: stopped as asked. 2: a parameter was refused, with the reason on standard error. Should
     closing hang for `grace_s`, the process ends all the same (status 1).
@@ -41,7 +44,7 @@ def run_node(
     from pa_ros.ros.executor import spin
 
     with _stop_on_signal(grace_s) as stop:
-        given = [sys.argv[0], *(sys.argv[1:] if arguments is None else arguments)]
+        given = [name, *(sys.argv[1:] if arguments is None else arguments)]
         try:
             try:
                 rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
@@ -54,7 +57,7 @@ def run_node(
                 node.close()
                 node.destroy_node()  # type: ignore[attr-defined]
         except PaError as error:
-            print(f"{os.path.basename(sys.argv[0])}: [{error.code}] {error}", file=sys.stderr)
+            print(f"{name}: [{error.code}] {error}", file=sys.stderr)
             return EXIT_REFUSED
         finally:
             rclpy.try_shutdown()
