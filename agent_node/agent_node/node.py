@@ -46,6 +46,8 @@ class AgentNode(Node):
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
         self._commands = self._stretches = 0
+        self._core_s = 0.0  # spent in the policy itself
+        self._reported = (0, 0.0)  # commands and core_s at the last report
         self._heard_at = self._progress_at = time.monotonic()
         self._make_publishers()
         self._make_subscriptions()
@@ -136,7 +138,9 @@ class AgentNode(Node):
             verdict,
             ends_episode=observation.step >= self._arena.episode_steps,
         )
+        started = time.perf_counter()
         outgoing = self.driver.observe(step)
+        self._core_s += time.perf_counter() - started
         self._handled = observation.stamp_ns
         self._observation = observation
         if outgoing is not None:
@@ -145,7 +149,9 @@ class AgentNode(Node):
         self._act()
 
     def _act(self) -> None:
+        started = time.perf_counter()
         action = self.driver.act()
+        self._core_s += time.perf_counter() - started
         if action is None:
             return
         observation = self._observation
@@ -208,11 +214,14 @@ class AgentNode(Node):
     # Health
 
     def _collect(self) -> tuple[int, str, dict[str, str]]:
-        now = time.monotonic()
+        now, (commands, core_s) = time.monotonic(), self._reported
+        self._reported = (self._commands, self._core_s)
+        core_us = (self._core_s - core_s) * 1e6 / max(self._commands - commands, 1)
         values = {
             "agent_id": self.agent_id,
             "policy_version": str(self.driver.version),
             "commands": str(self._commands),
+            "core_us": f"{core_us:.1f}",
             "stretches": str(self._stretches),
             "observation_age_s": f"{now - self._heard_at:.2f}",
         }

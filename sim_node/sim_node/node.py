@@ -39,7 +39,8 @@ class SimNode(Node):
         self._real_time = self.config.mode == "real_time"
         self._announced: ProgramRequest | None = None
         self._sent_at = time.monotonic()
-        self._rate = (time.monotonic(), 0)  # where the reported rates are measured from
+        self._rate = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
+        self._core_s = 0.0  # spent in the arena itself
         self._make_publishers()
         self._make_subscriptions()
         self._make_services()
@@ -100,9 +101,12 @@ class SimNode(Node):
             self._run(self.watchdog.tick())
 
     def _run(self, frames: Iterable[Frame]) -> None:
+        started = time.perf_counter()
         try:
             for frame in frames:
+                self._core_s += time.perf_counter() - started
                 self._send(frame)
+                started = time.perf_counter()
         except DivergedError as error:
             self.refusals.refuse("physics", error)
             self._send(self.session.begin())
@@ -197,8 +201,8 @@ class SimNode(Node):
 
     def _collect(self) -> tuple[int, str, dict[str, str]]:
         now, steps = time.monotonic(), self.session.steps
-        since, steps_then = self._rate
-        self._rate = (now, steps)
+        since, steps_then, core_then = self._rate
+        self._rate = (now, steps, self._core_s)
         rate = (steps - steps_then) / max(now - since, 1e-9)
         stands = self.session.frame
         values = {
@@ -208,6 +212,7 @@ class SimNode(Node):
             "evaluation": str(stands.evaluation).lower(),
             "steps": str(steps),
             "steps_per_s": f"{rate:.1f}",
+            "core_us": f"{(self._core_s - core_then) * 1e6 / max(steps - steps_then, 1):.1f}",
             "real_time_factor": f"{rate * self.session.arena.control_period_s:.3f}",
             "clamped": str(self.session.clamped),
             "holds": str(self.watchdog.holds),

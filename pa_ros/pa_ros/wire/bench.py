@@ -32,7 +32,7 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
     Conversion to and from message objects only: serialization is rmw's and not counted.
     """
     rng = np.random.default_rng(0)
-    observation, verdict, command = _step(rng)
+    observation, verdict, command = sample_step()
     stretch, policy = _stretch(rng), _policy(rng)
     pair = codec.encode_observation(observation, JOINT_NAMES)
     messages = (
@@ -62,7 +62,9 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
     return report
 
 
-def _step(rng: np.random.Generator) -> tuple[Observation, Verdict, Command]:
+def sample_step(seed: int = 0) -> tuple[Observation, Verdict, Command]:
+    """The content of one control step, of the sizes that the arena has."""
+    rng = np.random.default_rng(seed)
     objects = rng.normal(size=(_OBJECTS, OBJECT_FEATURES)).astype(np.float32)
     joints = rng.normal(size=(2, JOINTS))
     observation = Observation(3, 7, 10**9, objects, joints[0], joints[1], 0, "generated-3")

@@ -1,0 +1,90 @@
+"""Bare ping-pong: the messages of a control step between two processes, and nothing else.
+
+What the graph could do at most: the same types, sizes, topics' quality of service and executor,
+but no arena, no policy, no encoding (the messages are made once). `python -m pa_ros.ros.pingpong`
+is the side that answers.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+from pa_ros.ros import topics
+from pa_ros.ros.node_main import run_node
+from pa_ros.wire import codec
+from pa_ros.wire.bench import JOINT_NAMES, sample_step
+
+# In the order in which sim_node sends them; the answer is to the last that the agent needs.
+_QUESTION = (topics.VERDICT, topics.JOINT_STATES, topics.OBJECT_FEATURES, topics.CLOCK)
+WARM_UP = 200  # round trips
+SETTLE_S = 0.5
+
+
+def measure_round_trips(node: Any, seconds: float, timeout_s: float = 30.0) -> float:
+    """Round trips per second with an answering process, over `seconds`; 0 if none answers."""
+    from pa_ros.ros.executor import spin_until
+
+    observation, verdict, _ = sample_step()
+    features, joints = codec.encode_observation(observation, JOINT_NAMES)
+    clock = codec.encode_clock(observation.stamp_ns)
+    messages = (codec.encode_verdict(verdict), joints, features, clock)
+    writers = [node.create_publisher(t.type, _name(t), t.writer) for t in _QUESTION]
+    answers = 0
+
+    def ask(_: Any = None) -> None:
+        for writer, message in zip(writers, messages, strict=True):
+            writer.publish(message)
+
+    def receive(_: Any) -> None:
+        nonlocal answers
+        answers += 1
+        ask()
+
+    command = topics.JOINT_COMMANDS
+    answering = node.create_subscription(command.type, _name(command), receive, command.reader)
+    heard = writers[: _QUESTION.index(topics.CLOCK)]
+    spin_until(
+        node,
+        lambda: all(w.get_subscription_count() for w in heard) and answering.get_publisher_count(),
+        timeout_s,
+    )
+    spin_until(node, lambda: False, SETTLE_S)  # the other side has found us too
+    ask()
+    spin_until(node, lambda: answers > WARM_UP, timeout_s)
+    started, before = time.perf_counter(), answers
+    spin_until(node, lambda: time.perf_counter() - started > seconds, timeout_s)
+    return (answers - before) / (time.perf_counter() - started)
+
+
+def _name(topic: topics.Topic) -> str:
+    return f"bare/{topic.name.strip('/')}"
+
+
+def _answerer() -> Any:
+    from rclpy.node import Node
+
+    class Answerer(Node):
+        """Answers every step with the same command."""
+
+        def __init__(self) -> None:
+            super().__init__("pingpong")
+            command = codec.encode_command(sample_step()[2])
+            topic = topics.JOINT_COMMANDS
+            writer = self.create_publisher(topic.type, _name(topic), topic.writer)
+            for heard in _QUESTION[:2]:
+                self.create_subscription(heard.type, _name(heard), lambda _: None, heard.reader)
+            last = topics.OBJECT_FEATURES
+            self.create_subscription(
+                last.type, _name(last), lambda _: writer.publish(command), last.reader
+            )
+
+        def close(self) -> None:
+            """Nothing to save."""
+
+    return Answerer()
+
+
+if __name__ == "__main__":
+    sys.exit(run_node("pingpong", _answerer))
