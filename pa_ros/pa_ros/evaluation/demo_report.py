@@ -29,6 +29,7 @@ FULL, FEWER = "eval", "only-color"
 SCENES_SEARCHED = 1000
 FARTHER_M = 0.4
 """From hand to target at a scene's start: twice NEAR's threshold, so that the arm must move."""
+MOST_POINTS, EPISODES_A_POINT = 60, 4  # of the learning curve
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,10 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
 
 
 def draw_learning_curve(path: Path, tally: EpisodeTally, target: HeldOutTarget, title: str) -> None:
-    """Reward per step against frames, from what was watched."""
-    frames, train, held_out = tally.curve()
+    """Reward per step against frames, each point over a few held-out episodes."""
+    held_out_episodes = sum(episode.held_out for episode in tally.episodes)
+    bins = min(MOST_POINTS, max(1, held_out_episodes // EPISODES_A_POINT))
+    frames, train, held_out = tally.curve(bins)
     learning_curve(path, frames, train, held_out, title, (target.random, target.scripted))
 
 

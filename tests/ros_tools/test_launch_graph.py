@@ -1,0 +1,177 @@
+"""`pa_ros launch` and `pa_ros send` on graphs of real processes, in ROS domains of their own."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+DEADLINE_S = 60.0
+ARENA = """
+sim_node:
+  ros__parameters: {{mode: real_time, real_time_factor: 20.0, program_source: topic, seed: 3{more}}}
+agent_node:
+  ros__parameters: {{weights: random}}
+"""
+
+
+def processes_of(folder: Path) -> list[int]:
+    """Running processes that were started with a path under a folder in their command."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = entry.read_bytes().decode(errors="replace").split("\0")
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if "--params-file" in words and any(word.startswith(f"{folder}/") for word in words):
+            found.append(int(entry.parent.name))
+    return found
+
+
+def wait_for(condition, what: str, deadline_s: float = DEADLINE_S) -> None:
+    deadline = time.monotonic() + deadline_s
+    while not condition():
+        assert time.monotonic() < deadline, f"timed out: {what}"
+        time.sleep(0.05)
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "pa_ros", *arguments]
+
+
+def send(domain: int, *arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        command("send", *arguments),
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+
+
+class Launch:
+    """A `pa_ros launch` of an arena and an agent with random weights."""
+
+    def __init__(self, folder: Path, domain: int, more: str = "", namespace: str = "") -> None:
+        self.folder = folder
+        params = folder / "given.yaml"
+        params.write_text(ARENA.format(more=more))
+        options = ["--params", str(params), "--out", str(folder / "run"), "--namespace", namespace]
+        self.process = subprocess.Popen(
+            command("launch", *options),
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain), "OMP_NUM_THREADS": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def wait_until_up(self) -> None:
+        wait_for(lambda: len(processes_of(self.folder)) == 2, "two nodes")
+
+    def end(self) -> tuple[int, str, str]:
+        """Status, standard output and standard error, once it has ended."""
+        out, err = self.process.communicate(timeout=DEADLINE_S)
+        return self.process.returncode, out, err
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.communicate(timeout=DEADLINE_S)
+        wait_for(lambda: not processes_of(self.folder), "no process left")
+
+
+@pytest.fixture
+def launch(tmp_path):
+    started: list[Launch] = []
+
+    def start(domain: int, **options: str) -> Launch:
+        started.append(Launch(tmp_path, domain, **options))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+def test_programs_are_accepted_refused_and_judged_and_ctrl_c_stops_all(launch):
+    graph = launch(72, namespace="arena1")
+    accepted = send(72, "near(HAND, RED)", "--namespace", "arena1", "--timeout", "50")
+    assert accepted.returncode == 2 and "^" in accepted.stderr
+
+    # With random weights the arm hardly moves, and no block starts within reach.
+    program = "NEAR( HAND,RED )"
+    judged = send(72, program, "--wait", "--namespace", "/arena1", "--timeout", "50")
+    assert judged.returncode == 1, judged.stderr
+    assert "/arena1/sim_node: accepted NEAR(HAND, RED)" in judged.stdout
+    assert "/arena1/agent_node: accepted NEAR(HAND, RED)" in judged.stdout
+    assert re.search(r"not satisfied: distance 0\.\d+ m after 10\.0 s", judged.stdout)
+
+    refused = send(72, "NEAR(HAND, AND(RAD, CUBE))", "--namespace", "arena1")
+    assert refused.returncode == 2
+    assert "program.unknown_word" in refused.stderr and "did you mean RED?" in refused.stderr
+
+    graph.process.send_signal(signal.SIGINT)
+    status, out, err = graph.end()
+    assert (status, err) == (0, "")
+    assert "started sim_node, agent_node" in out and out.endswith("stopped\n")
+    assert not processes_of(graph.folder)
+
+
+def test_a_node_that_dies_stops_the_others_and_is_reported(launch):
+    graph = launch(73)
+    graph.wait_until_up()
+    os.kill(processes_of(graph.folder)[0], signal.SIGKILL)
+    status, _, err = graph.end()
+    assert status == 1 and "ended by itself (killed by SIGKILL)" in err
+    assert not processes_of(graph.folder)
+
+
+def test_a_parameter_that_a_node_refuses_is_shown_from_its_log(launch):
+    status, _, err = launch(74, more=", design: 9-Z").end()
+    assert status == 1
+    assert "sim_node ended by itself (exit status 2)" in err and "'9-Z'" in err
+
+
+def test_nothing_outlives_a_killed_launcher(launch):
+    graph = launch(75)
+    graph.wait_until_up()
+    graph.process.kill()
+    wait_for(lambda: not processes_of(graph.folder), "children to die", 5.0)
+
+
+def test_a_second_graph_in_the_same_place_is_refused(launch, tmp_path):
+    launch(76).wait_until_up()
+    assert send(76, "NEAR(HAND, RED)", "--timeout", "50").returncode == 0  # so it is up
+    params = tmp_path / "given.yaml"
+    second = subprocess.run(
+        command("launch", "--params", str(params), "--out", str(tmp_path / "second")),
+        env={**os.environ, "ROS_DOMAIN_ID": "76"},
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+    assert second.returncode == 2
+    assert "sim_node already in the graph of ROS domain 76" in second.stderr
+
+
+def test_nobody_there_times_out():
+    result = send(70, "NEAR(HAND, RED)", "--timeout", "1.5")
+    assert result.returncode == 3 and "no answer within 1.5 s" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["launch", "--params", "absent.yaml"], "absent.yaml"),
+        (["send", "NEAR(HAND, RED)", "--timeout", "-1"], "got -1"),
+        (["send", "NEAR(HAND, RED)", "--namespace", "not a name"], "namespace"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(arguments, reason):
+    result = subprocess.run(
+        command(*arguments), capture_output=True, text=True, timeout=DEADLINE_S
+    )
+    assert result.returncode == 2 and reason in result.stderr
