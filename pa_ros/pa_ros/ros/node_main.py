@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -51,6 +52,8 @@ def run_node(
             except RuntimeError as error:  # an unreadable --params-file, a bad remap rule
                 raise ConfigError(str(error)) from error
             node = make()
+            gc.collect()
+            gc.freeze()  # what is there now stays; a full collection would stall a control step
             try:
                 spin(node, stop)
             finally:
