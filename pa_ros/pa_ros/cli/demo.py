@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rclpy.node import Node
 
 from pa_ros.arena import ArenaConfig, Design, ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError, PaError
@@ -31,7 +30,7 @@ from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 from pa_ros.evaluation.training import training_programs
-from pa_ros.ros.client import client_node
+from pa_ros.ros.client import Node, client_node
 from pa_ros.ros.demonstration import Executor, hear_verdicts
 from pa_ros.ros.execution import HOLD_S, WINDOW_S, Execution
 from pa_ros.ros.graph import signals_noted, start_nodes, use_domain, watch

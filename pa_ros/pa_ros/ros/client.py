@@ -11,6 +11,8 @@ from rclpy.node import Node
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.environment import prepare_environment
 
+__all__ = ["Node", "client_node"]
+
 
 @contextmanager
 def client_node(name: str, namespace: str = "") -> Iterator[Node]:

@@ -1,0 +1,107 @@
+"""Imports run one way; rclpy and message packages stay in their rooms (docs/DESIGN.md)."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {
+    "pa_ros": ROOT / "pa_ros/pa_ros",
+    "sim_node": ROOT / "sim_node/sim_node",
+    "agent_node": ROOT / "agent_node/agent_node",
+    "learner_node": ROOT / "learner_node/learner_node",
+}
+CORE = {"pa_ros.core", "pa_ros"}  # `pa_ros` itself holds the version alone
+LANGUAGE = CORE | {"pa_ros.language"}
+NETWORKS = LANGUAGE | {"pa_ros.networks"}
+LEARNING = NETWORKS | {"pa_ros.learning"}
+ARENA = LANGUAGE | {"pa_ros.arena"}
+WIRE = CORE | {"pa_ros.wire"}
+ROS = WIRE | {"pa_ros.ros"}
+EVALUATION = LEARNING | ARENA | {"pa_ros.evaluation"}
+ALLOWED = {
+    "pa_ros.core": CORE,
+    "pa_ros.language": LANGUAGE,
+    "pa_ros.networks": NETWORKS,
+    "pa_ros.learning": LEARNING,
+    "pa_ros.arena": ARENA,
+    "pa_ros.evaluation": EVALUATION,
+    "pa_ros.wire": WIRE,
+    "pa_ros.ros": ROS,
+    "pa_ros.cli": EVALUATION | ROS | {"pa_ros.cli"},
+    "sim_node": EVALUATION | ROS | {"sim_node"},
+    "agent_node": EVALUATION | ROS | {"agent_node"},
+    "learner_node": EVALUATION | ROS | {"learner_node"},
+}
+MESSAGES = ("_msgs", "_interfaces", "_srvs", "msgs_schema")
+ROS_CLIENT = {"pa_ros.ros", "sim_node", "agent_node", "learner_node"}
+
+
+def files() -> list[tuple[str, Path]]:
+    """(module, path) of every source file."""
+    found = []
+    for package, folder in PACKAGES.items():
+        for path in sorted(folder.rglob("*.py")):
+            parts = path.relative_to(folder).with_suffix("").parts
+            found.append((".".join([package, *(p for p in parts if p != "__init__")]), path))
+    return found
+
+
+def imports(path: Path) -> set[str]:
+    """Modules that a file imports, wherever in it."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            assert node.module is not None
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def room(module: str) -> str:
+    """`pa_ros.language` of `pa_ros.language.parser`; a node's package is one room."""
+    parts = module.split(".")
+    return ".".join(parts[:2]) if parts[0] == "pa_ros" and len(parts) > 1 else parts[0]
+
+
+def rooms_imported(path: Path) -> set[str]:
+    known = set(ALLOWED) | {"pa_ros"}
+    ours = {room(name) for name in imports(path) if name.split(".")[0] in PACKAGES}
+    return {name if name in known else "pa_ros" for name in ours}
+
+
+SOURCES = [(module, path) for module, path in files() if room(module) in ALLOWED]
+
+
+def test_every_room_is_known():
+    rooms = {room(module) for module, path in files() if len(module.split(".")) > 2}
+    assert rooms <= set(ALLOWED)
+    assert len(SOURCES) > 50
+
+
+@pytest.mark.parametrize(("module", "path"), SOURCES, ids=[module for module, _ in SOURCES])
+def test_imports_run_one_way(module: str, path: Path):
+    assert rooms_imported(path) <= ALLOWED[room(module)]
+
+
+@pytest.mark.parametrize(("module", "path"), SOURCES, ids=[module for module, _ in SOURCES])
+def test_rclpy_and_messages_stay_in_their_rooms(module: str, path: Path):
+    heads = {name.split(".")[0] for name in imports(path)}
+    if room(module) not in ROS_CLIENT:
+        assert "rclpy" not in heads
+    messages = {head for head in heads if head.endswith(MESSAGES)}
+    if room(module) == "pa_ros.ros":
+        messages -= {"rcl_interfaces"}  # what a parameter callback returns
+    if room(module) != "pa_ros.wire":
+        assert not messages
+
+
+def test_language_needs_the_standard_library_alone():
+    for module, path in SOURCES:
+        if room(module) == "pa_ros.language":
+            assert not {"numpy", "torch", "mujoco"} & {n.split(".")[0] for n in imports(path)}
