@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -9,15 +10,17 @@ import pytest
 from worlds import PROGRAMS, WORDS, PointWorld
 
 from pa_ros.language import ProgramError, Vocabulary
-from pa_ros.learning.actor import Actor
+from pa_ros.learning.actor import Actor, _inference_for
 from pa_ros.learning.agent import LearningAgent
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import PolicyError, StepError
+from pa_ros.learning.fused import FusedActor
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.noise import OrnsteinUhlenbeck
 from pa_ros.learning.schedule import Schedule
 from pa_ros.learning.stretches import StretchBuilder
-from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.inference import ProgrammableInference
 
 NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
 SETTINGS = LearnerConfig(replay_frames=100, stretch_steps=20)
@@ -61,6 +64,43 @@ def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message)
         actor.load(replace(good, **change))
     assert actor.version == 0
     np.testing.assert_array_equal(actor.act(observation, PROGRAMS[0]), before)
+
+
+@pytest.mark.parametrize("backend", ["auto", "fused"])
+def test_acts_by_the_fused_code_where_it_applies(backend, caplog) -> None:
+    _inference_for.cache_clear()
+    with caplog.at_level(logging.INFO):
+        one, other = (Actor(NETWORK, replace(SETTINGS, backend=backend), 0) for _ in range(2))
+    assert [record.message for record in caplog.records] == ["actor inference: fused"]
+    given = snapshot()
+    one.load(given)
+    assert isinstance(one._inference, FusedActor)
+    observation, _ = PointWorld().reset(0)
+    program = one.parse(PROGRAMS[0])
+    plain = ProgrammableInference(NETWORK, given.tensors)
+    expected = plain.act(observation.objects, observation.arm, program, 0)
+    np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
+    other.load(given)
+    np.testing.assert_array_equal(
+        other.act(observation, PROGRAMS[0]), one.act(observation, PROGRAMS[0])
+    )
+
+
+def test_acts_by_numpy_if_asked_to_and_says_so(caplog) -> None:
+    _inference_for.cache_clear()
+    with caplog.at_level(logging.INFO):
+        actor = Actor(NETWORK, replace(SETTINGS, backend="torch"), 0)
+    assert "actor inference: numpy (the learner's is torch)" in caplog.text
+    actor.load(snapshot())
+    assert isinstance(actor._inference, ProgrammableInference)
+
+
+def test_the_graph_and_the_loop_choose_alike() -> None:
+    """An agent on the graph knows the network by its architecture alone."""
+    for kind in ("programmable", "distilled-critic", "true-properties", "canonical"):
+        network = replace(NETWORK, kind=kind)
+        there = actor_config(network.architecture)
+        assert _inference_for(network, "auto") is _inference_for(there, "auto")
 
 
 def test_other_refusals() -> None:

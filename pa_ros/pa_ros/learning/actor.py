@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -14,19 +16,26 @@ from pa_ros.learning.errors import PolicyError
 from pa_ros.learning.noise import OrnsteinUhlenbeck
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.inference import Inference, make_inference
-from pa_ros.networks.parameters import TensorError
+from pa_ros.networks.parameters import TensorError, Tensors
+
+log = logging.getLogger(__name__)
+
+MakeInference = Callable[[NetworkConfig, Tensors], Inference]
 
 
 class Actor:
     """A policy: observation and program to action; weights arrive as snapshots.
 
-    `config` supplies the exploration noise, `seed` its stream.
+    `config` supplies the exploration noise, `seed` its stream. Actions are computed by the fused
+    code where it applies, else by NumPy: the choice depends on `network` and `config.backend`
+    alone, so it is the same in process and over the graph.
     """
 
     def __init__(self, network: NetworkConfig, config: LearnerConfig, seed: int) -> None:
         self.network = network
         self._config = config
         self._seed = seed
+        self._make_inference = _inference_for(network, config.backend)
         self._inference: Inference | None = None
         self._noise: OrnsteinUhlenbeck | None = None
         self.version = -1  # of the weights in use; -1 before the first
@@ -53,7 +62,7 @@ class Actor:
                 f"policy: expected vocabulary {digest}, got {snapshot.vocabulary_digest}"
             )
         try:
-            self._inference = make_inference(self.network, snapshot.tensors)
+            self._inference = self._make_inference(self.network, snapshot.tensors)
         except TensorError as error:
             raise PolicyError(f"policy version {snapshot.version}: {error}") from error
         self.version = snapshot.version
@@ -82,3 +91,24 @@ class Actor:
 @lru_cache(maxsize=1024)
 def _parse(program: str, network: NetworkConfig) -> Program:
     return parse(program, network.vocabulary)
+
+
+@lru_cache(maxsize=16)
+def _inference_for(network: NetworkConfig, backend: str) -> MakeInference:
+    """FusedActor where it applies, else NumPy; the choice is logged once."""
+    reason = "the learner's is torch" if backend == "torch" else _why_not_fused(network)
+    log.info("actor inference: %s", f"numpy ({reason})" if reason else "fused")
+    if reason:
+        return make_inference
+    from pa_ros.learning.fused import FusedActor
+
+    return FusedActor
+
+
+def _why_not_fused(network: NetworkConfig) -> str:
+    """Empty where the fused actor applies, else the reason that the log gives."""
+    try:
+        from pa_ros.learning import fused
+    except (ImportError, OSError) as error:
+        return f"no fused actor: {error}"
+    return fused.why_not_network(network)

@@ -55,10 +55,15 @@ def fused_available() -> tuple[bool, str]:
 
 def why_not(network: NetworkConfig, config: LearnerConfig) -> str:
     """Empty where the fused update applies to a learner, else the reason."""
-    if network.kind == "canonical":
-        return "it is for programmable networks"
     if config.device != "cpu" or config.dtype != "float32":
         return f"it is for float32 on the CPU, not {config.dtype} on {config.device}"
+    return why_not_network(network)
+
+
+def why_not_network(network: NetworkConfig) -> str:
+    """Empty where the fused code can compute a network, else the reason."""
+    if network.kind == "canonical":
+        return "it is for programmable networks"
     if len(network.vocabulary.words) > fused_library.MAX_WORDS:
         return f"it takes {fused_library.MAX_WORDS} words, not {len(network.vocabulary.words)}"
     return fused_available()[1]
@@ -238,8 +243,8 @@ class FusedActor:
     """`pa_ros.networks.inference.Inference` by the native library; one thread at a time."""
 
     def __init__(self, config: NetworkConfig, tensors: Tensors) -> None:
-        if config.kind == "canonical":
-            raise FusedError("fused actor: it is for programmable networks")
+        if reason := why_not_network(config):
+            raise FusedError(f"fused actor: {reason}")
         check_tensors(tensors, actor_shapes(config), "actor")
         self._vocabulary = config.vocabulary
         self._flat = FlatNetwork(describe(config, critic=False))
