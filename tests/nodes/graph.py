@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from pa_ros.ros import topics
 from pa_ros.ros.environment import prepare_environment
-from pa_ros.ros.executor import spin_until
+from pa_ros.ros.executor import release, spin_until
 from pa_ros.ros.graph import use_domain
 from pa_ros.wire import codec
 from pa_ros.wire.records import Health, Outcome
@@ -52,6 +52,11 @@ class Probe(Node):
     def last(self, topic: topics.Topic) -> Any:
         return self.heard[topic.name][-1]
 
+    def reaches(self, step: int) -> bool:
+        """Whether the arena comes to a step of its episode, in time."""
+        features = topics.OBJECT_FEATURES
+        return self.until(lambda: self.count(features) > 0 and self.last(features).step >= step)
+
     def value(self, node: str, key: str) -> str:
         """A value that a node reported last; empty if it has not."""
         health = self.health.get(f"/{node}")
@@ -84,13 +89,14 @@ def graph(*makers: Callable[[], Node], **parameters: object) -> Iterator[Probe]:
         arguments += ["-p", f"{node}:{name}:={text}"]
     rclpy.init(args=arguments)
     nodes: list[Any] = []
+    probe = Probe()
     try:
-        probe = Probe()
         for make in makers:
             nodes.append(make())
         probe.nodes = nodes
         yield probe
     finally:
+        release(probe)
         for node in nodes:
             node.close()
             node.destroy_node()

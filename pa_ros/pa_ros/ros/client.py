@@ -25,6 +25,8 @@ def client_node(name: str, namespace: str = "") -> Iterator[Node]:
     from rclpy.exceptions import InvalidNamespaceException
     from rclpy.signals import SignalHandlerOptions
 
+    from pa_ros.ros.executor import release
+
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         try:
@@ -39,6 +41,7 @@ def client_node(name: str, namespace: str = "") -> Iterator[Node]:
         try:
             yield node
         finally:
+            release(node)
             node.destroy_node()
     finally:
         rclpy.try_shutdown()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental.events_executor import EventsExecutor
@@ -45,9 +46,7 @@ def spin_until(
         if (late or condition()) and not finished.done():
             finished.set_result(None)
 
-    executor = EventsExecutor()
-    for served in (node, *others):
-        executor.add_node(served)
+    executor = _executor_of(node, others)
     timer = node.create_timer(POLL_S, poll, clock=clock)
     try:
         poll()
@@ -55,7 +54,26 @@ def spin_until(
             executor.spin_until_future_complete(finished, timeout_sec=1.0)
     finally:
         node.destroy_timer(timer)
-        for served in (node, *others):
-            executor.remove_node(served)
-        executor.shutdown()
     return condition()
+
+
+_executors: WeakKeyDictionary[Node, Any] = WeakKeyDictionary()
+
+
+def _executor_of(node: Node, others: tuple[Node, ...]) -> Any:
+    """One executor for a node's whole life: what comes between two spins would go unnoticed by
+    a new one, and its readers lag behind by as much ever after."""
+    executor = _executors.get(node)
+    if executor is None:
+        executor = _executors[node] = EventsExecutor()
+    for served in (node, *others):
+        if served.executor is None:
+            executor.add_node(served)
+    return executor
+
+
+def release(node: Node) -> None:
+    """Take a node that was spun out of its executor; call before destroying it."""
+    executor = _executors.pop(node, None)
+    if executor is not None:
+        executor.shutdown()

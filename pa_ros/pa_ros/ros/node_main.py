@@ -42,7 +42,7 @@ def run_node(
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    from pa_ros.ros.executor import spin
+    from pa_ros.ros.executor import release, spin
 
     with _stop_on_signal(grace_s) as stop:
         given = [name, *(sys.argv[1:] if arguments is None else arguments)]
@@ -58,6 +58,7 @@ def run_node(
                 spin(node, stop)
             finally:
                 node.close()
+                release(node)  # type: ignore[arg-type]
                 node.destroy_node()  # type: ignore[attr-defined]
         except PaError as error:
             print(f"{name}: [{error.code}] {error}", file=sys.stderr)
