@@ -15,6 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
+from pa_ros.core.errors import ConfigError
+
 PAINT = {
     "RED": "#d62728",
     "GREEN": "#2ca02c",
@@ -65,7 +67,14 @@ def phi_picture(
 
     `blocks`: (color, shape, x, y) in metres, table frame; `hand`: x, y; `phi` [V, N] with the
     hand as object 0 and the blocks in the order given; `relevance` p [N]; `words`: the V rows.
+    Raises ConfigError if these sizes don't fit each other.
     """
+    expected = (len(words), len(blocks) + 1)
+    if phi.shape != expected or relevance.shape != expected[1:]:
+        raise ConfigError(
+            f"phi picture: expected Φ {expected} and p {expected[1:]}, "
+            f"got {phi.shape} and {relevance.shape}"
+        )
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(10, 4), layout="constrained", width_ratios=(1, 1.6)
     )
@@ -88,7 +97,7 @@ def _top_view(
     axes: Axes, blocks: Sequence[tuple[str, str, float, float]], hand: tuple[float, float]
 ) -> None:
     """Blocks, hand and base as seen from above, in metres."""
-    reach = max(0.75, *(max(abs(x), abs(y)) + 0.1 for _, _, x, y in blocks))
+    reach = max([0.75, *(max(abs(x), abs(y)) + 0.1 for _, _, x, y in blocks)])
     axes.add_patch(Rectangle((-reach, -reach), 2 * reach, 2 * reach, color="#e6e0d2"))
     axes.plot([0, hand[0]], [0, hand[1]], color="#888888", linewidth=5, solid_capstyle="round")
     axes.add_patch(Circle((0, 0), 0.05, color="#444444"))

@@ -75,7 +75,7 @@ class HeldOutTarget:
 
     random: float  # reward per step of the lower reference, on the same condition
     scripted: float  # of the upper one
-    episodes: int = 20
+    episodes: int = 40
     normalized: float = 0.9
     success: float = 0.95  # share that ends satisfied
 

@@ -1,0 +1,78 @@
+"""The command line: exit statuses, refusals and flat JSON."""
+
+import json
+
+import pytest
+
+from pa_ros.cli.main import main
+
+
+def test_program_check_prints_the_canonical_form(capsys):
+    assert main(["program", "check", " NEAR( HAND ,AND(RED,CUBE ) )"]) == 0
+    assert capsys.readouterr().out == "NEAR(HAND, AND(RED, CUBE))\n"
+
+
+def test_program_check_refuses_with_a_caret_and_status_2(capsys):
+    assert main(["program", "check", "NEAR(HAND, RAD)"]) == 2
+    error = capsys.readouterr().err
+    assert "did you mean RED?" in error
+    text, caret = error.splitlines()[-2:]
+    assert text[caret.index("^")] == "R"
+
+
+def test_program_check_knows_a_designs_words(capsys):
+    assert main(["program", "check", "NEAR(HAND, GREEN)"]) == 0
+    assert main(["program", "check", "NEAR(HAND, GREEN)", "--design", "2-L"]) == 2
+    assert main(["program", "check", "NEAR(HAND, RED)", "--design", "9-Z"]) == 2
+    assert "9-Z" in capsys.readouterr().err
+
+
+def test_train_then_eval(tmp_path, capsys):
+    run = ["train", "--out", str(tmp_path), "--seed", "1", "--eval-every", "0"]
+    assert main([*run, "--frames", "200"]) == 0
+    assert main([*run, "--frames", "400", "--resume"]) == 0
+    report = tmp_path / "eval.json"
+    arguments = ["eval", "--checkpoint", str(tmp_path), "--episodes", "3", "--json", str(report)]
+    assert main(arguments) == 0
+    figures = json.loads(report.read_text())
+    assert -1.0 <= figures["eval.reward_per_step"] <= 1.0
+    assert figures["eval.normalized_low"] <= figures["eval.normalized"]
+    assert figures["eval.normalized"] <= figures["eval.normalized_high"]
+    assert 0.0 <= figures["eval.success_rate"] <= 1.0
+    assert figures["eval.design"] == "2-L" and figures["eval.condition"] == "eval"
+    assert all(isinstance(value, int | float | str) for value in figures.values()), "flat"
+    assert "NEAR(HAND, AND(BLUE, SPHERE)): 3 episodes" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["eval", "--policy", "scripted", "--episodes", "0"], "got 0"),
+        (["eval", "--policy", "scripted", "--seed", "-1"], "got -1"),
+        (["eval", "--policy", "scripted", "--condition", "sideways"], "sideways"),
+        (["eval", "--policy", "scripted", "--design", "2-X"], "2-X"),
+        (["eval", "--checkpoint", "nowhere/at/all"], "nowhere/at/all"),
+        (["train", "--out", "unused", "--frames", "-5"], "-5"),
+        (["train", "--out", "unused", "--protocol", "theirs"], "theirs"),
+        (["train", "--out", "unused", "--set", "learner.speed=1"], "learner.speed=1"),
+        (["train", "--out", "unused", "--set", "learner.batch_size=-1"], "-1"),
+        (["train", "--out", "unused", "--network", "mystery"], "mystery"),
+        (["experiment", "programmable-2L", "--seeds", "0"], "got 0"),
+    ],
+)
+def test_bad_input_is_refused_with_status_2_and_what_came(
+    arguments, said, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"pa_ros {arguments[0]}: ") and said in error
+    assert not list(tmp_path.iterdir()), "a refused command leaves nothing"
+
+
+def test_bench_writes_flat_figures(tmp_path, capsys):
+    path = tmp_path / "bench.json"
+    assert main(["bench", "codec", "--json", str(path)]) == 0
+    figures = json.loads(path.read_text())
+    assert figures["codec.encode_us"] > 0 and figures["codec.decode_us"] > 0
+    assert {"device", "threads", "versions"} <= figures.keys()

@@ -1,0 +1,58 @@
+"""Scores: intervals, normalization, and what the references get."""
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import design_named, preset_named
+from pa_ros.evaluation.evaluate import by_program, evaluate
+from pa_ros.evaluation.scores import mean_interval, normalized, normalized_interval
+
+FAST, TWO_L = preset_named("fast"), design_named("2-L")
+
+
+def test_interval_contains_the_mean_and_shrinks_with_episodes():
+    rng = np.random.default_rng(0)
+    few, many = mean_interval(rng.normal(size=20)), mean_interval(rng.normal(size=2000))
+    for interval in (few, many):
+        assert interval.low < interval.mean < interval.high
+    assert many.high - many.low < few.high - few.low
+
+
+def test_interval_of_equal_values_is_a_point():
+    interval = mean_interval(np.full(10, -1.0))
+    assert (interval.low, interval.mean, interval.high) == (-1.0, -1.0, -1.0)
+
+
+def test_normalized_is_zero_at_random_and_one_at_scripted():
+    random, scripted = np.full(8, -0.9), np.linspace(0.7, 0.9, 8)
+    assert normalized_interval(random, random, scripted).mean == pytest.approx(0.0)
+    whole = normalized_interval(scripted, random, scripted)
+    assert (whole.low, whole.mean, whole.high) == pytest.approx((1.0, 1.0, 1.0))
+    assert normalized(0.0, -1.0, 1.0) == 0.5
+    assert np.isnan(normalized(0.3, 0.5, 0.5))
+
+
+def test_references_bracket_the_scale():
+    scripted = evaluate(FAST, TWO_L, "scripted", "eval", 5, 3)
+    random = evaluate(FAST, TWO_L, "random", "eval", 5, 3)
+    assert scripted.normalized.mean == pytest.approx(1.0)
+    assert random.normalized.mean == pytest.approx(0.0)
+    assert scripted.success_rate == 1.0
+    assert scripted.raw.mean > 0.6 > random.raw.mean
+    assert scripted.random == random.scores, "the same episodes and the same chance"
+
+
+def test_an_agent_is_asked_with_what_it_sees_and_rows_are_per_program():
+    asked = []
+
+    def still(observation, program):
+        asked.append((observation.episode, program))
+        return np.zeros(6)
+
+    evaluation = evaluate(FAST, TWO_L, still, "train", 6, 0)
+    assert len(asked) == 6 * FAST.episode_steps
+    assert {episode for episode, _ in asked} == set(range(6))
+    rows = by_program(evaluation)
+    assert sum(row.episodes for row in rows) == 6
+    assert {row.program for row in rows} == {program for _, program in asked}
+    assert "NEAR(HAND, AND(BLUE, SPHERE))" not in {row.program for row in rows}
