@@ -64,6 +64,8 @@ class DemoConfig:
             raise ConfigError(f"demo --seed: expected at least 0, got {self.seed}")
         if not 0 < self.minutes < float("inf"):
             raise ConfigError(f"demo --minutes: expected a positive number, got {self.minutes}")
+        if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
+            raise ConfigError(f"demo --out: expected a new or empty folder, got {self.folder}")
 
     @property
     def checkpoint(self) -> Path:
