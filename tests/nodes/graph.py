@@ -62,6 +62,11 @@ class Probe(Node):
         health = self.health.get(f"/{node}")
         return health.values.get(key, "") if health else ""
 
+    def message(self, node: str) -> str:
+        """What a node said of itself last; empty if it has not."""
+        health = self.health.get(f"/{node}")
+        return health.message if health else ""
+
     def speaker(self, topic: topics.Topic) -> Any:
         """A publisher that someone listens to."""
         publisher = self.create_publisher(topic.type, topic.name, topic.writer)
