@@ -1,0 +1,132 @@
+"""Which episode runs next, under which program."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agent_node.config import AgentConfig
+from learner_node.config import LearnerNodeConfig
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation import training
+from pa_ros.language import ProgramError
+from pa_ros.wire.records import ProgramRequest, ResetRequest
+from sim_node.config import SimConfig
+from sim_node.description import training_programs
+from sim_node.session import Session
+
+
+def run_episodes(session: Session, count: int) -> list[tuple[bool, int, str]]:
+    """(evaluation, index, program id) of the next `count` episodes."""
+    session.begin()
+    found = []
+    while len(found) < count:
+        frame = session.frame
+        found.append((frame.evaluation, frame.observation.episode, frame.observation.program_id))
+        for _ in range(session.arena.episode_steps):
+            list(session.advance(session.hold))
+    return found
+
+
+def test_evaluation_episodes_come_after_every_so_many_and_are_numbered_apart():
+    config = SimConfig(episode_steps=2, eval_every_episodes=2)
+    assert run_episodes(Session(config, "x"), 7) == [
+        (False, 0, "x/train/0"), (False, 1, "x/train/1"), (True, 0, "x/eval/0"),
+        (False, 2, "x/train/2"), (False, 3, "x/train/3"), (True, 1, "x/eval/1"),
+        (False, 4, "x/train/4"),
+    ]  # fmt: skip
+
+
+def test_a_resumed_arena_goes_on_with_the_same_episodes():
+    config = SimConfig(episode_steps=2, eval_every_episodes=2)
+    resumed = SimConfig(episode_steps=2, eval_every_episodes=2, first_episode=4)
+    assert run_episodes(Session(config, "x"), 9)[6:] == run_episodes(Session(resumed, "x"), 3)
+
+
+def test_training_episodes_are_those_of_the_task_itself():
+    session = Session(SimConfig(seed=5, eval_every_episodes=1, episode_steps=3), "x")
+    run_episodes(session, 2)
+    task = ReachTask(preset_named("fast"), design_named("2-L"), 5)
+    expected, _ = task.reset(1)
+    assert session.frame.observation.episode == 1 and not session.frame.evaluation
+    assert np.array_equal(session.frame.observation.objects, expected.objects)
+    assert session.program.text == task.program
+
+
+def test_a_persons_program_lasts_until_the_generators_next_episode():
+    session = Session(SimConfig(episode_steps=3), "x")
+    session.begin()
+    assert session.submit(ProgramRequest("mine", "NEAR(HAND,RED)")) == "NEAR(HAND, RED)"
+    frames = [frame for _ in range(3) for frame in session.advance(session.hold)]
+    ids = [frame.observation.program_id for frame in frames]
+    assert ids == ["mine", "mine", "mine", "x/train/1"]
+
+
+def test_where_programs_come_by_topic_the_scene_stays_and_the_program_too():
+    session = Session(SimConfig(program_source="topic"), "x")
+    frame = session.begin()
+    assert frame.observation.program_id == "" and not frame.verdict.satisfied
+    stamp = frame.observation.stamp_ns
+    session.submit(ProgramRequest("mine", "NEAR(HAND, RED)"))
+    assert session.frame.observation.program_id == "mine"
+    assert session.frame.observation.stamp_ns == stamp  # the same step, now under a program
+    with pytest.raises(ProgramError):
+        session.submit(ProgramRequest("no", "NEAR(HAND, AND(RED, BLUE))"))
+    for _ in range(150):
+        (frame,) = session.advance(session.hold)
+    assert (frame.observation.episode, frame.observation.step) == (0, 150)
+    assert frame.observation.program_id == "mine"
+    session.begin(ResetRequest(episode=8))
+    assert session.frame.observation.program_id == "mine"
+
+
+def test_a_refused_reset_changes_nothing():
+    session = Session(SimConfig(), "x")
+    session.begin()
+    before = session.frame
+    with pytest.raises(ProgramError):
+        session.begin(ResetRequest(3, "NEAR(HAND, AND(RED, BLUE))"))
+    assert session.frame is before and session.task.episode.index == 0
+    (frame,) = session.advance(session.hold)
+    assert (frame.observation.episode, frame.observation.step) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"eval_condition": "none", "eval_every_episodes": 1}, {"condition": "none"},
+     {"design": "2-C", "eval_every_episodes": 1}, {"command_timeout_s": 0.0},
+     {"resend_period_s": float("nan")}, {"program_source": "book"}, {"blocks": 5},
+     {"seed": -1}, {"design": "9-Z"}, {"preset": "slow"}, {"mode": "fast"},
+     {"real_time_factor": 0.0}],
+)  # fmt: skip
+def test_arenas_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        SimConfig(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"weights": "mail"}, {"learning": True, "weights": "random"}, {"checkpoint": "x"},
+     {"weights": "checkpoint"}, {"seed": -1}, {"first_sequence": -1}, {"network": "deep"},
+     {"protocol": "theirs"}, {"options": ("learner.discount=7",)}, {"stuck_after_s": 0.0}],
+)  # fmt: skip
+def test_agents_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        AgentConfig(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"seed": -1}, {"checkpoint_every_frames": -1}, {"resume": True}, {"network": "deep"},
+     {"protocol": "theirs"}, {"options": ("learner.none=7",)}],
+)  # fmt: skip
+def test_learners_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ConfigError):
+        LearnerNodeConfig(**wrong)
+
+
+@pytest.mark.parametrize("design", ["2-C", "2-L", "3-C", "3-D"])
+def test_the_arena_tells_the_programs_that_the_loop_trains_on(design):
+    found = design_named(design)
+    assert list(training_programs(found)) == training.training_programs(found)

@@ -1,0 +1,141 @@
+"""A node as a process: parameters, exit status, and what it leaves behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pa_ros.ros.environment import LOOPBACK_PROFILE, NETWORK_CHOICES, prepare_environment
+from pa_ros.ros.graph import use_domain
+from pa_ros.ros.process import PARENT, ros_arguments
+
+DEADLINE_S = 30.0
+
+
+def start(node: str, *arguments: str, **variables: str) -> subprocess.Popen[str]:
+    use_domain(None)
+    return subprocess.Popen(
+        [sys.executable, "-m", f"{node}.main", *arguments],
+        env={**os.environ, **variables},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def sockets_of(pid: int) -> set[str]:
+    """Local addresses, in hexadecimal, of a process's UDP and TCP sockets."""
+    links = []
+    for entry in Path(f"/proc/{pid}/fd").iterdir():
+        try:
+            links.append(os.readlink(entry))
+        except OSError:
+            continue
+    inodes = {link[8:-1] for link in links if link.startswith("socket:")}
+    found = set()
+    for table in ("udp", "udp6", "tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            columns = line.split()
+            if columns[9] in inodes:
+                found.add(columns[1].split(":")[0])
+    return found
+
+
+def until(condition) -> bool:
+    deadline = time.monotonic() + DEADLINE_S
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return bool(condition())
+
+
+def shared_memory() -> set[str]:
+    return {name for name in os.listdir("/dev/shm") if "fastrtps" in name}
+
+
+@pytest.mark.parametrize(
+    ("node", "parameters", "reason"),
+    [
+        ("sim_node", {"design": "9-Z"}, "expected a design of"),
+        ("sim_node", {"sed": 3}, "got ['sed']"),
+        ("agent_node", {"weights": "checkpoint", "checkpoint": "/no/such"}, "found none"),
+        ("learner_node", {"resume": True, "out": "/no/such"}, "found none"),
+    ],
+)
+def test_a_parameter_that_cannot_be_is_refused_with_the_value(node, parameters, reason):
+    process = start(node, *ros_arguments(parameters))
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2
+    assert reason in errors and errors.startswith(f"{node}: [")
+    assert "Traceback" not in errors
+
+
+def test_a_missing_parameters_file_is_refused():
+    process = start("sim_node", *ros_arguments(params_file="/no/such.yaml"))
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 2
+    assert "/no/such.yaml" in errors and "Traceback" not in errors
+
+
+def test_a_node_listens_on_this_machine_alone_and_leaves_nothing_when_killed():
+    before = shared_memory()
+    process = start("sim_node")
+    loopback, multicast = "0100007F", "0100FFEF"  # 127.0.0.1; 239.255.0.1, bound on loopback
+    assert until(lambda: loopback in sockets_of(process.pid))
+    time.sleep(0.5)
+    assert sockets_of(process.pid) <= {loopback, multicast}
+    assert shared_memory() <= before
+    process.kill()
+    process.communicate(timeout=DEADLINE_S)
+    assert shared_memory() <= before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_stops_cleanly_when_asked(number):
+    process = start("sim_node")
+    assert until(lambda: "0100007F" in sockets_of(process.pid))
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+
+
+def test_a_node_whose_launcher_is_gone_does_not_start():
+    process = start("sim_node", **{PARENT: "1"})
+    process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 1
+
+
+@pytest.mark.parametrize("choice", NETWORK_CHOICES)
+def test_the_users_choice_of_network_stands(choice, monkeypatch):
+    for name in NETWORK_CHOICES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(choice, "theirs")
+    prepare_environment()
+    set_now = {name: os.environ[name] for name in NETWORK_CHOICES if name in os.environ}
+    assert set_now == {choice: "theirs"}
+
+
+def test_without_a_choice_the_graph_stays_on_this_machine(monkeypatch):
+    for name in NETWORK_CHOICES:
+        monkeypatch.delenv(name, raising=False)
+    prepare_environment()
+    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(LOOPBACK_PROFILE)
+    assert LOOPBACK_PROFILE.is_file()
+    monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")
+
+
+def test_arguments_carry_parameters_names_and_remaps():
+    arguments = ros_arguments(
+        {"a": True, "b": 0.5, "c": ["x", "y=1"], "d": "3"},
+        params_file="p.yaml", namespace="/arena1", name="n", remaps={"program": "/program"},
+    )  # fmt: skip
+    assert arguments == [
+        "--ros-args", "--params-file", "p.yaml", "-p", "a:=true", "-p", "b:=0.5",
+        "-p", 'c:=["x", "y=1"]', "-p", 'd:="3"', "-r", "__ns:=/arena1", "-r", "__node:=n",
+        "-r", "program:=/program",
+    ]  # fmt: skip

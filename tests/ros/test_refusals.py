@@ -1,0 +1,50 @@
+"""Refusals are counted one by one and logged now and then."""
+
+from __future__ import annotations
+
+import pytest
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire.errors import SizeError
+
+
+def make() -> tuple[Refusals, list[str], list[float]]:
+    lines: list[str] = []
+    now = [0.0]
+    return Refusals(lines.append, clock=lambda: now[0], period_s=5.0), lines, now
+
+
+def test_each_is_counted_by_code_and_the_first_of_a_code_is_logged():
+    refusals, lines, _ = make()
+    for _ in range(3):
+        refusals.refuse("topic", SizeError("field", 6, 5))
+    refusals.refuse("topic", ConfigError("no"))
+    assert refusals.total == 4
+    assert refusals.values() == {"refused.config": "1", "refused.wire.size": "3"}
+    assert lines == [
+        "refused: topic: [wire.size] field: expected 6, received 5",
+        "refused: topic: [config] no",
+    ]
+
+
+def test_a_flood_is_logged_once_a_period_with_how_many_there_were():
+    refusals, lines, now = make()
+    for i in range(100):
+        now[0] = i * 0.1
+        refusals.refuse("topic", ConfigError("no"))
+    assert len(lines) == 2
+    assert lines[1].endswith("(49 more since the last report)")
+
+
+def test_a_guarded_callback_lets_bugs_through_and_refuses_bad_input():
+    refusals, _, _ = make()
+
+    def callback(message: str) -> None:
+        raise {"bad": ConfigError("no"), "bug": ZeroDivisionError()}[message]
+
+    guarded = refusals.guard("topic", callback)
+    guarded("bad")
+    assert refusals.counts["config"] == 1
+    with pytest.raises(ZeroDivisionError):
+        guarded("bug")
