@@ -1,0 +1,20 @@
+"""For colcon alone: `pip install` builds everything from the repository's root."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "agent_node"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", glob("config/*.yaml")),
+        (f"share/{NAME}/launch", glob("launch/*.launch.py")),
+    ],
+    entry_points={"console_scripts": ["agent_node = agent_node.main:main"]},
+)

@@ -1,0 +1,28 @@
+"""Start learner_node: `ros2 launch learner_node learner_node.launch.py`."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def generate_launch_description() -> LaunchDescription:
+    """One node; `params:=FILE` and `namespace:=NAME` replace the defaults."""
+    params = str(Path(get_package_share_directory("learner_node")) / "config" / "learner_node.yaml")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("params", default_value=params),
+            DeclareLaunchArgument("namespace", default_value=""),
+            Node(
+                package="learner_node",
+                executable="learner_node",
+                name="learner_node",
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[LaunchConfiguration("params")],
+                output="screen",
+            ),
+        ]
+    )
