@@ -112,14 +112,16 @@ class SimNode(Node):
             self._send(self.session.begin())
 
     def _send(self, frame: Frame) -> None:
+        """The observation first: a greedy agent decides while the rest is still being sent."""
         self._announce()
-        self._verdict.publish(codec.encode_verdict(frame.verdict, frame.evaluation))
+        observation, evaluation = frame.observation, frame.evaluation
         features, joints = codec.encode_observation(
-            frame.observation, JOINT_NAMES, frame.evaluation, frame.commanded_by
+            observation, JOINT_NAMES, evaluation, frame.commanded_by
         )
         self._joints.publish(joints)
         self._features.publish(features)
-        self._clock_topic.publish(codec.encode_clock(frame.observation.stamp_ns))
+        self._verdict.publish(codec.encode_verdict(frame.verdict, evaluation))
+        self._clock_topic.publish(codec.encode_clock(observation.stamp_ns))
         self._sent_at = time.monotonic()
 
     def _send_again(self) -> None:

@@ -17,19 +17,25 @@ from pa_ros.wire import codec
 from pa_ros.wire.bench import JOINT_NAMES, sample_step
 
 # In the order in which sim_node sends them; the answer is to the last that the agent needs.
-_QUESTION = (topics.VERDICT, topics.JOINT_STATES, topics.OBJECT_FEATURES, topics.CLOCK)
+_QUESTION = (topics.JOINT_STATES, topics.OBJECT_FEATURES, topics.VERDICT, topics.CLOCK)
 WARM_UP = 200  # round trips
 SETTLE_S = 0.5
 
 
-def measure_round_trips(node: Any, seconds: float, timeout_s: float = 30.0) -> float:
-    """Round trips per second with an answering process, over `seconds`; 0 if none answers."""
+def measure_round_trips(
+    node: Any, seconds: float, timeout_s: float = 30.0, work_us: float = 0.0
+) -> float:
+    """Round trips per second with an answering process, over `seconds`; 0 if none answers.
+
+    `work_us` is spent computing before each question: what a pause does to the transport (caches,
+    threads and cores that have gone to sleep) is then part of the round trip.
+    """
     from pa_ros.ros.executor import spin_until
 
     observation, verdict, _ = sample_step()
     features, joints = codec.encode_observation(observation, JOINT_NAMES)
     clock = codec.encode_clock(observation.stamp_ns)
-    messages = (codec.encode_verdict(verdict), joints, features, clock)
+    messages = (joints, features, codec.encode_verdict(verdict), clock)
     writers = [node.create_publisher(t.type, _name(t), t.writer) for t in _QUESTION]
     answers, started, ended = 0, 0.0, 0.0
 
@@ -41,6 +47,8 @@ def measure_round_trips(node: Any, seconds: float, timeout_s: float = 30.0) -> f
         nonlocal answers, started, ended
         answers += 1
         ended = time.perf_counter()
+        while time.perf_counter() - ended < work_us * 1e-6:
+            pass
         if answers == WARM_UP:
             started = ended
         ask()
@@ -75,7 +83,7 @@ def _answerer() -> Any:
             command = codec.encode_command(sample_step()[2])
             topic = topics.JOINT_COMMANDS
             writer = self.create_publisher(topic.type, _name(topic), topic.writer)
-            for heard in _QUESTION[:2]:
+            for heard in (topics.JOINT_STATES, topics.VERDICT):
                 self.create_subscription(heard.type, _name(heard), lambda _: None, heard.reader)
             last = topics.OBJECT_FEATURES
             self.create_subscription(
