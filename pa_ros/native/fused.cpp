@@ -132,4 +132,18 @@ void pa_fused_act(void* handle, const float* objects, const float* arm, int32_t 
     h->kernel->act(h->actor, objects, arm, hand_index, op, a, b, length, action);
 }
 
+// out = f(x, y) of `size` floats, by kind: see kernel.cpp. Size is a multiple of 16. `repeats` times,
+// so that short arrays can be timed.
+void pa_fused_elementwise(int32_t kind, const float* x, const float* y, float* out, int64_t size,
+                          int64_t repeats) {
+    pa::level().kernel->elementwise(kind, x, y, out, size, repeats);
+}
+
+// c [rows, columns] = a [rows, depth] · b [depth, columns], row-major; b and c are 64-byte aligned
+// and columns a multiple of 16.
+void pa_fused_product(int64_t rows, int64_t columns, int64_t depth, const float* a, const float* b,
+                      float* c) {
+    pa::level().kernel->product(rows, columns, depth, a, b, c);
+}
+
 }  // extern "C"

@@ -116,11 +116,32 @@ void run_actor(void* actor, const float* objects, const float* arm, int hand_ind
     act(x->shape, x->parameters, x->w, objects, arm, hand_index, action);
 }
 
+template <class F>
+void map(const float* x, const float* y, float* out, int64_t size, F f) {
+    for (int64_t i = 0; i < size; i += W) storeu(out + i, f(loadu(x + i), loadu(y + i)));
+}
+
+// The building blocks alone, to be tested and timed: 0 e^x, 1 tanh x, 2 tanh(a + b) where
+// x = e^2a / 2 and y = e^2b. Size is a multiple of kLane.
+void elementwise(int kind, const float* x, const float* y, float* out, int64_t size,
+                 int64_t repeats) {
+    for (; repeats > 1; repeats--) elementwise(kind, x, y, out, size, 1);
+    if (kind == 0) map(x, y, out, size, [](vf a, vf) { return exponential(a); });
+    if (kind == 1) map(x, y, out, size, [](vf a, vf) { return tanh_of(a); });
+    if (kind == 2) map(x, y, out, size, [](vf a, vf b) { return tanh_of_sum(a, b); });
+}
+
+void product(int64_t rows, int64_t columns, int64_t depth, const float* a, const float* b,
+             float* c) {
+    multiply(rows, columns, depth, {a, depth, 1}, b, columns, c, columns, FromZero{});
+}
+
 }  // namespace
 
 extern const Kernel kernel;
 const Kernel kernel = {create,       destroy,       compute_gradients, apply_gradients,
-                       read_metrics, create_actor,  destroy_actor,     run_actor};
+                       read_metrics, create_actor,  destroy_actor,     run_actor,
+                       elementwise,  product};
 
 }  // namespace PA_LEVEL
 }  // namespace pa

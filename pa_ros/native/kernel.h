@@ -19,6 +19,10 @@ struct Kernel {
     void (*destroy_actor)(void*);
     void (*act)(void*, const float* objects, const float* arm, int hand_index, const int32_t* op,
                 const int32_t* a, const int32_t* b, int length, float* action);
+    void (*elementwise)(int kind, const float* x, const float* y, float* out, int64_t size,
+                        int64_t repeats);
+    void (*product)(int64_t rows, int64_t columns, int64_t depth, const float* a, const float* b,
+                    float* c);
 };
 
 }  // namespace pa

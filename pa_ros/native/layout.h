@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 1;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 2;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias

@@ -248,7 +248,7 @@ def test_a_missing_or_other_library_is_a_reason(
     monkeypatch.undo()
     monkeypatch.setattr(fused_library, "INTERFACE", -1)
     monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
-    with pytest.raises(FusedError, match="expected interface -1, got 1: rebuild"):
+    with pytest.raises(FusedError, match="expected interface -1, got 2: rebuild"):
         made.backend()
 
 

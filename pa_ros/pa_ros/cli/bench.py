@@ -1,4 +1,4 @@
-"""`pa_ros bench codec|sim|graph`: the figures of this machine."""
+"""`pa_ros bench codec|sim|graph|learner`: the figures of this machine."""
 
 from __future__ import annotations
 
@@ -13,33 +13,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros bench`."""
     parser.add_argument("what", choices=sorted(BENCHMARKS))
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.add_argument(
+        "--network", default="programmable", help="learner: kind of networks (%(default)s)"
+    )
 
 
-def _codec() -> Report:
+def _codec(_: argparse.Namespace) -> Report:
     from pa_ros.wire.bench import bench_codec
 
     return bench_codec()
 
 
-def _sim() -> Report:
+def _sim(_: argparse.Namespace) -> Report:
     from pa_ros.arena.bench import bench_sim
 
     return bench_sim()
 
 
-def _graph() -> Report:
+def _graph(_: argparse.Namespace) -> Report:
     from pa_ros.ros.bench import bench_graph
 
     return bench_graph()
 
 
-BENCHMARKS = {"codec": _codec, "sim": _sim, "graph": _graph}
+def _learner(options: argparse.Namespace) -> Report:
+    from pa_ros.cli.bench_learner import bench
+
+    return bench(options)
+
+
+BENCHMARKS = {"codec": _codec, "sim": _sim, "graph": _graph, "learner": _learner}
 
 
 def run(options: argparse.Namespace) -> int:
     """Measure, print, and write."""
     threads = os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch or MuJoCo load
-    report = BENCHMARKS[options.what]()
+    report = BENCHMARKS[options.what](options)
     write_report(
         options.json, {**report, "device": device(), "threads": threads, "versions": versions()}
     )

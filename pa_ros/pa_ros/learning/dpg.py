@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -30,6 +30,19 @@ from pa_ros.networks.programs import ProgramTable
 Arrays = dict[str, NDArray[np.generic]]
 
 _STEPS: Shapes = {"adam.actor.step": (), "adam.critic.step": ()}
+
+
+class Inputs(NamedTuple):
+    """A batch on the device, as `Batch` but for what the networks are told of each program."""
+
+    objects: Tensor
+    arm: Tensor
+    action: Tensor
+    next_objects: Tensor
+    next_arm: Tensor
+    reward: Tensor
+    discount: Tensor
+    goals: Programs | Tensor
 
 
 class TorchBackend:
@@ -63,31 +76,36 @@ class TorchBackend:
 
     def update(self, batch: Batch) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
-        objects, arm = self._tensor(batch.objects), self._tensor(batch.arm)
-        goals = self._goals.of(batch.program)
-        target = self._bootstrap(batch, goals)  # [B, K]
-        h = self._critic.trunk(objects, arm, goals, HAND_INDEX)  # [B, K, H]
-        q = self._critic.head(h, self._tensor(batch.action))  # [B, K]
+        self._latest = self._step(self._inputs(batch))
+
+    def _step(self, x: Inputs) -> tuple[Tensor, Tensor]:
+        """Update both networks; the critic's loss and mean Q."""
+        target = self._bootstrap(x)  # [B, K]
+        h = self._critic.trunk(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, H]
+        q = self._critic.head(h, x.action)  # [B, K]
         loss = F.mse_loss(q, target)
-        action = self._actor(objects, arm, goals, HAND_INDEX)  # [B, K, 6]
+        action = self._actor(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, 6]
         ascent = self._ascent(h.detach(), action.detach())
+        self._descend(loss, action, -ascent / q.numel())
+        return loss.detach(), q.detach().mean()
+
+    def _bootstrap(self, x: Inputs) -> Tensor:
+        """r + discount · Q'(s', π'(s')), [B, K]."""
+        with torch.no_grad():
+            seen = (x.next_objects, x.next_arm, x.goals)
+            action = self._target_actor(*seen, HAND_INDEX)
+            value = self._target_critic(*seen, action, HAND_INDEX)
+            bootstrapped: Tensor = x.reward + x.discount[:, None] * value
+            return bootstrapped
+
+    def _descend(self, loss: Tensor, action: Tensor, action_gradient: Tensor) -> None:
+        """A step of Adam for the critic's loss, and for the actor by the chain rule."""
         self._critic_adam.zero_grad()
         torch.autograd.backward(loss)
         self._actor_adam.zero_grad()
-        torch.autograd.backward(action, -ascent / q.numel())
+        torch.autograd.backward(action, action_gradient)
         self._critic_adam.step()
         self._actor_adam.step()
-        self._latest = (loss.detach(), q.detach().mean())
-
-    def _bootstrap(self, batch: Batch, goals: Programs | Tensor) -> Tensor:
-        """r + discount · Q'(s', π'(s')), [B, K]."""
-        with torch.no_grad():
-            objects, arm = self._tensor(batch.next_objects), self._tensor(batch.next_arm)
-            action = self._target_actor(objects, arm, goals, HAND_INDEX)
-            value = self._target_critic(objects, arm, goals, action, HAND_INDEX)
-            reward, discount = self._tensor(batch.reward), self._tensor(batch.discount)
-            bootstrapped: Tensor = reward + discount[:, None] * value
-            return bootstrapped
 
     def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
         """∂Q/∂a at the actor's action, each element clipped, [B, K, 6]."""
@@ -161,13 +179,15 @@ class TorchBackend:
     def _networks(
         self, network: NetworkConfig, actor: Tensors, critic: Tensors
     ) -> tuple[nn.Module, nn.Module]:
-        canonical = network.kind == "canonical"
-        kinds = (CanonicalActor, CanonicalCritic)
-        modules = kinds if canonical else (ProgrammableActor, ProgrammableCritic)
-        made = [kind(network).to(self._device, self._dtype) for kind in modules]
+        made = [kind(network).to(self._device, self._dtype) for kind in self._classes(network)]
         for module, tensors in zip(made, (actor, critic), strict=True):
             module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
         return made[0], made[1]
+
+    def _classes(self, network: NetworkConfig) -> tuple[Any, Any]:
+        if network.kind == "canonical":
+            return CanonicalActor, CanonicalCritic
+        return ProgrammableActor, ProgrammableCritic
 
     def _adam(self, module: nn.Module, rate: float) -> torch.optim.Adam:
         config = self._config
@@ -183,8 +203,13 @@ class TorchBackend:
             }
         return adam
 
-    def _tensor(self, array: NDArray[np.float32]) -> Tensor:
-        return torch.from_numpy(array).to(self._device, self._dtype)
+    def _inputs(self, batch: Batch) -> Inputs:
+        tensors = {
+            name: torch.from_numpy(getattr(batch, name)).to(self._device, self._dtype)
+            for name in Inputs._fields
+            if name != "goals"
+        }
+        return Inputs(**tensors, goals=self._goals.of(batch.program))
 
 
 class _Goals:

@@ -11,7 +11,7 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 1  # of native/layout.h
+INTERFACE = 2  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS = 128, 64, 64, 8
 LARGEST_PART = 43.6
 
@@ -167,6 +167,8 @@ def _declare(loaded: ctypes.CDLL) -> None:
             None,
             [c_void_p, c_void_p, c_void_p, c_int32, *[c_void_p] * 3, c_int32, c_void_p],
         ),
+        "elementwise": (None, [c_int32, *[c_void_p] * 3, c_int64, c_int64]),
+        "product": (None, [*[c_int64] * 3, *[c_void_p] * 3]),
     }
     for name, (result, arguments) in signatures.items():
         function = getattr(loaded, f"pa_fused_{name}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,13 +88,30 @@ class Learner:
             return ConsumeReport(report, 0, self.counters.version)
         self.counters.frames += len(stretch)
         updates = self._updates_due(len(stretch))
-        self._update(updates)
+        self.update(updates)
         if stretch.ends_episode:
             self.counters.episodes += 1
             self.backend.copy_targets()
         self.counters.version += 1
         self.published.append(self._snapshot())
         return ConsumeReport(report, updates, self.counters.version)
+
+    def update(self, updates: int) -> None:
+        """Make this many updates, whether due or not; EmptyReplayError without transitions."""
+        for batch in self.batches(updates):
+            self.backend.update(batch)
+            self.counters.updates += 1
+
+    def batches(self, updates: int) -> Iterator[Batch]:
+        """Batches for this many updates, all drawn at once, since the replay does not change."""
+        size = self.config.batch_size
+        if updates == 0:
+            return
+        index = self.replay.sample(self.rng, updates * size)
+        program, reward = self._programs(index)
+        for first in range(0, updates * size, size):
+            part = slice(first, first + size)
+            yield self._batch(index[part], program[part], reward[part])
 
     def snapshot(self, version: int | None = None) -> PolicySnapshot:
         """Published weights: the newest, or one of the last policy_lag + 1 versions.
@@ -142,18 +159,6 @@ class Learner:
             self.counters.frames_due += frames
         total = self.counters.frames_due * self.config.updates_per_frame
         return math.floor(total + 1e-9) - self.counters.updates
-
-    def _update(self, updates: int) -> None:
-        """Make updates; all their batches are drawn at once, since the replay does not change."""
-        size = self.config.batch_size
-        if updates == 0:
-            return
-        index = self.replay.sample(self.rng, updates * size)
-        program, reward = self._programs(index)
-        for first in range(0, updates * size, size):
-            part = slice(first, first + size)
-            self.backend.update(self._batch(index[part], program[part], reward[part]))
-            self.counters.updates += 1
 
     def _programs(self, index: Int64) -> tuple[Int32, Float32]:
         """Programs [B, K] and their rewards [B, K] for sampled rows [B]."""

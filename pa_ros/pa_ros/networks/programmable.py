@@ -28,6 +28,10 @@ class Programs:
     a: Tensor
     b: Tensor
 
+    def relevant_objects(self, phi: Tensor, hand_index: int) -> Tensor:
+        """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.networks.programs`."""
+        return relevant_objects(phi, hand_index, self.op, self.a, self.b)
+
 
 class Attention(nn.Module):
     """w of the neighbourhood attention, [64]."""
@@ -78,7 +82,7 @@ class Trunk(nn.Module):
         arms = arm[:, None, :].expand(-1, objects.shape[1], -1)
         columns = torch.cat([objects * self.position_scale, arms], -1)  # [B, N, 34]
         phi = self.properties(objects, columns)
-        p = relevant_objects(phi, hand_index, programs.op, programs.a, programs.b)  # [B, K, N]
+        p = programs.relevant_objects(phi, hand_index)  # [B, K, N]
         alpha = self._attention(columns, p)  # [B, K, N, N]
         first, local_last = _layers(self.local)
         message_last = _layers(self.message)[1]

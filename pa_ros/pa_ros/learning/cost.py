@@ -1,0 +1,154 @@
+"""What one DPG update must compute, counted from its sizes, and how fast this machine could.
+
+The counts are those of the cheapest arrangement we know (pa_ros/native/README.md), each value
+computed once; what an implementation computes again or moves through memory comes on top.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from math import prod
+
+from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import Shapes, actor_shapes, canonical_inputs, critic_shapes
+
+ADAM_FLOPS = 12  # per parameter: 3 for m, 4 for v, 5 for the step
+FLOAT_BYTES = 4
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """One batch: B transitions of N objects × K programs."""
+
+    transitions: int = 64
+    objects: int = 5
+    programs: int = 1
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Operations and bytes of one update of actor and critic."""
+
+    flops: float = 0.0  # multiplications and additions, one each
+    exponentials: float = 0.0
+    tanhs: float = 0.0  # of one number: an exponential and a reciprocal
+    pair_tanhs: float = 0.0  # tanh(x + y) from e^2x and e^2y: a product and a reciprocal
+    bytes: float = 0.0  # batch and parameters, each read or written as seldom as possible
+
+    def __add__(self, other: Cost) -> Cost:
+        return Cost(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    def __mul__(self, times: float) -> Cost:
+        return Cost(*(times * a for a in astuple(self)))
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What one thread of this machine does per microsecond, operands in its first cache."""
+
+    flops: float
+    exponentials: float
+    tanhs: float
+    pair_tanhs: float
+    bytes: float  # read and written, in a copy of as much as the parameters take
+
+
+def floor_us(cost: Cost, rates: Rates) -> float:
+    """Time in which no arrangement of these operations can be beaten, microseconds.
+
+    Arithmetic shares the vector units, so its times add up; memory may be read meanwhile.
+    """
+    arithmetic = (
+        cost.flops / rates.flops
+        + cost.exponentials / rates.exponentials
+        + cost.tanhs / rates.tanhs
+        + cost.pair_tanhs / rates.pair_tanhs
+    )
+    return max(arithmetic, cost.bytes / rates.bytes)
+
+
+def update_cost(network: NetworkConfig, sizes: Sizes) -> Cost:
+    """One update: targets, both gradients, Adam (docs/DESIGN.md, "Learning")."""
+    parts = _canonical_parts if network.kind == "canonical" else _programmable_parts
+    return parts(network, sizes) + _adam(network) + _batch(sizes)
+
+
+def _programmable_parts(network: NetworkConfig, z: Sizes) -> Cost:
+    """Forward four times, backward twice; the critic's head once more, at π(s)."""
+    words = len(network.vocabulary.words)
+    actor_words = words if network.actor_kind == "programmable" else 0
+    critic_words = words if network.kind == "programmable" else 0
+    rows, total = z.transitions * z.programs, Cost()
+    for detectors in (actor_words, critic_words):
+        total += _trunk(network, z, detectors) * 2 + _trunk_backward(network, z, detectors)
+    actor_head = Cost(flops=rows * 2 * network.hidden * JOINTS, tanhs=rows * network.hidden)
+    critic_head = actor_head + Cost(flops=rows * 2 * network.hidden)
+    squash = Cost(tanhs=rows * JOINTS)
+    backward = Cost(flops=rows * network.hidden * (4 * JOINTS + 2))
+    heads = (actor_head + squash) * 2 + critic_head * 3 + backward * 2
+    return total + heads + Cost(flops=rows * 2 * network.hidden * JOINTS)  # ∂Q/∂a
+
+
+def _trunk(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
+    """From Ω to h: first layers, pairs, weighted sums, second layers."""
+    b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
+    a, pairs = network.attention, z.transitions * z.objects**2
+    first = 2 * b * _first_columns(network, detectors) * (n * OBJECT_FEATURES + ARM_FEATURES)
+    sums = 2 * b * k * h * (n + n * n) + 2 * pairs * a  # Σ p f, Σ p α r and w·tanh
+    second = 2 * b * k * 2 * h * h
+    return Cost(
+        flops=first + sums + second,
+        exponentials=b * n * (2 * h + 2 * a + detectors) + pairs,
+        tanhs=b * n * h,
+        pair_tanhs=pairs * (h + a),
+    )
+
+
+def _trunk_backward(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
+    """From ∂/∂h to the parameters' gradients; inputs need none."""
+    b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
+    pairs = b * n * n
+    first = 2 * b * _first_columns(network, detectors) * (n * OBJECT_FEATURES + ARM_FEATURES)
+    second = 2 * 2 * b * k * 2 * h * h
+    messages = pairs * h * (4 * k + 5)  # both factors of each product; 1 − t², two sums
+    local = b * n * h * (4 * k + 3)
+    attention = pairs * network.attention * 7
+    return Cost(flops=first + second + messages + local + attention)
+
+
+def _first_columns(network: NetworkConfig, detectors: int) -> int:
+    """Outputs of all first layers: f, r of receiver and sender, query, context, detectors."""
+    return 3 * network.hidden + 2 * network.attention + detectors
+
+
+def _canonical_parts(network: NetworkConfig, z: Sizes) -> Cost:
+    """MLPs: three layers; the critic's first is shared by Q(s, a) and Q(s, π(s))."""
+    rows, h = z.transitions * z.programs, network.canonical_hidden
+    inputs = canonical_inputs(network.vocabulary)
+    first = Cost(flops=2 * rows * inputs * h, tanhs=rows * h)
+    second = Cost(flops=2 * rows * h * h, tanhs=rows * h)
+    enters = Cost(flops=2 * rows * JOINTS * h)  # the action of a hidden layer, or the reverse
+    output = Cost(flops=2 * rows * h)
+    forward = first * 4 + second * 5 + enters * 3 + enters * 2 + output * 3
+    squash = Cost(tanhs=2 * rows * JOINTS)
+    weights = first.flops + 2 * second.flops + 6 * rows * h  # also ∂/∂first; 1 − t², twice
+    backward = Cost(flops=2 * weights + 3 * enters.flops + 2 * output.flops)
+    return forward + squash + backward + enters + output  # ∂Q/∂a
+
+
+def _adam(network: NetworkConfig) -> Cost:
+    """Adam; parameters, moments, gradients and target parameters move once."""
+    parameters = sum(map(_count, (actor_shapes(network), critic_shapes(network))))
+    moved = 2 * 3 + 2 + 1 + 1  # p, m, v both ways; g written and read; p of the forward; target
+    return Cost(flops=ADAM_FLOPS * parameters, bytes=FLOAT_BYTES * moved * parameters)
+
+
+def _batch(z: Sizes) -> Cost:
+    scene = z.objects * OBJECT_FEATURES + ARM_FEATURES
+    floats = z.transitions * (2 * scene + JOINTS + 1 + 2 * z.programs)
+    return Cost(bytes=FLOAT_BYTES * floats)
+
+
+def _count(shapes: Shapes) -> int:
+    return sum(prod(shape) for shape in shapes.values())
