@@ -9,6 +9,7 @@ import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.evaluation.training import training_programs
+from pa_ros.learning.checkpoint import read_metadata
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.ros import topics
@@ -21,34 +22,39 @@ SEED, EPISODES = 11, 3
 OPTIONS = ["learner.warmup_frames=20", "learner.batch_size=16", "network.hidden=32"]
 
 
-def over_the_graph(folder: Path, eval_every: int) -> dict[str, np.ndarray]:
-    """Actor tensors after EPISODES stretches, as three processes learned them."""
-    parameters = {
-        "sim_node": {"seed": SEED, "eval_every_episodes": eval_every},
-        "agent_node": {"learning": True, "seed": SEED, "options": [*OPTIONS]},
+def parameters(**changes: dict[str, object]) -> dict[str, dict[str, object]]:
+    """Of three nodes that learn as `in_process` does."""
+    common = {
+        "sim_node": {"seed": SEED},
+        "agent_node": {"learning": True, "seed": SEED, "options": [*OPTIONS], "agent_id": "agent"},
         "learner_node": {"seed": SEED, "options": [*OPTIONS]},
     }
+    return {node: values | changes.get(node, {}) for node, values in common.items()}
+
+
+def over_the_graph(folder: Path, version: int, given: dict) -> dict[str, np.ndarray]:
+    """Actor tensors of a version, as three processes learned them."""
     found: dict[str, np.ndarray] = {}
 
     def receive(message) -> None:
         policy = codec.decode_weights(message)
-        if policy.snapshot.version == EPISODES:
+        if policy.snapshot.version == version:
             found.update(policy.snapshot.tensors)
 
     use_domain(None)
     with Supervisor(folder) as supervisor, client_node("watch") as node:
         topic = topics.POLICY_WEIGHTS
         node.create_subscription(topic.type, topic.name, receive, topic.reader)
-        start_nodes(supervisor, parameters, folder)
+        start_nodes(supervisor, given, folder)
         assert watch(node, supervisor, lambda: None, lambda: bool(found), 90.0)
     return found
 
 
-def in_process(folder: Path) -> dict[str, np.ndarray]:
+def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:
     design, arena = design_named("2-L"), preset_named("fast")
     protocol = protocol_named("ours").with_options(OPTIONS)
     learner = train(
-        TrainConfig(folder, SEED, EPISODES * 100, evaluate_every_frames=0),
+        TrainConfig(folder, SEED, version * 100, evaluate_every_frames=0),
         protocol.network_config(design.vocabulary),
         protocol.learner,
         ReachTask(arena, design, SEED),
@@ -56,13 +62,31 @@ def in_process(folder: Path) -> dict[str, np.ndarray]:
         training_programs(design),
     )
     assert learner.counters.updates > 200
-    return learner.snapshot(EPISODES).tensors
+    return learner.snapshot(version).tensors
+
+
+def assert_same(there: dict[str, np.ndarray], here: dict[str, np.ndarray]) -> None:
+    assert list(there) == list(here)
+    for name, tensor in here.items():
+        assert np.array_equal(there[name], tensor), name
 
 
 @pytest.mark.parametrize("eval_every", [0, 1])
 def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, eval_every):
-    there = over_the_graph(tmp_path / "graph", eval_every)
-    here = in_process(tmp_path / "loop")
-    assert list(there) == list(here)
-    for name, tensor in here.items():
-        assert np.array_equal(there[name], tensor), name
+    given = parameters(sim_node={"eval_every_episodes": eval_every})
+    there = over_the_graph(tmp_path / "graph", EPISODES, given)
+    assert_same(there, in_process(tmp_path / "loop", EPISODES))
+
+
+def test_a_graph_that_was_stopped_and_resumed_ends_where_the_loop_ends(tmp_path):
+    out = {"out": str(tmp_path / "run")}
+    over_the_graph(tmp_path / "first", EPISODES, parameters(learner_node=out))
+    reached = read_metadata(tmp_path / "run" / "checkpoint")
+    episodes = reached["counters"]["episodes"]
+    given = parameters(
+        sim_node={"first_episode": episodes},
+        agent_node={"first_sequence": reached["replay"]["ledger"]["next"]["agent"]},
+        learner_node={**out, "resume": True},
+    )
+    there = over_the_graph(tmp_path / "second", episodes + 2, given)
+    assert_same(there, in_process(tmp_path / "loop", episodes + 2))
