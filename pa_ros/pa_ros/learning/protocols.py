@@ -63,11 +63,11 @@ PROTOCOLS = {
     # As in the appendix; what it leaves open keeps its default (LearnerConfig).
     "paper": Protocol("paper", LearnerConfig(stretch_steps=1, policy_lag=0)),
     # What makes learning fast and reliable: all-goals relabeling with the training programs,
-    # rewards scaled so that Q is of order one, and a critic that starts at the value of never
-    # being rewarded.
+    # rewards scaled so that Q is of order one, a critic that starts at the value of never being
+    # rewarded, and twice the paper's exploration noise.
     "ours": Protocol(
         "ours",
-        LearnerConfig(relabel="all-goals", reward_scale=0.05),
+        LearnerConfig(relabel="all-goals", reward_scale=0.05, noise_sigma=0.6),
         (("critic_output_bias", -5.0),),
     ),
 }
