@@ -14,14 +14,18 @@ from mcap_ros2.decoder import DecoderFactory
 
 from pa_ros.arena import design_named, preset_named
 from pa_ros.cli import demo
+from pa_ros.cli.demo_results import Outcome
+from pa_ros.cli.demo_setup import DemoConfig
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.demo_report import demo_programs, find_scene
+from pa_ros.evaluation.tally import HeldOutTarget
 from pa_ros.evaluation.training import training_programs
 from pa_ros.learning.checkpoint import load_policy, save_checkpoint
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.ros.client import client_node
 from pa_ros.ros.execution import Execution
+from pa_ros.ros.launch_params import load_parameters
 
 DEADLINE_S = 90.0
 DESIGN, ARENA = design_named("2-L"), preset_named("fast")
@@ -52,13 +56,28 @@ def test_too_little_time_is_said_and_leaves_what_was_learned(tmp_path):
     with start(folder, "--minutes", "0.2", "--seed", "5") as process:
         out, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 1, err
-    assert "NOT reached, time is up" in out and "No success within 0.2 minutes" in out
+    assert "Target NOT reached" in out and "No success within 0.2 minutes" in out
     assert load_policy(folder / "checkpoint").version > 0
     report = json.loads((folder / "demo.json").read_text())
     assert report["demo.reached"] == report["demo.programs"] == 0
     assert report["demo.frames"] > 100 and report["demo.train_wall_s"] >= 12
     assert (folder / "learning-curve.png").exists() and (folder / "phi.png").exists()
     assert not processes_of(tmp_path)
+
+
+def test_an_attempt_without_hope_is_followed_by_another_and_counted(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "78")
+    monkeypatch.setattr(demo, "ATTEMPT_FRAMES", 300)
+    config = DemoConfig(DESIGN, ARENA, 4, 0.25, tmp_path / "demo")
+    outcome = Outcome()
+    with client_node("test") as node:
+        demo._learn(node, config, HeldOutTarget(-0.97, 0.88), outcome, lambda: False)
+    assert outcome.attempts >= 2 and not outcome.reached and not processes_of(tmp_path)
+    seeds = [config.training(attempt)["learner_node"]["seed"] for attempt in (1, 2)]
+    assert seeds == [4, 5]
+    for attempt in (1, 2):
+        given = load_parameters(config.folder / "log" / f"learn-{attempt}" / "params.yaml")
+        assert {values["seed"] for values in given.values()} == {3 + attempt}
 
 
 def test_ctrl_c_stops_everything_promptly(tmp_path):
@@ -83,14 +102,13 @@ def test_ctrl_c_stops_everything_promptly(tmp_path):
 def test_programs_are_executed_on_the_graph_and_recorded(tmp_path, monkeypatch):
     """With untrained weights, and faster: the path is the same."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "79")
-    monkeypatch.setattr(demo, "REAL_TIME_FACTOR", 20.0)
     protocol = protocol_named("ours")
     network = protocol.network_config(DESIGN.vocabulary)
-    config = demo.DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo")
+    config = DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo", real_time_factor=20.0)
     learner = Learner(network, protocol.learner, training_programs(DESIGN), 0)
     save_checkpoint(config.checkpoint, learner)
-    programs, outcome = demo_programs(DESIGN), demo.Outcome(reached=True)
-    scenes = [find_scene(ARENA, DESIGN, demo.SCENE_SEED_OFFSET, p) for p in programs]
+    programs, outcome = demo_programs(DESIGN), Outcome(reached=True)
+    scenes = [find_scene(ARENA, DESIGN, config.scene_seed, p) for p in programs]
     with client_node("test") as node:
         asked = list(zip(programs, scenes, strict=True))
         demo._execute(node, config, asked, outcome, lambda: False)
@@ -112,12 +130,12 @@ def sent_programs(bag: Path) -> list[str]:
         return [row.decoded_message.text for row in rows]
 
 
-def outcome_of(satisfied: list[bool], reached: bool = True) -> demo.Outcome:
+def outcome_of(satisfied: list[bool], reached: bool = True) -> Outcome:
     executions = [
         (program, None, Execution(near, 0.1, 1.0 if near else None, 2.0, "held"))
         for program, near in zip(demo_programs(DESIGN), satisfied, strict=True)
     ]
-    return demo.Outcome(reached=reached, executions=executions)
+    return Outcome(reached=reached, executions=executions)
 
 
 @pytest.mark.parametrize(
@@ -139,4 +157,4 @@ def test_success_is_the_held_out_program_and_five_of_six(satisfied, reached, suc
 )
 def test_options_that_cannot_be_are_refused(values, reason, tmp_path):
     with pytest.raises(ConfigError, match=reason):
-        demo.DemoConfig(DESIGN, ARENA, *values, tmp_path)
+        DemoConfig(DESIGN, ARENA, *values, tmp_path)

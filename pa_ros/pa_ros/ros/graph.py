@@ -19,7 +19,7 @@ from pa_ros.ros.launch_params import Parameters, write_parameters
 from pa_ros.ros.launcher import Supervisor, node_command
 from pa_ros.ros.monitor import REFRESH_S
 
-DISCOVERY_S = 1.0  # in which nodes on one machine find each other
+DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 3 s
 DOMAINS = range(1, 102)  # whose ports are below Linux's ephemeral ones
 _FIRST_PORT, _PORTS_PER_DOMAIN = 7400, 250  # of DDS discovery
 
@@ -36,10 +36,14 @@ def start_nodes(
 
 def refuse_occupied(node: Node, parameters: Parameters) -> None:
     """Raise ConfigError if a node to be started is in the graph already: two would be mixed up."""
-    spin_until(node, lambda: False, DISCOVERY_S)
     namespace = node.get_namespace()
-    present = {name for name, where in node.get_node_names_and_namespaces() if where == namespace}
-    occupied = sorted(present & set(parameters))
+
+    def present() -> set[str]:
+        seen = node.get_node_names_and_namespaces()
+        return {name for name, where in seen if where == namespace} & set(parameters)
+
+    spin_until(node, lambda: bool(present()), DISCOVERY_S)
+    occupied = sorted(present())
     if occupied:
         raise ConfigError(
             f"{', '.join(occupied)} already in the graph of ROS domain "

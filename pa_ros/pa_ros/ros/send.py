@@ -15,7 +15,7 @@ from rclpy.node import Node
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.execution import Execution, ExecutionWatch
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
+from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
 from pa_ros.wire import codec
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
@@ -37,6 +37,7 @@ class Answers:
 
     judgements: dict[str, ProgramJudgement] = field(default_factory=dict)  # by node
     silent: set[str] = field(default_factory=set)  # nodes that judge programs
+    absent: set[str] = field(default_factory=set)  # "an arena", "an agent": none was discovered
 
     @property
     def refused(self) -> list[ProgramJudgement]:
@@ -68,8 +69,8 @@ class ProgramSender:
     def send(self, text: str, timeout_s: float) -> Answers:
         """Publish a program and wait until every node that judges programs has answered.
 
-        Returns at the first refusal. Raises SendTimeoutError if someone stays silent, ConfigError
-        for text that cannot be sent at all.
+        At least an arena and an agent must be among them. Returns at the first refusal. Raises
+        SendTimeoutError if someone stays silent, ConfigError for text that cannot be sent at all.
         """
         self._program_id = f"send-{os.getpid()}-{next(_serial)}"
         self.answers, self._execution = Answers(), None
@@ -91,11 +92,13 @@ class ProgramSender:
     def _answered(self) -> bool:
         if self.answers.refused:
             return True
-        arenas = self._publishers(ARENA_INFO)
-        judges = arenas | self._publishers(PROGRAM_STATUS)
+        needed = {"an arena": ARENA_INFO, "an agent": JOINT_COMMANDS}
+        found = {who: self._publishers(topic) for who, topic in needed.items()}
+        self.answers.absent = {who for who, nodes in found.items() if not nodes}
+        judges = set().union(*found.values(), self._publishers(PROGRAM_STATUS))
         self.answers.silent = judges - self.answers.judgements.keys()
         settled = time.monotonic() - self._since > SETTLE_S
-        return settled and bool(arenas) and not self.answers.silent
+        return settled and not self.answers.absent and not self.answers.silent
 
     def _publishers(self, topic: Topic) -> set[str]:
         """Full names of the nodes that publish a topic, as far as they have been discovered."""
@@ -123,5 +126,6 @@ def _sendable(text: str) -> str:
 
 
 def _silence(answers: Answers, timeout_s: float) -> str:
-    names = ", ".join(sorted(answers.silent)) or "an arena: is the graph running, in this domain?"
-    return f"no answer within {timeout_s:g} s from {names}"
+    names = ", ".join(sorted(answers.silent | answers.absent))
+    hint = ": does the graph run, in this ROS domain and namespace?" if answers.absent else ""
+    return f"no answer within {timeout_s:g} s from {names}{hint}"
