@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +13,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.learning.backend import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.device_steps import DeviceSteps
 from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic, target_one_hots
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
@@ -62,7 +66,7 @@ class TorchBackend:
         check_tensors(critic, critic_shapes(network), "critic")
         torch.set_num_threads(config.threads)
         self._config = config
-        self._device = torch.device(config.device)
+        self._device = _device_named(config.device)
         self._dtype = getattr(torch, config.dtype)
         self._goals = _Goals(network, table, self._device, self._dtype)
         self._actor: Any  # a module of pa_ros.networks; its critic has `trunk` and `head`
@@ -72,11 +76,27 @@ class TorchBackend:
         self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
         self._actor_adam = self._adam(self._actor, config.actor_rate)
         self._critic_adam = self._adam(self._critic, config.critic_rate)
-        self._latest: tuple[Tensor, Tensor] | None = None
+        self._latest: tuple[Tensor, ...] | None = None
+        self._queued: DeviceSteps | None = None
+        if self._device.type == "cuda":
+            self._queued = DeviceSteps(self._step_on, self._device)
 
     def update(self, batch: Batch) -> None:
-        """One DPG update of critic and actor, both gradients at the parameters before it."""
-        self._latest = self._step(self._inputs(batch))
+        """One DPG update of critic and actor, both gradients at the parameters before it.
+
+        On a GPU it is queued: the host waits only where it is several batches ahead.
+        """
+        self._goals.refresh()
+        arrays = {field.name: getattr(batch, field.name) for field in fields(batch)}
+        if self._queued is not None:
+            self._latest = self._queued(arrays, version=self._goals.size)
+        else:
+            self._latest = self._step_on({k: torch.from_numpy(v) for k, v in arrays.items()})
+
+    def _step_on(self, tensors: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """`_step` on a batch that is on the device."""
+        floats = {k: tensors[k].to(self._dtype) for k in Inputs._fields if k != "goals"}
+        return self._step(Inputs(**floats, goals=self._goals.of(tensors["program"])))
 
     def _step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Update both networks; the critic's loss and mean Q."""
@@ -133,12 +153,8 @@ class TorchBackend:
             return {}
         gradients = [p.grad for p in self._actor.parameters() if p.grad is not None]
         norm = torch.stack([g.norm() for g in gradients]).norm()
-        loss, mean_q = self._latest
-        return {
-            "critic_loss": float(loss),
-            "mean_q": float(mean_q),
-            "actor_gradient_norm": float(norm),
-        }
+        values = torch.stack([*self._latest, norm]).tolist()  # the only wait for the device
+        return dict(zip(("critic_loss", "mean_q", "actor_gradient_norm"), values, strict=True))
 
     def tensors(self) -> Arrays:
         """Everything an update depends on; see `Backend.tensors` for the names."""
@@ -193,8 +209,9 @@ class TorchBackend:
         config = self._config
         betas = (config.adam_beta1, config.adam_beta2)
         adam = torch.optim.Adam(
-            module.parameters(), lr=rate, betas=betas, eps=config.adam_epsilon, fused=True
-        )
+            module.parameters(), lr=rate, betas=betas, eps=config.adam_epsilon, fused=True,
+            capturable=self._device.type == "cuda",
+        )  # fmt: skip
         for parameter in module.parameters():  # else made by the first step, too late to load
             adam.state[parameter] = {
                 "step": torch.zeros((), dtype=torch.float32, device=self._device),
@@ -203,13 +220,15 @@ class TorchBackend:
             }
         return adam
 
-    def _inputs(self, batch: Batch) -> Inputs:
-        tensors = {
-            name: torch.from_numpy(getattr(batch, name)).to(self._device, self._dtype)
-            for name in Inputs._fields
-            if name != "goals"
-        }
-        return Inputs(**tensors, goals=self._goals.of(batch.program))
+
+def _device_named(name: str) -> torch.device:
+    try:
+        return torch.zeros(0, device=name).device
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ConfigError(
+            f"learner device: expected one that torch has here, got {name!r}: {reason}"
+        ) from error
 
 
 class _Goals:
@@ -221,15 +240,18 @@ class _Goals:
         self._canonical = network.kind == "canonical"
         self._table = table
         self._device, self._dtype = device, dtype
-        self._size = 0
+        self.size = 0  # rows of the table that are on the device
         self._rows: tuple[Tensor, ...] = ()
 
-    def of(self, program: NDArray[np.int32]) -> Programs | Tensor:
-        """Flat programs, or one-hots [B, K, V], for rows [B, K] of the table."""
-        if self._size != len(self._table):
+    def refresh(self) -> None:
+        """Bring rows that joined the table to the device."""
+        if self.size != len(self._table):
             self._rows = self._one_hots() if self._canonical else self._table.tensors(self._device)
-            self._size = len(self._table)
-        index = torch.from_numpy(program).to(self._device, torch.int64)
+            self.size = len(self._table)
+
+    def of(self, program: Tensor) -> Programs | Tensor:
+        """Flat programs, or one-hots [B, K, V], for rows [B, K] of the table."""
+        index = program.long()
         goals = [rows[index] for rows in self._rows]
         return goals[0] if self._canonical else Programs(*goals)
 

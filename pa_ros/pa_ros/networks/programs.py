@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
@@ -100,14 +102,20 @@ def relevant_objects(phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Ten
     )
     sources = torch.stack((a, b), dim=-1).long().unsqueeze(-1)
     sources = sources.expand(*lead, length, 2, objects)  # [B, K, L, (a, b), N]
-    table = torch.as_tensor(_COEFFICIENTS, dtype=phi.dtype, device=phi.device)
-    coefficients = table[op.long()].unsqueeze(-1)  # [B, K, L, 4, 1]
+    coefficients = _coefficients(phi.device, phi.dtype)[op.long()].unsqueeze(-1)  # [B, K, L, 4, 1]
     for k in range(length):
         x, y = registers.gather(-2, sources[..., k, :, :]).unbind(-2)  # [B, K, N] each
         c0, c1, c2, c3 = coefficients[..., k, :, :].unbind(-2)  # [B, K, 1] each
         written = (c0 + c1 * x + c2 * y + c3 * (x * y)).unsqueeze(-2)  # [B, K, 1, N]
         registers = torch.cat((registers, written), dim=-2)
     return registers[..., -1, :]
+
+
+@lru_cache
+def _coefficients(device: torch.device, dtype: torch.dtype) -> Tensor:
+    """Copied to a device once: a copy would hold up whoever queues work on it."""
+    with torch.inference_mode(False):
+        return torch.tensor(_COEFFICIENTS, dtype=dtype, device=device)
 
 
 def crisp(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_]:
