@@ -19,6 +19,7 @@ namespace {
 #include "program.h"
 #include "trunk.h"
 #include "trunk_backward.h"
+#include "mlp.h"
 #include "heads.h"
 #include "learner.h"
 
@@ -97,7 +98,7 @@ void* create_actor(const Network* shape, const float* parameters, int objects, i
     auto* x = static_cast<Actor*>(std::calloc(1, sizeof(Actor)));
     if (!x) return nullptr;
     const Layout l = layout_of(*shape);
-    const WorkSize size{1, 1, objects, 1, length, shape->words, l.columns, l.hidden};
+    const WorkSize size{1, 1, objects, 1, length, shape->words, l.columns, l.hidden, l.inputs};
     x->shape = *shape, x->parameters = parameters;
     Arena arena{nullptr, 0};
     carve(x->w, arena, size);

@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 2;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 3;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -18,6 +18,7 @@ constexpr int kActionColumns = 16;                                 // row stride
 constexpr int kLane = 16;                                          // floats; all rows are padded to it
 constexpr int kMaxGroups = 8;
 constexpr int kMaxWords = 128;
+constexpr int kMaxSlots = 32;
 
 inline int64_t padded(int64_t size) { return (size + kLane - 1) / kLane * kLane; }
 
@@ -29,6 +30,9 @@ struct Network {
     int32_t critic;  // 1: reads an action, writes one number; 0: writes kActions
     int32_t truth[kMaxWords];
     float position_scale;
+    int32_t canonical;  // 1: an MLP of the flattened Ω; attention and detectors are 0
+    int32_t slots;      // of that: slot i is of the objects with these two one-hot features
+    int32_t slot_shape[kMaxSlots], slot_color[kMaxSlots];
 };
 
 // Offsets and sizes in floats. Rows are input-major ([in][out]): a torch weight is the transpose.
@@ -41,15 +45,39 @@ struct Network {
 //   action       [7][H]          critic: 6 inputs, then the bias
 //   output       [1 or 6][H]     as torch's
 //   output_bias  [16]
+// Canonical networks have no `attention`, and
+//   first        [inputs + V + 1][H]  hand, slots, arm; words of the target; bias
+//   second       [H][H]               of the hidden units, without the critic's action
+//   second_bias  [H]                  the actor's; the critic's is in `action`
 // H and A are padded; the padding is zero and stays zero.
 struct Layout {
     int64_t hidden, attention, columns;
     int64_t local, receiver, sender, query, context, detectors;  // first columns within `first`
     int64_t first, attention_weight, second, second_bias, action, output, output_bias, size;
+    int64_t inputs;  // canonical: of the flattened Ω without the target
 };
+
+// From the layer that the action enters on: the same in all networks.
+inline void lay_out_heads(Layout& l, const Network& n, int64_t from) {
+    l.action = from;
+    l.output = l.action + (n.critic ? (kActions + 1) * l.hidden : 0);
+    l.output_bias = l.output + (n.critic ? 1 : kActions) * l.hidden;
+    l.size = l.output_bias + kLane;
+}
+
+inline Layout mlp_layout_of(const Network& n) {
+    Layout l{};
+    l.hidden = l.columns = padded(n.hidden);
+    l.inputs = (1 + n.slots) * kObjectFeatures + kArmFeatures;
+    l.second = (l.inputs + n.words + 1) * l.hidden;
+    l.second_bias = l.second + l.hidden * l.hidden;
+    lay_out_heads(l, n, l.second_bias + l.hidden);
+    return l;
+}
 
 inline Layout layout_of(const Network& n) {
     Layout l{};
+    if (n.canonical) return mlp_layout_of(n);
     const int64_t h = l.hidden = padded(n.hidden), a = l.attention = padded(n.attention);
     l.local = 0, l.receiver = h, l.sender = 2 * h, l.query = 3 * h, l.context = 3 * h + a;
     l.detectors = 3 * h + 2 * a;
@@ -58,10 +86,7 @@ inline Layout layout_of(const Network& n) {
     l.attention_weight = l.first + kColumnRows * l.columns;
     l.second = l.attention_weight + a;
     l.second_bias = l.second + 2 * h * h;
-    l.action = l.second_bias + 2 * h;
-    l.output = l.action + (n.critic ? (kActions + 1) * h : 0);
-    l.output_bias = l.output + (n.critic ? 1 : kActions) * h;
-    l.size = l.output_bias + kLane;
+    lay_out_heads(l, n, l.second_bias + 2 * h);
     return l;
 }
 
@@ -74,7 +99,8 @@ struct Settings {
     double actor_rate, critic_rate, beta1, beta2, epsilon, clip;
 };
 
-// B transitions of N objects × K programs, and the table they point into (see docs/DESIGN.md).
+// B transitions of N objects × K programs, and the table they point into (see docs/DESIGN.md). For
+// canonical networks a row of the table is one instruction, whose a and b are the target's words.
 struct Batch {
     int32_t transitions, objects, programs, hand_index;
     const float *object, *arm, *action, *next_object, *next_arm;

@@ -23,6 +23,9 @@ struct Learner {
     void* memory;
 };
 
+// Of `second`: an MLP has one such layer, the trunk two.
+static int64_t second_rows(const Layout& l) { return (l.inputs ? 1 : 2) * l.hidden; }
+
 static Net net_of(const Network& shape, const float* parameters) {
     return {&shape, layout_of(shape), parameters};
 }
@@ -44,8 +47,8 @@ static int64_t carve_learner(Learner& g, char* base) {
     Arena arena{base, 0};
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     WorkSize size{g.chunk, g.block, g.objects, g.programs, g.length, g.actor_shape.words,
-                  actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden};
-    const int64_t square = 2 * actor.hidden * actor.hidden, rows = (int64_t)g.batch * g.programs;
+                  actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden, actor.inputs};
+    const int64_t square = second_rows(actor) * actor.hidden, rows = (int64_t)g.batch * g.programs;
     for (int t = 0; t < g.threads; t++) {
         Thread scratch, &x = base ? g.thread[t] : scratch;
         carve(x.w, arena, size);
@@ -64,7 +67,7 @@ static void targets(const Learner& g, Thread& x, const Batch& b, int64_t from, i
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net actor = net_of(g.actor_shape, g.actor.target);
     const Net critic = net_of(g.critic_shape, g.critic.target);
-    read_inputs(w, b.next_object, b.next_arm, from, count, actor.position_scale());
+    read_inputs(actor, w, b.next_object, b.next_arm, from, count);
     forward(actor, w, b.program + base, count, false);
     actor_head(actor, w, rows);
     forward(critic, w, b.program + base, count, false);
@@ -78,7 +81,7 @@ static void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t fro
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
     const float* action = b.action + from * kActions;
-    read_inputs(w, b.object, b.arm, from, count, critic.position_scale());
+    read_inputs(critic, w, b.object, b.arm, from, count);
     forward(critic, w, b.program + base, count, true);
     const int64_t h = critic.l.hidden;
     __builtin_memcpy(x.critic_h + base * h, w.h, rows * h * sizeof(float));
@@ -98,7 +101,7 @@ static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net actor = net_of(g.actor_shape, g.actor.parameters);
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
-    read_inputs(w, b.object, b.arm, from, count, actor.position_scale());
+    read_inputs(actor, w, b.object, b.arm, from, count);
     forward(actor, w, b.program + base, count, true);
     actor_head(actor, w, rows);
     const int64_t h = actor.l.hidden;
@@ -119,8 +122,8 @@ static void gradients(Learner& g, const Batch& b, int index) {
     const int64_t h = actor.hidden;
     __builtin_memset(x.actor_gradient, 0, actor.size * sizeof(float));
     __builtin_memset(x.critic_gradient, 0, critic.size * sizeof(float));
-    transpose(g.actor.parameters + actor.second, 2 * h, h, x.actor_second_t);
-    transpose(g.critic.parameters + critic.second, 2 * h, h, x.critic_second_t);
+    transpose(g.actor.parameters + actor.second, second_rows(actor), h, x.actor_second_t);
+    transpose(g.critic.parameters + critic.second, second_rows(critic), h, x.critic_second_t);
     set_objects(x.w, b.hand_index);
     x.w.op = b.op, x.w.a = b.a, x.w.b = b.b, x.w.length = b.table_length;
     for (int i = 0; i < W; i++) x.w.largest[i] = 0.0f;
@@ -179,7 +182,7 @@ static void act(const Network& shape, const float* parameters, Work& w, const fl
     const Net net = net_of(shape, parameters);
     const int32_t program = 0;
     set_objects(w, hand_index);
-    read_inputs(w, objects, arm, 0, 1, shape.position_scale);
+    read_inputs(net, w, objects, arm, 0, 1);
     forward(net, w, &program, 1, false);
     actor_head(net, w, 1);
     for (int i = 0; i < kActions; i++) action[i] = w.action[i];

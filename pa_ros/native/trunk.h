@@ -118,6 +118,8 @@ static Pool pool_for(int programs) {
     return programs <= 8 ? fixed[programs] : fixed[0];
 }
 
+static void mlp_forward(const Net& net, Work& w, const int32_t* programs, int count);
+
 // Everything up to the sums of samples [from, from + count), whose `first` stays in cache.
 static void forward_block(const Net& net, Work& w, const int32_t* programs, int64_t from,
                           int count) {
@@ -149,6 +151,7 @@ static void forward_block(const Net& net, Work& w, const int32_t* programs, int6
 // h of every sample and program of the chunk, from w.x and w.arm. `programs` is [count, K].
 // `keep`: leave the activations of the whole chunk in w.first, for `backward`.
 static void forward(const Net& net, Work& w, const int32_t* programs, int count, bool keep) {
+    if (net.shape->canonical) return mlp_forward(net, w, programs, count);
     const Layout& l = net.l;
     w.ring = keep ? w.samples : w.block;
     for (int from = 0; from < count; from += w.block)

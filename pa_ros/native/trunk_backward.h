@@ -138,9 +138,13 @@ static void sample_backward(const Net& net, Work& w, const int32_t* programs, in
     }
 }
 
+static void mlp_backward(const Net& net, Work& w, const int32_t* programs, int count,
+                         const float* second_t, float* gradient);
+
 // Adds the trunk's gradients, given w.dh. `second_t` is `second` transposed, [H, 2H].
 static void backward(const Net& net, Work& w, const int32_t* programs, int count,
                      const float* second_t, float* gradient) {
+    if (net.shape->canonical) return mlp_backward(net, w, programs, count, second_t, gradient);
     const Layout& l = net.l;
     const int64_t pairs = (int64_t)count * w.programs;
     const int64_t h = l.hidden, c = l.columns, size = net.shape->hidden;

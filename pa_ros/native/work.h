@@ -38,6 +38,7 @@ struct Work {
     float *hand, *mask;      // [lanes]: HAND; 1 for the objects there are
     float* largest;          // [W]: largest |x| that met in pairs since it was set to 0
 
+    int hand_index;
     const int32_t *op, *a, *b;  // the program table, rows of `length`
     int64_t length, capacity;   // instructions a program has now, and at most
 
@@ -49,13 +50,33 @@ struct Work {
 
 struct WorkSize {
     int samples, block, objects, programs, length, words;
-    int64_t columns, hidden;
+    int64_t columns, hidden, inputs;  // inputs: 0 unless canonical
 };
 
-static void carve(Work& w, Arena& arena, const WorkSize& z) {
-    const int64_t s = z.samples, n = z.objects, k = z.programs, lanes = padded(n), sk = s * k;
+// What every network needs, with w.samples and so on.
+static void carve_heads(Work& w, Arena& arena, const WorkSize& z) {
+    const int64_t lanes = padded(z.objects), sk = (int64_t)z.samples * z.programs;
     w.samples = z.samples, w.objects = z.objects, w.programs = z.programs, w.lanes = (int)lanes;
-    w.capacity = z.length, w.block = z.block, w.phi_stride = padded(s * n) + lanes;
+    w.capacity = z.length, w.block = z.block;
+    w.h = arena.take(sk * z.hidden), w.dh = arena.take(sk * z.hidden), w.z = arena.take(sk * z.hidden);
+    w.action = arena.take(sk * kActionColumns), w.daction = arena.take(sk * kActionColumns);
+    w.q = arena.take(sk);
+    w.hand = arena.take(lanes), w.mask = arena.take(lanes), w.largest = arena.take(W);
+}
+
+// For canonical networks: x [S, inputs]; first and dpooled [S·K, H]; first_arm [S, H].
+static void carve_mlp(Work& w, Arena& arena, const WorkSize& z) {
+    const int64_t s = z.samples, rows = s * z.programs * z.hidden;
+    carve_heads(w, arena, z);
+    w.x = arena.take(s * padded(z.inputs)), w.first_arm = arena.take(s * z.hidden);
+    w.first = arena.take(rows), w.dpooled = arena.take(rows);
+}
+
+static void carve(Work& w, Arena& arena, const WorkSize& z) {
+    if (z.inputs) return carve_mlp(w, arena, z);
+    const int64_t s = z.samples, n = z.objects, k = z.programs, lanes = padded(n), sk = s * k;
+    carve_heads(w, arena, z);
+    w.phi_stride = padded(s * n) + lanes;
     w.x = arena.take(s * n * kObjectFeatures), w.arm = arena.take(s * kArmColumns);
     w.first = arena.take(s * n * z.columns), w.first_arm = arena.take(s * z.columns);
     w.phi = arena.take(z.words * w.phi_stride);
@@ -64,17 +85,14 @@ static void carve(Work& w, Arena& arena, const WorkSize& z) {
     w.attend = arena.take(s * n * lanes);
     w.share = arena.take(sk * n * lanes), w.weight = arena.take(sk * n * lanes);
     w.pooled = arena.take(sk * 2 * z.hidden), w.dpooled = arena.take(sk * 2 * z.hidden);
-    w.h = arena.take(sk * z.hidden), w.dh = arena.take(sk * z.hidden), w.z = arena.take(sk * z.hidden);
-    w.action = arena.take(sk * kActionColumns), w.daction = arena.take(sk * kActionColumns);
-    w.q = arena.take(sk);
     const int64_t dots = k * (n * n + n + 1);
     w.sums = arena.take(dots + 2 * lanes), w.dots = (vf*)arena.take((dots + n) * W);
     w.dregister = arena.take((z.words + 1 + z.length) * lanes);
     w.dscore = arena.take(n * lanes), w.row = arena.take(z.hidden);
-    w.hand = arena.take(lanes), w.mask = arena.take(lanes), w.largest = arena.take(W);
 }
 
 static void set_objects(Work& w, int hand_index) {
+    w.hand_index = hand_index;
     for (int i = 0; i < w.lanes; i++) w.hand[i] = i == hand_index, w.mask[i] = i < w.objects;
 }
 
@@ -82,12 +100,16 @@ struct Net {  // a network's description, layout and current parameters
     const Network* shape;
     Layout l;
     const float* p;
-    float position_scale() const { return shape->position_scale; }
 };
 
+static void flatten(const Net& net, Work& w, const float* objects, const float* arm, int64_t from,
+                    int count);
+
 // Copies inputs of samples [from, from + count) and scales the positions.
-static void read_inputs(Work& w, const float* objects, const float* arm, int64_t from, int count,
-                        float position_scale) {
+static void read_inputs(const Net& net, Work& w, const float* objects, const float* arm,
+                        int64_t from, int count) {
+    if (net.shape->canonical) return flatten(net, w, objects, arm, from, count);
+    const float position_scale = net.shape->position_scale;
     const int64_t rows = (int64_t)count * w.objects;
     const float* in = objects + from * w.objects * kObjectFeatures;
     for (int64_t r = 0; r < rows * kObjectFeatures; r += kObjectFeatures)

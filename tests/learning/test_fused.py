@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -248,7 +249,7 @@ def test_a_missing_or_other_library_is_a_reason(
     monkeypatch.undo()
     monkeypatch.setattr(fused_library, "INTERFACE", -1)
     monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
-    with pytest.raises(FusedError, match="expected interface -1, got 2: rebuild"):
+    with pytest.raises(FusedError, match="expected interface -1, got 3: rebuild"):
         made.backend()
 
 
@@ -467,7 +468,9 @@ def test_is_chosen_where_it_applies() -> None:
 def test_says_why_it_does_not_apply() -> None:
     config, network = LearnerConfig(), setting().network
     assert why_not(network, config) == ""
-    assert "programmable" in why_not(replace(network, kind="canonical"), config)
+    assert why_not(replace(network, kind="canonical"), config) == ""
+    words = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(fused_library.MAX_WORDS)))
+    assert "words" in why_not(replace(network, vocabulary=words), config)
     assert "float64" in why_not(network, replace(config, dtype="float64"))
     assert "cuda" in why_not(network, replace(config, device="cuda"))
     with pytest.raises(FusedError, match="cuda"):
@@ -488,7 +491,7 @@ def test_narrower_instruction_sets_agree(level: str) -> None:
         return  # this process ran them
     chosen = "number_of_programs or number_of_objects or unusual_sizes or saturate or actor_equals"
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", __file__]
-    result = subprocess.run(
-        [*command, "-k", chosen], env=environment, capture_output=True, text=True
-    )
+    canonical = str(Path(__file__).with_name("test_fused_canonical.py"))
+    command += [canonical, "-k", f"{chosen} or canonical and gradients"]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert result.returncode == 0, result.stdout[-3000:]

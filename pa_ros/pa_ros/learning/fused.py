@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
-from pa_ros.language import Program, compile_program
-from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.language import Program, compile_program, parse
 from pa_ros.learning import fused_library
 from pa_ros.learning.backend import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.fused_library import FusedError
 from pa_ros.learning.fused_tensors import FlatNetwork, describe
+from pa_ros.networks.canonical import target_one_hots
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
     Shapes,
@@ -36,6 +36,7 @@ from pa_ros.networks.parameters import (
 from pa_ros.networks.programs import ProgramTable
 
 Arrays = dict[str, NDArray[np.generic]]
+Int32 = NDArray[np.int32]
 log = logging.getLogger(__name__)
 
 _BATCH_ARRAYS = (  # in the order of fused_library.Batch
@@ -62,8 +63,6 @@ def why_not(network: NetworkConfig, config: LearnerConfig) -> str:
 
 def why_not_network(network: NetworkConfig) -> str:
     """Empty where the fused code can compute a network, else the reason."""
-    if network.kind == "canonical":
-        return "it is for programmable networks"
     if len(network.vocabulary.words) > fused_library.MAX_WORDS:
         return f"it takes {fused_library.MAX_WORDS} words, not {len(network.vocabulary.words)}"
     return fused_available()[1]
@@ -119,6 +118,7 @@ class FusedBackend:
         check_tensors(actor, actor_shapes(network), "actor")
         check_tensors(critic, critic_shapes(network), "critic")
         self._table = table
+        self._codes = _Codes(network, table)
         self._threads = config.threads
         self._settings = fused_library.Settings(
             config.actor_rate,
@@ -141,7 +141,7 @@ class FusedBackend:
     def update(self, batch: Batch) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
         transitions, objects, programs = _check_batch(batch, len(self._table))
-        op, a, b = self._table.arrays()
+        op, a, b = self._codes.arrays()
         self._fit(transitions, objects, programs, op.shape[1])
         given = fused_library.Batch(
             *(transitions, objects, programs, HAND_INDEX),
@@ -246,7 +246,7 @@ class FusedActor:
         if reason := why_not_network(config):
             raise FusedError(f"fused actor: {reason}")
         check_tensors(tensors, actor_shapes(config), "actor")
-        self._vocabulary = config.vocabulary
+        self._config = config
         self._flat = FlatNetwork(describe(config, critic=False))
         self._parameters = self._flat.buffer()
         self._flat.write(self._parameters, tensors)
@@ -257,7 +257,7 @@ class FusedActor:
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [6], for objects [N, 16] and arm [18]."""
         objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
-        code = _code(program, self._vocabulary)
+        code = _code(program, self._config)
         _check_observation(objects, arm, hand_index)
         length = code.shape[1]
         self._fit(len(objects), length)
@@ -284,10 +284,35 @@ class FusedActor:
         self._handle, self._size = handle, (objects, length)
 
 
+class _Codes:
+    """What the library is told of each program of a table: `op`, `a`, `b`, each [P, L]."""
+
+    def __init__(self, network: NetworkConfig, table: ProgramTable) -> None:
+        self._network, self._table = network, table
+        self._made: tuple[Int32, Int32, Int32] | None = None
+
+    def arrays(self) -> tuple[Int32, Int32, Int32]:
+        """The same arrays until a program is added; UnsupportedProgramError as `_code` has it."""
+        if self._network.kind != "canonical":
+            return self._table.arrays()
+        if self._made is None or len(self._made[0]) != len(self._table):
+            programs = [parse(text, self._table.vocabulary) for text in self._table.texts]
+            op, a, b = np.stack([_code(program, self._network) for program in programs], axis=1)
+            self._made = op, a, b
+        return self._made
+
+
 @lru_cache(maxsize=1024)
-def _code(program: Program, vocabulary: Vocabulary) -> NDArray[np.int32]:
-    """`op`, `a`, `b` of the flat form as rows, [3, L]."""
-    flat = compile_program(program, vocabulary)
+def _code(program: Program, network: NetworkConfig) -> Int32:
+    """`op`, `a`, `b` of the flat form as rows, [3, L].
+
+    Canonical networks are told the two words of the target instead, as `a` and `b` of one row;
+    UnsupportedProgramError for a program that has no such target.
+    """
+    if network.kind == "canonical":
+        shape, color = np.flatnonzero(target_one_hots(program, network.vocabulary))
+        return np.array([[0], [shape], [color]], np.int32)
+    flat = compile_program(program, network.vocabulary)
     return np.array([flat.op, flat.a, flat.b], np.int32)
 
 

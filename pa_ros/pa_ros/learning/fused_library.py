@@ -11,8 +11,8 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 2  # of native/layout.h
-MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS = 128, 64, 64, 8
+INTERFACE = 3  # of native/layout.h
+MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS, MAX_SLOTS = 128, 64, 64, 8, 32
 LARGEST_PART = 43.6
 
 
@@ -32,6 +32,10 @@ class Network(ctypes.Structure):
         ("critic", c_int32),
         ("truth", c_int32 * MAX_WORDS),
         ("position_scale", c_float),
+        ("canonical", c_int32),
+        ("slots", c_int32),
+        ("slot_shape", c_int32 * MAX_SLOTS),
+        ("slot_color", c_int32 * MAX_SLOTS),
     ]
 
 
@@ -55,13 +59,14 @@ class Layout(ctypes.Structure):
     output: int
     output_bias: int
     size: int
+    inputs: int  # canonical networks alone
     _fields_ = [
         (name, c_int64)
         for name in (
             *("hidden", "attention", "columns"),
             *("local", "receiver", "sender", "query", "context", "detectors"),
             *("first", "attention_weight", "second", "second_bias"),
-            *("action", "output", "output_bias", "size"),
+            *("action", "output", "output_bias", "size", "inputs"),
         )
     ]
 

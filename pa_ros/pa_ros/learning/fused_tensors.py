@@ -7,6 +7,7 @@ import numpy as np
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
 from pa_ros.learning import fused_library
 from pa_ros.learning.fused_library import Layout
+from pa_ros.networks.canonical import slot_matrices
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors, truth_matrix
 
@@ -15,6 +16,8 @@ _LINE = 16  # floats in a cache line, to which the library aligns rows
 
 def describe(network: NetworkConfig, critic: bool) -> fused_library.Network:
     """What the library is told of the actor or the critic."""
+    if network.kind == "canonical":
+        return _describe_canonical(network, critic)
     sizes = network.vocabulary.group_sizes
     described = fused_library.Network(
         hidden=network.hidden,
@@ -29,6 +32,20 @@ def describe(network: NetworkConfig, critic: bool) -> fused_library.Network:
     truth = truth_matrix(network.vocabulary)  # [16, V]
     named = np.where(truth.any(0), truth.argmax(0), -1)
     described.truth[: len(named)] = named.tolist()
+    return described
+
+
+def _describe_canonical(network: NetworkConfig, critic: bool) -> fused_library.Network:
+    described = fused_library.Network(
+        hidden=network.canonical_hidden,
+        words=len(network.vocabulary.words),
+        critic=critic,
+        position_scale=network.position_scale,
+        canonical=1,
+    )
+    features = [matrix.argmax(0).tolist() for matrix in slot_matrices(network.vocabulary)]
+    described.slots = len(features[0])
+    described.slot_shape[: described.slots], described.slot_color[: described.slots] = features
     return described
 
 
@@ -66,6 +83,8 @@ class FlatNetwork:
         """By name, what its values are side by side along the last axis; order of the networks."""
         n, at = self.network, self._layout
         views: dict[str, list[Float32]] = {}
+        if n.canonical:
+            return self._canonical_layers(buffer) | self._head(buffer)
         if n.detectors:
             views |= self._first(buffer, "detectors", at.detectors, n.words)
         views |= self._first(buffer, "query", at.query, n.attention)
@@ -96,11 +115,27 @@ class FlatNetwork:
         bias = _rows(buffer, at.second_bias, at)[index, :size]
         return {f"{name}.weight": [weight.T], f"{name}.bias": [bias]}
 
+    def _canonical_layers(self, buffer: Float32) -> dict[str, list[Float32]]:
+        at, size, critic = self._layout, self.network.hidden, bool(self.network.critic)
+        inputs = at.inputs + self.network.words
+        first = _rows(buffer, at.first, at)[: inputs + 1, :size]
+        weights = [_rows(buffer, at.second, at)[:size, :size].T]
+        bias = _rows(buffer, at.second_bias, at)[0, :size]
+        if critic:  # the action enters beside the hidden units, and brings the layer's bias
+            action = _rows(buffer, at.action, at)[: JOINTS + 1, :size]
+            weights, bias = [*weights, action[:JOINTS].T], action[JOINTS]
+        return {
+            "layers.0.weight": [first[:inputs].T],
+            "layers.0.bias": [first[inputs]],
+            "layers.1.weight": weights,
+            "layers.1.bias": [bias],
+        }
+
     def _head(self, buffer: Float32) -> dict[str, list[Float32]]:
         at, size, critic = self._layout, self.network.hidden, bool(self.network.critic)
         outputs = 1 if critic else JOINTS
         views: dict[str, list[Float32]] = {}
-        if critic:
+        if critic and not self.network.canonical:
             rows = _rows(buffer, at.action, at)[: JOINTS + 1, :size]
             views |= {"action.weight": [rows[:JOINTS].T], "action.bias": [rows[JOINTS]]}
         views["output.weight"] = [_rows(buffer, at.output, at)[:outputs, :size]]
