@@ -78,3 +78,11 @@ def test_what_is_written_is_read_back_and_bears_full_names(tmp_path):
 def test_an_unknown_packaged_file_names_the_known_ones():
     with pytest.raises(ConfigError, match="train_2l"):
         packaged("absent")
+
+
+def test_a_list_used_twice_is_written_twice_since_rcl_refuses_aliases(tmp_path):
+    options = ["learner.batch_size=32"]
+    path = tmp_path / "params.yaml"
+    write_parameters(path, {name: {"options": options} for name in ("agent_node", "learner_node")})
+    assert path.read_text().count("learner.batch_size=32") == 2
+    assert "&" not in path.read_text()

@@ -64,7 +64,14 @@ def write_parameters(path: Path, parameters: Parameters, namespace: str = "") ->
     prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     content = {f"{prefix}/{name}": {_KEY: values} for name, values in parameters.items() if values}
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(yaml.safe_dump(content, sort_keys=False))
+    path.write_text(yaml.dump(content, Dumper=_Plain, sort_keys=False))
+
+
+class _Plain(yaml.SafeDumper):
+    """YAML without aliases, which rcl refuses: a list in two places is written twice."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
 
 
 def _node_name(path: Path, key: object) -> str:
