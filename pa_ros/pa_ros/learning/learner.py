@@ -108,10 +108,14 @@ class Learner:
         if updates == 0:
             return
         index = self.replay.sample(self.rng, updates * size)
-        program, reward = self._programs(index)
+        following = self.replay.following(index)
+        program, reward = self._programs(index, following)
+        discount = self._discount(index)
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
-            yield self._batch(index[part], program[part], reward[part])
+            yield self._batch(
+                index[part], following[part], program[part], reward[part], discount[part]
+            )
 
     def snapshot(self, version: int | None = None) -> PolicySnapshot:
         """Published weights: the newest, or one of the last policy_lag + 1 versions.
@@ -160,27 +164,35 @@ class Learner:
         total = self.counters.frames_due * self.config.updates_per_frame
         return math.floor(total + 1e-9) - self.counters.updates
 
-    def _programs(self, index: Int64) -> tuple[Int32, Float32]:
-        """Programs [B, K] and their rewards [B, K] for sampled rows [B]."""
+    def _programs(self, index: Int64, following: Int64) -> tuple[Int32, Float32]:
+        """Programs [B, K] and their rewards [B, K], as the learner scales them, for rows [B]."""
         arrays, config = self.replay.arrays, self.config
         program, reward = arrays["program"][index], arrays["reward"][index]
         if self._relabeler is None:
-            return program[:, None], reward[:, None]
-        marks = arrays["satisfied"][self.replay.following(index)], arrays["present"][index]
-        k, keep = config.programs_per_transition, config.relabel_keeps_original
-        return self._relabeler.draw(self.rng, program, reward, marks, k, keep)
+            program, reward = program[:, None], reward[:, None]
+        else:
+            marks = arrays["satisfied"][following], arrays["present"][index]
+            k, keep = config.programs_per_transition, config.relabel_keeps_original
+            program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
+        shift, scale = map(np.float32, (config.reward_shift, config.reward_scale))
+        return np.ascontiguousarray(program), np.ascontiguousarray((reward + shift) * scale)
 
-    def _batch(self, index: Int64, program: Int32, reward: Float32) -> Batch:
-        arrays, following = self.replay.arrays, self.replay.following(index)
-        shift, scale = map(np.float32, (self.config.reward_shift, self.config.reward_scale))
-        discount = np.where(arrays["terminal"][index], 0.0, self.config.discount)
+    def _discount(self, index: Int64) -> Float32:
+        terminal = self.replay.arrays["terminal"][index]
+        return np.where(terminal, 0.0, self.config.discount).astype(np.float32)
+
+    def _batch(
+        self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32
+    ) -> Batch:
+        """Gather rows; `take` along axis 0 costs half of indexing for so few."""
+        arrays = self.replay.arrays
         return Batch(
-            objects=arrays["objects"][index],
-            arm=arrays["arm"][index],
-            action=arrays["action"][index],
-            next_objects=arrays["objects"][following],
-            next_arm=arrays["arm"][following],
-            program=np.ascontiguousarray(program),
-            reward=np.ascontiguousarray((reward + shift) * scale),
-            discount=discount.astype(np.float32),
+            objects=arrays["objects"].take(index, 0),
+            arm=arrays["arm"].take(index, 0),
+            action=arrays["action"].take(index, 0),
+            next_objects=arrays["objects"].take(following, 0),
+            next_arm=arrays["arm"].take(following, 0),
+            program=program,
+            reward=reward,
+            discount=discount,
         )
