@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
-from worlds import PROGRAMS, WORDS
+from worlds import PROGRAMS, WORDS, PointWorld
 
 from pa_ros.cli import bench_learner as command
 from pa_ros.learning import bench, fused_library
 from pa_ros.learning.bench_rounds import Contender, Slice, measure
+from pa_ros.learning.bench_train import bench_train
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.cost import Cost, Rates, Sizes, floor_us, update_cost
 from pa_ros.learning.dpg import TorchBackend
@@ -179,6 +180,16 @@ def test_the_report(kind) -> None:
     assert (bench.STRAIGHTFORWARD in report) == (kind == "programmable")
     assert 0 < float(report["actor.inference_us"]) < 1e4
     assert calls
+
+
+def test_the_loop_beside_bare_updates() -> None:
+    world = PointWorld()
+    report = bench_train(NETWORK, CONFIG, PROGRAMS, world, np.ones(6), 2, 60, 0.002)
+    assert world._episode == 8  # nine episodes of twenty steps: a part not counted, and two
+    low, high = report["train.frames_per_s_low"], report["train.frames_per_s_high"]
+    assert 0 < low <= report["train.frames_per_s"] <= high
+    share = report["train.frames_per_s"] / report["train.bare_updates_per_s"]
+    assert report["train.share_of_bare"] == pytest.approx(share)
 
 
 def test_without_the_library_it_says_so(monkeypatch) -> None:

@@ -1,4 +1,4 @@
-"""`pa_ros bench codec|sim|graph|learner`: the figures of this machine."""
+"""`pa_ros bench codec|sim|graph|learner|train`: the figures of this machine."""
 
 from __future__ import annotations
 
@@ -14,8 +14,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", choices=sorted(BENCHMARKS))
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
     parser.add_argument(
-        "--network", default="programmable", help="learner: kind of networks (%(default)s)"
+        "--network", default="programmable", help="learner, train: kind of networks (%(default)s)"
     )
+    parser.add_argument(
+        "--growth", action="store_true",
+        help="learner: time of an update against blocks, batch and programs; "
+        "with --json a picture beside it",
+    )  # fmt: skip
 
 
 def _codec(_: argparse.Namespace) -> Report:
@@ -42,7 +47,19 @@ def _learner(options: argparse.Namespace) -> Report:
     return bench(options)
 
 
-BENCHMARKS = {"codec": _codec, "sim": _sim, "graph": _graph, "learner": _learner}
+def _train(options: argparse.Namespace) -> Report:
+    from pa_ros.cli.bench_learner import bench_loop
+
+    return bench_loop(options)
+
+
+BENCHMARKS = {
+    "codec": _codec,
+    "sim": _sim,
+    "graph": _graph,
+    "learner": _learner,
+    "train": _train,
+}
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,20 +1,28 @@
-"""`pa_ros bench learner`: the learner on design 2-L, beside its peers."""
+"""`pa_ros bench learner` and `train`: on design 2-L, beside peers and bare updates."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from importlib.metadata import version
+from pathlib import Path
 
 import gymnasium
+import numpy as np
 
-from pa_ros.arena.designs import design_named
+from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.gym_env import ENV_ID
+from pa_ros.cli.growth_figure import growth_figure
 from pa_ros.core.report import Report
 from pa_ros.evaluation.training import training_programs
 from pa_ros.learning.bench import bench_learner
 from pa_ros.learning.bench_rounds import Contender
+from pa_ros.learning.bench_train import bench_train
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.growth import bench_growth, markdown_table
 from pa_ros.learning.protocols import protocol_named
+from pa_ros.networks.config import NetworkConfig
 
 DESIGN = "2-L"
 
@@ -23,9 +31,24 @@ def bench(options: argparse.Namespace) -> Report:
     """One run of everything, one thread unless a name says otherwise."""
     design, protocol = design_named(DESIGN), protocol_named("ours")
     network = protocol.network_config(design.vocabulary, options.network)
+    if options.growth:
+        return _growth(network, protocol.learner, training_programs(design), options.json)
     peers, facts = _peers()
     report = bench_learner(network, protocol.learner, training_programs(design), others=peers)
     return {**report, **facts}
+
+
+def bench_loop(options: argparse.Namespace) -> Report:
+    """`pa_ros bench train`: arena, actor and learner in one process, as `pa_ros train` has them."""
+    design, arena, protocol = design_named(DESIGN), preset_named("fast"), protocol_named("ours")
+    report = bench_train(
+        protocol.network_config(design.vocabulary, options.network),
+        protocol.learner,
+        training_programs(design),
+        ReachTask(arena, design, seed=0),
+        np.array(arena.joint_speed_limits),
+    )
+    return {**report, "train.network": options.network, "train.design": DESIGN}
 
 
 def _peers() -> tuple[list[Contender], dict[str, str]]:
@@ -39,3 +62,14 @@ def _peers() -> tuple[list[Contender], dict[str, str]]:
         print(f"Stable-Baselines3 is left out: {error} (make install-bench)", file=sys.stderr)
         return [], {name: "not installed"}
     return [peer], {name: f"stable-baselines3 {version('stable-baselines3')}"}
+
+
+def _growth(
+    network: NetworkConfig, config: LearnerConfig, programs: Sequence[str], path: Path | None
+) -> Report:
+    """The table on standard output; the picture beside the report."""
+    report = bench_growth(network, config, programs)
+    print(markdown_table(report))
+    if path is not None:
+        growth_figure(path.with_suffix(".png"), report)
+    return report
