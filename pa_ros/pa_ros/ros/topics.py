@@ -54,6 +54,7 @@ PROGRAM = Topic("program", types.Program, LATCHED, LATCHED_READER)
 PROGRAM_STATUS = Topic("program_status", types.ProgramStatus, LATCHED_READER, LATCHED_READER)
 TRANSITIONS = Topic("transitions", types.Transitions, EXPERIENCE, EXPERIENCE)
 POLICY_WEIGHTS = Topic("policy_weights", types.PolicyWeights, POLICY, POLICY)
+PROVENANCE = Topic("provenance", types.Provenance, LATCHED, LATCHED_READER)
 DIAGNOSTICS = Topic("/diagnostics", types.DiagnosticArray, STEP, STEP)
 
 # A plain `ros2 topic pub` writes VOLATILE, which a TRANSIENT_LOCAL reader never hears; a reader of

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import Any
 
 from pa_ros.core.experience import Float32, PolicySnapshot
 
@@ -120,6 +121,35 @@ class Health:
     level: int = 0
     message: str = ""
     values: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class LearnerOrigin:
+    """What else makes a learner's weights what they are."""
+
+    first_version: int  # of the weights it began with; 0: from scratch
+    network: str  # NetworkConfig's JSON
+    learner: str  # LearnerConfig's JSON
+    training_programs: tuple[str, ...]  # canonical texts, in relabeling's order
+
+
+@dataclass(frozen=True)
+class Origin:
+    """One process's account of itself; see Provenance.msg."""
+
+    node: str
+    instance: str
+    software_version: str
+    versions: str
+    seed: int
+    parameters: Mapping[str, Any]  # plain JSON
+    design: str = ""
+    preset: str = ""
+    shapes: tuple[str, ...] = ()
+    colors: tuple[str, ...] = ()
+    vocabulary_digest: str = ""
+    stamp_ns: int = NO_STAMP  # wall time
+    learner: LearnerOrigin | None = None  # None: not a learner
 
 
 def program_id_of(text: str) -> str:

@@ -15,6 +15,7 @@ from pa_ros.wire.codec.program import (
     encode_program,
     encode_program_status,
 )
+from pa_ros.wire.codec.provenance import decode_provenance, encode_provenance
 from pa_ros.wire.codec.services import (
     decode_outcome,
     decode_pause,
@@ -51,6 +52,7 @@ __all__ = [
     "decode_pause",
     "decode_program",
     "decode_program_status",
+    "decode_provenance",
     "decode_reset",
     "decode_speed",
     "decode_steps",
@@ -66,6 +68,7 @@ __all__ = [
     "encode_pause",
     "encode_program",
     "encode_program_status",
+    "encode_provenance",
     "encode_reset",
     "encode_speed",
     "encode_steps",

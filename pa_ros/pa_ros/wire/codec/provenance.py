@@ -1,0 +1,77 @@
+"""What made the messages of a recording (Provenance)."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from pa_ros.wire import errors
+from pa_ros.wire.codec.stamp import read_stamp, write_stamp
+from pa_ros.wire.interfaces import Provenance
+from pa_ros.wire.records import WIRE_VERSION, LearnerOrigin, Origin
+
+
+def encode_provenance(origin: Origin) -> Provenance:
+    """One process's account of itself."""
+    message = Provenance()
+    write_stamp(message.stamp, origin.stamp_ns)
+    message.node = origin.node
+    message.instance = origin.instance
+    message.software_version = origin.software_version
+    message.wire_version = WIRE_VERSION
+    message.versions = origin.versions
+    message.seed = origin.seed
+    message.parameters = json.dumps(dict(origin.parameters), sort_keys=True)
+    message.design = origin.design
+    message.preset = origin.preset
+    message.shapes = list(origin.shapes)
+    message.colors = list(origin.colors)
+    message.vocabulary_digest = origin.vocabulary_digest
+    if origin.learner is not None:
+        message.first_version = origin.learner.first_version
+        message.network = origin.learner.network
+        message.learner = origin.learner.learner
+        message.training_programs = list(origin.learner.training_programs)
+    return message
+
+
+def decode_provenance(message: Provenance) -> Origin:
+    """Raises VersionError (another edition of the messages), RangeError (parameters)."""
+    if message.wire_version != WIRE_VERSION:
+        raise errors.VersionError("provenance.wire_version", WIRE_VERSION, message.wire_version)
+    return Origin(
+        node=message.node,
+        instance=message.instance,
+        software_version=message.software_version,
+        versions=message.versions,
+        seed=int(message.seed),
+        parameters=_parameters(message.parameters),
+        design=message.design,
+        preset=message.preset,
+        shapes=tuple(message.shapes),
+        colors=tuple(message.colors),
+        vocabulary_digest=message.vocabulary_digest,
+        stamp_ns=read_stamp(message.stamp),
+        learner=_learner(message),
+    )
+
+
+def _learner(message: Provenance) -> LearnerOrigin | None:
+    if not message.learner:
+        return None
+    return LearnerOrigin(
+        first_version=int(message.first_version),
+        network=message.network,
+        learner=message.learner,
+        training_programs=tuple(message.training_programs),
+    )
+
+
+def _parameters(text: str) -> dict[str, Any]:
+    try:
+        values = json.loads(text)
+    except ValueError:
+        values = None
+    if not isinstance(values, dict):
+        raise errors.RangeError("provenance.parameters", "a JSON object", repr(text))
+    return values

@@ -1,0 +1,40 @@
+"""Provenance: decode∘encode, and what the door refuses."""
+
+import dataclasses
+
+import pytest
+
+from pa_ros.wire import codec
+from pa_ros.wire.errors import RangeError, VersionError
+from pa_ros.wire.records import LearnerOrigin, Origin
+
+ORIGIN = Origin(
+    node="/arena1/learner_node",
+    instance="run",
+    software_version="0.1.0",
+    versions="python 3.11",
+    seed=2**63,
+    parameters={"protocol": "ours", "options": ["learner.batch_size=16"], "resume": False},
+    design="2-L",
+    preset="fast",
+    shapes=("CUBE", "SPHERE"),
+    colors=("RED", "BLUE"),
+    vocabulary_digest="0123456789abcdef",
+    stamp_ns=1_234_567_890_123_456_789,
+    learner=LearnerOrigin(7, '{"hidden":150}', '{"batch_size":64}', ("NEAR(HAND, RED)",)),
+)
+
+
+@pytest.mark.parametrize("origin", [ORIGIN, dataclasses.replace(ORIGIN, learner=None)])
+def test_what_is_decoded_is_what_was_encoded(origin):
+    assert codec.decode_provenance(codec.encode_provenance(origin)) == origin
+
+
+def test_another_edition_and_parameters_that_are_not_an_object_are_refused():
+    message = codec.encode_provenance(ORIGIN)
+    message.parameters = "[1, 2]"
+    with pytest.raises(RangeError, match="JSON object"):
+        codec.decode_provenance(message)
+    message.wire_version = "0"
+    with pytest.raises(VersionError, match="received 0"):
+        codec.decode_provenance(message)
