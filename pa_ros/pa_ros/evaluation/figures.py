@@ -36,12 +36,17 @@ def learning_curve(
     title: str,
     references: tuple[float, float] | None = None,
 ) -> None:
-    """Reward per step against frames for training and held-out programs; NaN leaves a gap.
+    """Reward per step against frames, as acted; NaN leaves a gap.
+
+    `train` is of exploring episodes, `held_out` of greedy ones on programs never trained on.
 
     `references` draws the (random, scripted) levels on the held-out programs.
     """
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-    for values, label, color in ((train, "train", "#b58900"), (held_out, "held out", "#d33682")):
+    for values, label, color in (
+        (train, "train, exploring", "#b58900"),
+        (held_out, "held out, greedy", "#d33682"),
+    ):
         kept = [(x, y) for x, y in zip(frames, values, strict=True) if np.isfinite(y)]
         if kept:
             axes.plot(*zip(*kept, strict=True), label=label, color=color, marker=".")
@@ -51,7 +56,7 @@ def learning_curve(
                   va="bottom", fontsize=8, color="grey")  # fmt: skip
     axes.set(xlabel="frames (control steps)", ylabel="reward per step", title=title)
     axes.set_ylim(-1.05, 1)
-    axes.legend(loc="lower right", frameon=False)
+    axes.legend(loc="upper left", frameon=False)
     _save(figure, path)
 
 
