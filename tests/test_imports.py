@@ -22,6 +22,7 @@ ARENA = LANGUAGE | {"pa_ros.arena"}
 WIRE = CORE | {"pa_ros.wire"}
 ROS = WIRE | {"pa_ros.ros"}
 EVALUATION = LEARNING | ARENA | {"pa_ros.evaluation"}
+BAGS = EVALUATION | WIRE | {"pa_ros.bags"}
 ALLOWED = {
     "pa_ros.core": CORE,
     "pa_ros.language": LANGUAGE,
@@ -30,8 +31,9 @@ ALLOWED = {
     "pa_ros.arena": ARENA,
     "pa_ros.evaluation": EVALUATION,
     "pa_ros.wire": WIRE,
-    "pa_ros.ros": ROS,
-    "pa_ros.cli": EVALUATION | ROS | {"pa_ros.cli"},
+    "pa_ros.bags": BAGS,
+    "pa_ros.ros": ROS | {"pa_ros.bags"},
+    "pa_ros.cli": BAGS | ROS | {"pa_ros.cli"},
     "sim_node": EVALUATION | ROS | {"sim_node"},
     "agent_node": EVALUATION | ROS | {"agent_node"},
     "learner_node": EVALUATION | ROS | {"learner_node"},

@@ -1,0 +1,1 @@
+"""Bags: writing, reading, repairing and learning from rosbag2 recordings. Needs no rclpy."""

@@ -1,0 +1,83 @@
+"""Message definitions: those installed, and messages as the bytes that travel and are recorded."""
+
+from __future__ import annotations
+
+import os
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from pa_ros.bags.errors import BagError
+
+_DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}
+
+
+def installed_types() -> Typestore:
+    """A new store of the types of ROS 2 Jazzy and of msgs_schema, as installed."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    register(store, "msgs_schema/msg/Transitions")
+    return store
+
+
+def register(store: Typestore, type_name: str) -> None:
+    """Make a type known, from the .msg files that its package installs. Raises BagError."""
+    if type_name in store.fielddefs:
+        return
+    package = type_name.partition("/")[0]
+    for name, text in _definitions(package):
+        if name not in store.fielddefs:
+            store.register(get_types_from_msg(text, name))
+    if type_name not in store.fielddefs:
+        raise BagError(f"bag: {type_name}: no package installed here defines it")
+
+
+def message_type(message_class: Any) -> str:
+    """Full name of a message class: "sensor_msgs/msg/JointState"."""
+    package, kind = message_class.__module__.split(".")[:2]
+    return f"{package}/{kind}/{message_class.__name__}"
+
+
+def to_cdr(store: Typestore, message: Any) -> bytes:
+    """Serialize a ROS message object without ROS."""
+    name = message_type(type(message))
+    return bytes(store.serialize_cdr(_converted(store, name, message), name))
+
+
+@lru_cache(maxsize=64)
+def _definitions(package: str) -> tuple[tuple[str, str], ...]:
+    """(type, text) of every message of a package; the first prefix that has the package counts."""
+    prefixes = [*filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(":")), sys.prefix]
+    for prefix in prefixes:
+        folder = Path(prefix) / "share" / package / "msg"
+        files = sorted(folder.glob("*.msg"))
+        if files:
+            return tuple((f"{package}/msg/{file.stem}", file.read_text()) for file in files)
+    return ()
+
+
+def _converted(store: Typestore, type_name: str, message: Any) -> Any:
+    """The same message as an instance of the store's class, arrays as NumPy's."""
+    _, fields = store.fielddefs[type_name]
+    values = {name: _field(store, kind, getattr(message, name)) for name, kind in fields}
+    return store.types[type_name](**values)
+
+
+def _field(store: Typestore, kind: Any, value: Any) -> Any:
+    node, detail = kind
+    if node == Nodetype.BASE:
+        return value
+    if node == Nodetype.NAME:
+        return _converted(store, detail, value)
+    (inner, inner_detail), _ = detail
+    if inner == Nodetype.NAME:
+        return [_converted(store, inner_detail, item) for item in value]
+    base = inner_detail[0]
+    if base in ("string", "wstring"):
+        return list(value)
+    return np.asarray(value, dtype=_DTYPES.get(base, base))

@@ -1,0 +1,187 @@
+"""Reading a bag: any rosbag2 folder or file; whatever is wrong with it is said in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from pa_ros.bags.contents import METADATA
+from pa_ros.bags.definitions import installed_types
+from pa_ros.bags.errors import (
+    BagError,
+    DamagedBagError,
+    DefinitionError,
+    ForeignBagError,
+    UnfinishedBagError,
+)
+from pa_ros.bags.repair import storage_files
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One message as it lies in a bag."""
+
+    topic: str
+    type_name: str
+    stamp_ns: int  # wall time of recording
+    payload: bytes
+
+
+class Bag:
+    """An open bag; a context manager."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises UnfinishedBagError, DamagedBagError, or BagError if there is no bag."""
+        self.path = path
+        _check_there(path)
+        try:
+            self._reader = Reader(path)
+            self._reader.open()
+        except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
+            raise DamagedBagError(f"bag: {path}: {error}") from error
+        self._connections = {entry.topic: entry for entry in self._reader.connections}
+        self._stores: dict[str, Typestore] = {}
+
+    def __enter__(self) -> Bag:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.close()
+
+    @property
+    def types(self) -> dict[str, str]:
+        """Type by topic."""
+        return {name: entry.msgtype for name, entry in self._connections.items()}
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages by topic, as the bag's index says."""
+        return {name: entry.msgcount for name, entry in self._connections.items()}
+
+    @property
+    def first_ns(self) -> int:
+        """Wall time of the earliest message; 0 if there is none."""
+        return int(self._reader.start_time) if self._reader.message_count else 0
+
+    @property
+    def duration_s(self) -> float:
+        """From the earliest message to the latest, s."""
+        return max(0, int(self._reader.duration) - 1) / 1e9
+
+    @property
+    def custom(self) -> dict[str, str]:
+        """custom_data of metadata.yaml."""
+        metadata: Any = getattr(self._reader, "metadata", None)
+        return dict(getattr(metadata, "custom", None) or {})
+
+    def qos(self, topic: str) -> list[Qos]:
+        """Profiles that the topic's publishers offered."""
+        extra = self._connections[topic].ext
+        return list(extra.offered_qos_profiles) if isinstance(extra, ConnectionExtRosbag2) else []
+
+    def definition(self, topic: str) -> str:
+        """Text of the topic's message definition; empty if the bag has none."""
+        return str(self._connections[topic].msgdef.data)
+
+    def topic_of(self, type_name: str, namespace: str | None = None) -> str:
+        """The one topic of a type, below a namespace if one is given.
+
+        Raises ForeignBagError if there is none, or several.
+        """
+        prefix = "/" if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
+        found = [n for n, t in self.types.items() if t == type_name and n.startswith(prefix)]
+        if len(found) == 1:
+            return found[0]
+        where = f" below {prefix}" if namespace is not None else ""
+        if found:
+            raise ForeignBagError(
+                f"bag: {self.path}: expected one topic of type {type_name}{where}, got "
+                f"{', '.join(sorted(found))}: choose with --namespace"
+            )
+        raise ForeignBagError(
+            f"bag: {self.path}: expected a topic of type {type_name}{where}, got "
+            f"{', '.join(sorted(self.types)) or 'no topics'}"
+        )
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+    ) -> Iterator[Recorded]:
+        """Messages in the order of time, of some topics or all, wall times in [start, stop).
+
+        Raises DamagedBagError where the file cannot be read further.
+        """
+        chosen = [
+            entry for name, entry in self._connections.items() if topics is None or name in topics
+        ]
+        if not chosen:
+            return
+        count = 0
+        try:
+            for entry, stamp_ns, payload in self._reader.messages(chosen, start_ns, stop_ns):
+                yield Recorded(entry.topic, entry.msgtype, stamp_ns, bytes(payload))
+                count += 1
+        except Exception as error:  # as above
+            raise DamagedBagError(
+                f"bag: {self.path}: unreadable after {count} messages: {error}; "
+                f"`pa_ros record --repair {self.path}` makes the rest readable"
+            ) from error
+
+    def decode(self, recorded: Recorded) -> Any:
+        """The message as an object, by the definition in the bag. Raises DefinitionError."""
+        store = self._store(recorded.topic)
+        try:
+            return store.deserialize_cdr(recorded.payload, recorded.type_name)
+        except Exception as error:  # a payload that is not what its definition says
+            raise DefinitionError(
+                f"bag: {self.path}: {recorded.topic} at {recorded.stamp_ns} ns: not a "
+                f"{recorded.type_name} ({type(error).__name__}: {error})"
+            ) from error
+
+    def differs(self, topic: str) -> bool:
+        """Whether a topic was recorded with another edition of its definition than is installed."""
+        type_name = self._connections[topic].msgtype
+        installed = installed_types()
+        if type_name not in installed.fielddefs:
+            return False
+        recorded = self._store(topic)
+        return bool(recorded.hash_rihs01(type_name) != installed.hash_rihs01(type_name))
+
+    def _store(self, topic: str) -> Typestore:
+        if topic not in self._stores:
+            self._stores[topic] = _store_of(self._connections[topic])
+        return self._stores[topic]
+
+
+def _store_of(entry: Connection) -> Typestore:
+    """The types of a topic as the bag defines them; as installed where it does not."""
+    if entry.msgdef.format != MessageDefinitionFormat.MSG:
+        return installed_types()
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(entry.msgdef.data, entry.msgtype))
+    except Exception as error:
+        raise DefinitionError(f"bag: {entry.topic}: definition of {entry.msgtype}: {error}") from (
+            error
+        )
+    return store
+
+
+def _check_there(path: Path) -> None:
+    if not path.exists():
+        raise BagError(f"bag: {path}: expected a bag, found none")
+    if path.is_dir() and not (path / METADATA).exists():
+        files = storage_files(path)
+        raise UnfinishedBagError(
+            f"bag: {path}: {len(files)} file(s) but no {METADATA}: its recorder was killed; "
+            f"`pa_ros record --repair {path}` makes it readable"
+        )

@@ -1,0 +1,157 @@
+"""Making a bag whole whose recorder was killed: index, metadata.yaml, nothing else is touched."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from pa_ros.bags.contents import (
+    METADATA,
+    RESERVE,
+    BagTopic,
+    FileContents,
+    information,
+    write_metadata,
+)
+from pa_ros.bags.errors import BagError, DamagedBagError
+from pa_ros.bags.storage import STORAGES
+from pa_ros.bags.tail import finish
+
+_READERS: dict[str, Any] = {".mcap": McapReader, ".db3": Sqlite3Reader}
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """What a repair found and did."""
+
+    messages: int
+    files: int
+    notes: tuple[str, ...]  # what could not be kept, file by file
+
+
+def repair(folder: Path) -> Repaired:
+    """Make the bag readable; harmless on a whole one. Raises BagError if there is nothing."""
+    files = storage_files(folder)
+    (folder / RESERVE).unlink(missing_ok=True)
+    topics: dict[str, BagTopic] = {}
+    contents, notes = [], []
+    for path in files:
+        try:
+            notes += [f"{path.name}: {note}" for note in _FINISH[path.suffix](path)]
+            found, content = contents_of(path)
+        except BagError as error:
+            notes.append(f"{path.name}: left out: {error}")
+            continue
+        topics.update({topic.name: topic for topic in found})
+        contents.append(content)
+    if not contents:
+        raise DamagedBagError(f"bag: {folder}: nothing in it can be read: {'; '.join(notes)}")
+    name = next(name for name, kind in STORAGES.items() if kind.suffix == files[0].suffix)
+    custom = _custom(folder)
+    if notes or not custom:
+        custom["pa_ros.repaired"] = "; ".join(notes) or "no byte was lost"
+    write_metadata(folder, information(name, topics.values(), contents, custom))
+    return Repaired(sum(content.total for content in contents), len(contents), tuple(notes))
+
+
+def storage_files(folder: Path) -> list[Path]:
+    """A bag's storage files in the order they were written. Raises BagError if there are none."""
+    if not folder.is_dir():
+        raise BagError(f"bag: {folder}: expected a folder, found none")
+    found = [path for path in folder.iterdir() if path.suffix in _READERS]
+    if not found:
+        raise BagError(f"bag: {folder}: expected .mcap or .db3 files in it, found none")
+    return sorted(found, key=_number)
+
+
+def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
+    """Topics and counts of one whole file. Raises DamagedBagError."""
+    reader = _READERS[path.suffix](path)
+    try:
+        reader.open()
+        try:
+            topics = [_topic(connection) for connection in reader.connections]
+            counts = {entry.topic: entry.msgcount for entry in reader.connections}
+            about = reader.metadata
+        finally:
+            reader.close()
+    except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
+        raise DamagedBagError(f"bag: {path}: {error}") from error
+    content = FileContents(path, counts)
+    if about.message_count:
+        content.first_ns, content.last_ns = about.start_time, about.end_time - 1
+    return topics, content
+
+
+def _custom(folder: Path) -> dict[str, str]:
+    """custom_data of the metadata.yaml that is there, if one is."""
+    try:
+        content = yaml.safe_load((folder / METADATA).read_text())
+        custom = content["rosbag2_bagfile_information"]["custom_data"] or {}
+        return {str(key): str(value) for key, value in custom.items()}
+    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
+        return {}
+
+
+def _number(path: Path) -> tuple[int, str]:
+    """`bag.mcap`, `bag_1.mcap`, …, `bag_10.mcap` in this order."""
+    number = re.search(r"_(\d+)$", path.stem)
+    return (int(number[1]) if number else 0, path.name)
+
+
+def _topic(connection: Connection) -> BagTopic:
+    assert isinstance(connection.ext, ConnectionExtRosbag2)
+    return BagTopic(
+        connection.topic,
+        connection.msgtype,
+        connection.msgdef.data,
+        connection.digest or _digest(connection),
+        tuple(connection.ext.offered_qos_profiles),
+    )
+
+
+def _digest(connection: Connection) -> str:
+    """The type hash, computed where rosbags reads none (MCAP)."""
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
+        return store.hash_rihs01(connection.msgtype)
+    except Exception:  # a definition that rosbags cannot parse: the hash is optional
+        return ""
+
+
+def _finish_mcap(path: Path) -> list[str]:
+    done = finish(path)
+    notes = []
+    if done.damaged_chunks:
+        notes.append(f"{done.damaged_chunks} damaged chunks were passed over")
+    if done.dropped_bytes:
+        notes.append(f"the last {done.dropped_bytes} bytes were incomplete and were cut off")
+    return notes
+
+
+def _finish_sqlite(path: Path) -> list[str]:
+    """SQLite itself goes back to the last commit; what remains is to check."""
+    try:
+        with sqlite3.connect(path) as connection:
+            verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
+        connection.close()
+    except sqlite3.Error as error:
+        raise DamagedBagError(f"bag: {path}: {error}") from error
+    return [] if verdict == "ok" else [str(verdict)]
+
+
+_FINISH: dict[str, Callable[[Path], list[str]]] = {
+    ".mcap": _finish_mcap,
+    ".db3": _finish_sqlite,
+}
