@@ -33,6 +33,7 @@ WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("BLUE", "A"))
         ("position_scale", 0.0),
         ("actor_output_scale", float("nan")),
         ("critic_output_bias", float("inf")),
+        ("detector_init_scale", -1.0),
     ],
 )
 def test_a_refused_value_is_shown(field, value) -> None:
@@ -105,6 +106,16 @@ def test_initial_weights() -> None:
     assert 0.11 < np.abs(actor["message.0.bias"]).max() <= 68**-0.5
     again = initial_actor(config, np.random.default_rng(5))
     assert all(np.array_equal(actor[name], again[name]) for name in actor)
+
+
+def test_detectors_that_start_at_nothing() -> None:
+    config = NetworkConfig(WORDS, detector_init_scale=0.0)
+    for make in (initial_actor, initial_critic):
+        tensors = make(config, np.random.default_rng(5))
+        default = make(NetworkConfig(WORDS), np.random.default_rng(5))
+        detectors = {name for name in tensors if name.startswith("detectors.")}
+        assert len(detectors) == 2 and not any(tensors[name].any() for name in detectors)
+        assert all(np.array_equal(tensors[k], default[k]) for k in tensors.keys() - detectors)
 
 
 def test_true_properties_of_words() -> None:

@@ -64,11 +64,11 @@ PROTOCOLS = {
     "paper": Protocol("paper", LearnerConfig(stretch_steps=1, policy_lag=0)),
     # What makes learning fast and reliable: all-goals relabeling with the training programs,
     # rewards scaled so that Q is of order one, a critic that starts at the value of never being
-    # rewarded, and twice the paper's exploration noise.
+    # rewarded, detectors that start undecided, and twice the paper's exploration noise.
     "ours": Protocol(
         "ours",
         LearnerConfig(relabel="all-goals", reward_scale=0.05, noise_sigma=0.6),
-        (("critic_output_bias", -5.0),),
+        (("critic_output_bias", -5.0), ("detector_init_scale", 0.0)),
     ),
 }
 

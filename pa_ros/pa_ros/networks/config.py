@@ -25,10 +25,12 @@ class NetworkConfig:
     - "true-properties": both are given the true Φ; an upper reference, not in the paper.
     - "canonical": MLPs on the flattened Ω; see `pa_ros.networks.canonical`.
 
-    The last two options concern only the initial weights, which the paper does not give for the
+    The last three options concern only the initial weights, which the paper does not give for the
     programmable networks: all layers are uniform in ±1/√fan-in (torch's default for Linear), the
     actor's last layer is uniform in ±`actor_output_scale`, and the critic's output bias starts
     at `critic_output_bias`; −1/(1−γ) = −100 starts it at the value of never being rewarded.
+    `detector_init_scale` multiplies the detectors' initial weights: at 0, the usual start of a
+    logistic regression, every object has all properties of a group equally, wherever it is.
     """
 
     vocabulary: Vocabulary
@@ -39,6 +41,7 @@ class NetworkConfig:
     position_scale: float = 5.0  # network units per metre
     actor_output_scale: float = 3e-3
     critic_output_bias: float = 0.0
+    detector_init_scale: float = 1.0
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -51,6 +54,11 @@ class NetworkConfig:
             scale = getattr(self, name)
             if not (math.isfinite(scale) and scale > 0):
                 raise ConfigError(f"network {name}: expected a positive number, got {scale!r}")
+        if not (math.isfinite(self.detector_init_scale) and self.detector_init_scale >= 0):
+            raise ConfigError(
+                "network detector_init_scale: expected at least 0, "
+                f"got {self.detector_init_scale!r}"
+            )
         if not math.isfinite(self.critic_output_bias):
             raise ConfigError(
                 f"network critic_output_bias: expected a number, got {self.critic_output_bias!r}"

@@ -49,13 +49,13 @@ def critic_shapes(config: NetworkConfig) -> Shapes:
 def initial_actor(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
     """Random initial weights of the actor; the same `rng` state gives the same weights."""
     last = LILLICRAP_OUTPUT_SCALE if config.kind == "canonical" else config.actor_output_scale
-    return _initial(actor_shapes(config), rng, output_scale=last)
+    return _initial(config, actor_shapes(config), rng, output_scale=last)
 
 
 def initial_critic(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
     """Random initial weights of the critic; the same `rng` state gives the same weights."""
     last = LILLICRAP_OUTPUT_SCALE if config.kind == "canonical" else None
-    tensors = _initial(critic_shapes(config), rng, output_scale=last)
+    tensors = _initial(config, critic_shapes(config), rng, output_scale=last)
     tensors["output.bias"][:] = config.critic_output_bias
     return tensors
 
@@ -135,12 +135,16 @@ def _canonical_shapes(config: NetworkConfig, critic: bool) -> Shapes:
     return shapes | _linear("output", 1 if critic else JOINTS, hidden)
 
 
-def _initial(shapes: Shapes, rng: np.random.Generator, output_scale: float | None) -> Tensors:
+def _initial(
+    config: NetworkConfig, shapes: Shapes, rng: np.random.Generator, output_scale: float | None
+) -> Tensors:
     tensors: Tensors = {}
     for name, shape in shapes.items():
         layer = name.rpartition(".")[0]
         bound = 1.0 / math.sqrt(shapes[f"{layer}.weight"][-1])
         if layer == "output" and output_scale is not None:
             bound = output_scale
+        if layer == "detectors":
+            bound *= config.detector_init_scale
         tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
     return tensors
