@@ -135,10 +135,11 @@ class Transition(NamedTuple):
 
 
 def dpg_gradients(
-    nets: dict[str, Named], transitions: list[Transition], clip: float
+    nets: dict[str, Named], transitions: list[Transition], clip: float, action_l2: float
 ) -> tuple[Named, Named]:
     """Gradients of the critic's loss and of minus the actor's objective (appendix).
 
+    The objective is Q with its slope clipped, less `action_l2` · ½|a|².
     `nets` holds actor, critic, target_actor and target_critic.
     """
     loss, objective = torch.zeros(()).double(), torch.zeros(()).double()
@@ -150,7 +151,7 @@ def dpg_gradients(
         action = actor(nets["actor"], t.now)
         given = action.detach().requires_grad_()
         (slope,) = torch.autograd.grad(critic(nets["critic"], t.now, given), given)
-        objective = objective + slope.clamp(-clip, clip) @ action
+        objective = objective + slope.clamp(-clip, clip) @ action - action_l2 / 2 * action @ action
     count = len(transitions)
     of_critic = torch.autograd.grad(loss / count, list(nets["critic"].values()))
     of_actor = torch.autograd.grad(-objective / count, list(nets["actor"].values()))

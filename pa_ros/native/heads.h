@@ -83,8 +83,10 @@ static void critic_head_backward(const Net& net, Work& w, const float* action, i
     }
 }
 
-// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip and scaled, into w.daction.
-static void action_gradient(const Net& net, Work& w, int64_t rows, float clip, float scale) {
+// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip, less l2 · a, all scaled, into
+// w.daction. w.action is the actor's.
+static void action_gradient(const Net& net, Work& w, int64_t rows, float clip, float l2,
+                            float scale) {
     const int64_t h = net.l.hidden;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;
     alignas(64) float sum[kActionColumns] = {};
@@ -97,6 +99,7 @@ static void action_gradient(const Net& net, Work& w, int64_t rows, float clip, f
         sum_lanes(dot, kActions, sum);
         for (int o = 0; o < kActionColumns; o += W)
             store(w.daction + r * kActionColumns + o,
-                  scale * at_least(at_most(load(sum + o), clip), -clip));
+                  scale * (at_least(at_most(load(sum + o), clip), -clip) -
+                           l2 * load(w.action + r * kActionColumns + o)));
     }
 }

@@ -19,8 +19,14 @@ from pa_ros.networks.programs import ProgramTable
 
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, OR(RED, BLUE))")
 CLIP = 0.02  # small, so that some of ∂Q/∂a is clipped and some is not
+L2 = 0.03
 CONFIG = LearnerConfig(
-    backend="torch", dtype="float64", actor_rate=1e-3, critic_rate=2e-3, action_gradient_clip=CLIP
+    backend="torch",
+    dtype="float64",
+    actor_rate=1e-3,
+    critic_rate=2e-3,
+    action_gradient_clip=CLIP,
+    action_l2=L2,
 )
 
 
@@ -83,7 +89,7 @@ def test_updates_agree_with_the_oracle(kind) -> None:
         batch = random_batch(rng, 4, 2, len(TEXTS))
         backend.update(batch)
         nets = {name: oracle.parameters(tensors) for name, tensors in values.items()}
-        gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP)
+        gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP, L2)
         for name, gradient in zip(adam, gradients, strict=True):
             adam[name].update(values[name], {k: g.numpy() for k, g in gradient.items()})
     for name, tensors in values.items():
@@ -179,7 +185,7 @@ def test_one_update_by_hand() -> None:
     q.forward(now, action)
     _, slope = q.backward(np.ones((count, 1)))
     assert 0.1 < (np.abs(slope) > CLIP).mean() < 0.9
-    ascent = np.clip(slope, -CLIP, CLIP)
+    ascent = np.clip(slope, -CLIP, CLIP) - L2 * action
     actor_gradient, _ = pi.backward(-ascent / count * (1 - action**2))
     for name, tensors, gradient, rate in (
         ("actor", pi.w, actor_gradient, 1e-3),

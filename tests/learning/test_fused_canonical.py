@@ -21,7 +21,8 @@ from pa_ros.networks.programs import ProgramTable
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A"))
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
-CONFIG = LearnerConfig(action_gradient_clip=0.05)  # some of ∂Q/∂a is clipped, some is not
+# some of ∂Q/∂a is clipped, some is not
+CONFIG = LearnerConfig(action_gradient_clip=0.05, action_l2=0.02)
 
 
 def network(hidden: int = 40) -> NetworkConfig:

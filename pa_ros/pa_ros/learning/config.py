@@ -29,6 +29,7 @@ class LearnerConfig:
     replay_frames: int = 1_000_000  # observations kept
     updates_per_frame: float = 1.0
     action_gradient_clip: float = 1.0  # per element of ∂Q/∂a
+    action_l2: float = 0.0  # of ½|a|², taken from Q in the actor's objective; keeps tanh alive
     actor_rate: float = 1e-4  # not stated; Adam's, as in Lillicrap et al.
     critic_rate: float = 3e-4  # not stated; 1e-3 lets the critic forget the action
     adam_beta1: float = 0.9
@@ -118,7 +119,8 @@ def _check_integers(config: LearnerConfig) -> None:
 def _check_numbers(config: LearnerConfig) -> None:
     positive = ["action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"]
     positive += ["near_threshold", "noise_dt", "reward_scale"]
-    for name in (*positive, "updates_per_frame", "noise_sigma", "noise_damping", "reward_shift"):
+    others = ("action_l2", "updates_per_frame", "noise_sigma", "noise_damping", "reward_shift")
+    for name in (*positive, *others):
         value = getattr(config, name)
         if not (isinstance(value, (int, float)) and math.isfinite(value)):
             _refuse(name, "a finite number", value)

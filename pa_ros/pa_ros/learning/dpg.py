@@ -128,12 +128,12 @@ class TorchBackend:
         self._actor_adam.step()
 
     def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
-        """∂Q/∂a at the actor's action, each element clipped, [B, K, 6]."""
+        """∂/∂a of the actor's objective at its action: ∂Q/∂a clipped, less λa, [B, K, 6]."""
         action = action.requires_grad_()
         gradient: Tensor
         (gradient,) = torch.autograd.grad(self._critic.head(h, action).sum(), action)
         clip = self._config.action_gradient_clip
-        return gradient.clamp(-clip, clip)
+        return gradient.clamp(-clip, clip) - self._config.action_l2 * action.detach()
 
     def copy_targets(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""

@@ -127,6 +127,7 @@ class FusedBackend:
             config.adam_beta2,
             config.adam_epsilon,
             config.action_gradient_clip,
+            config.action_l2,
         )
         self._trained = {
             "actor": _Trained(FlatNetwork(describe(network, critic=False)), actor),
