@@ -11,8 +11,11 @@ from enum import Enum
 
 import numpy as np
 
+from pa_ros.arena.deep_programs import DeepPrograms
 from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.core.errors import ConfigError
+
+DEPTHS = (3, 4, 5, 6)  # of the conditions with longer programs; in training they are 2 deep
 
 
 class Term(Enum):
@@ -38,6 +41,7 @@ class Condition:
     color: Term = Term.NAMED
     shape: Term = Term.NAMED
     new_distractor: bool = False  # at least one other block has a new shape or color
+    depth: int = 0  # 0: a conjunction as the terms say; else a random program this deep
 
     def __post_init__(self) -> None:
         if not self.targets:
@@ -53,6 +57,9 @@ def program_text(
     condition: Condition, design: Design, target: Kind, rng: np.random.Generator
 ) -> tuple[str, tuple[Kind, ...]]:
     """Program for a target, and the blocks that must be present for it to mean something."""
+    if condition.depth:
+        others = min(condition.n_blocks - 1, len(design.pool) // 2)
+        return str(DeepPrograms(design, condition.depth).draw(target, others, rng)), ()
     required: list[Kind] = []
     terms: list[str] = []
     for axis, term in (("color", condition.color), ("shape", condition.shape)):
@@ -119,6 +126,8 @@ def _conditions(design: Design, n: int) -> dict[str, Condition]:
     ]
     found.append(Condition("ignore-new", zero_shot, wider, n, new_distractor=True))
     found += _reach_new(design, wider, n)
+    if len(design.colors) > 1 and len(design.shapes) > 1:
+        found += [Condition(f"depth-{depth}", pool, pool, n, depth=depth) for depth in DEPTHS]
     return {condition.name: condition for condition in found}
 
 

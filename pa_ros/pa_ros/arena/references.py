@@ -20,15 +20,24 @@ SLACK_RAD = 0.02  # a joint this near to its limit is not asked to go on
 def scripted_action(task: ReachTask, hover_m: float | None = None) -> Float64:
     """Joint velocities (rad/s, [6]) toward the point above the nearest named block. Privileged.
 
-    Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
-    height), so that a target behind the arm is reached by turning the base. The base turns at
-    its own limit; the other joints are slowed down together. The hand stops `hover_m` above the
-    target's center (0.12 m at a threshold of 0.20 m: clear of the block).
+    The hand stops `hover_m` above the target's center (0.12 m at a threshold of 0.20 m: clear of
+    the block).
     """
-    simulation = task.simulation
-    positions = simulation.positions  # [N, 3]
+    positions = task.simulation.positions  # [N, 3]
     hand = positions[0]
     goal = min((positions[i] for i in task.verifier.targets), key=lambda p: _distance(p, hand))
+    return hover_action(task, goal, hover_m)
+
+
+def hover_action(task: ReachTask, goal: Float64, hover_m: float | None = None) -> Float64:
+    """Joint velocities (rad/s, [6]) toward the point `hover_m` above `goal` (m, table frame, [3]).
+
+    Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
+    height), so that a target behind the arm is reached by turning the base. The base turns at
+    its own limit; the other joints are slowed down together.
+    """
+    simulation = task.simulation
+    hand = simulation.positions[0]
     hover_m = HOVER * task.config.near_threshold_m if hover_m is None else hover_m
     error = _cylindrical_error(hand, goal + np.array([0.0, 0.0, hover_m]))
     jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
