@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-import numpy as np
-
-from pa_ros.arena import ArenaConfig, design_named, preset_named
+from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float64, Observation
 from pa_ros.core.report import Report, device, versions, write_report
+from pa_ros.evaluation.agents import TrainedAgent, load_agent, without_training
+from pa_ros.evaluation.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.evaluate import (
     REFERENCES,
     AgentPolicy,
@@ -19,8 +19,14 @@ from pa_ros.evaluation.evaluate import (
     by_program,
     evaluate,
 )
-from pa_ros.learning.actor import Actor
-from pa_ros.learning.checkpoint import load_policy, read_metadata
+from pa_ros.evaluation.generalization import (
+    RANDOM_WEIGHTS,
+    condition_rows,
+    conditions_of,
+    summarize,
+)
+
+ALL = "all"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,60 +38,94 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preset", help="arena: fast or paper (default: the checkpoint's, or fast)"
     )
-    parser.add_argument("--condition", default="eval", help="train, eval, … (%(default)s)")
+    parser.add_argument(
+        "--condition",
+        default="eval",
+        help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
+        "`all` for all of them (%(default)s)",
+    )
     parser.add_argument("--episodes", type=int, default=100, metavar="N", help="(%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the episodes (%(default)s)")
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Evaluate, print one row per program and the figures."""
+    """Evaluate, print one row per program (or per condition) and the figures."""
     if options.episodes < 1:
         raise ConfigError(f"eval --episodes: expected at least 1, got {options.episodes}")
     if options.seed < 0:
         raise ConfigError(f"eval --seed: expected at least 0, got {options.seed}")
-    facts: dict[str, str] = {}
-    actor = None
+    if options.condition in (ALL, RANDOM_WEIGHTS) and not options.checkpoint:
+        raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
     if options.checkpoint:
-        path = trained(options.checkpoint)
-        facts = read_metadata(path)["extra"]
-        actor = Actor.of(load_policy(path))
-    design = design_named(options.design or facts.get("design", "2-L"))
-    arena = preset_named(options.preset or facts.get("preset", "fast"))
-    policy = options.policy if actor is None else agent_policy(actor, arena)
-    evaluation = evaluate(arena, design, policy, options.condition, options.episodes, options.seed)
-    for row in by_program(evaluation):
-        print(f"{row.program}: {row.episodes} episodes, {row.reward_per_step:+.3f} per step, "
-              f"{row.success_rate:.0%} near at the end")  # fmt: skip
-    write_report(
-        options.json,
-        {
-            **figures(evaluation),
-            "eval.design": design.name,
-            "eval.preset": arena.preset,
-            "eval.seed": options.seed,
-            "device": device(),
-            "threads": 1,
-            "versions": versions(),
-        },
-    )
+        agent = load_agent(options.checkpoint, options.design, options.preset)
+        if options.condition == ALL:
+            return _all_conditions(agent, options)
+        report = _agent_report(agent, options)
+    else:
+        design = design_named(options.design or "2-L")
+        arena = preset_named(options.preset or "fast")
+        report = _report(options, design, arena, options.policy, options.condition)
+    write_report(options.json, report)
     return 0
 
 
-def trained(out: Path) -> Path:
-    """The checkpoint folder: the one given, or the one inside a training run's folder."""
-    inner = out / "checkpoint"
-    return inner if inner.is_dir() else out
+def _agent_report(agent: TrainedAgent, options: argparse.Namespace) -> Report:
+    drawn_from = options.condition
+    if drawn_from == RANDOM_WEIGHTS:
+        agent, drawn_from = without_training(agent, options.seed), "train"
+    return _report(options, agent.design, agent.arena, agent.policy, drawn_from)
 
 
-def agent_policy(actor: Actor, arena: ArenaConfig) -> AgentPolicy:
-    """The greedy actor as joint velocities for an arena."""
-    speeds = np.array(arena.joint_speed_limits)
+def _report(
+    options: argparse.Namespace,
+    design: Design,
+    arena: ArenaConfig,
+    policy: AgentPolicy | str,
+    drawn_from: str,
+) -> Report:
+    evaluation = evaluate(arena, design, policy, drawn_from, options.episodes, options.seed)
+    for row in by_program(evaluation):
+        print(f"{row.program}: {row.episodes} episodes, {row.reward_per_step:+.3f} per step, "
+              f"{row.success_rate:.0%} near at the end")  # fmt: skip
+    return {
+        **figures(evaluation),
+        "eval.condition": options.condition,
+        **_setting(options, design, arena),
+    }
 
-    def act(observation: Observation, program: str) -> Float64:
-        return np.asarray(actor.act(observation, program).astype(np.float64) * speeds)
 
-    return act
+def _setting(
+    options: argparse.Namespace, design: Design, arena: ArenaConfig
+) -> dict[str, float | int | str]:
+    return {
+        "eval.design": design.name,
+        "eval.preset": arena.preset,
+        "eval.seed": options.seed,
+        "device": device(),
+        "threads": 1,
+        "versions": versions(),
+    }
+
+
+def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
+    """Every condition of the design: a table, and `eval.CONDITION.…` in the report."""
+    report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
+    with TemporaryDirectory() as cache:
+        benchmark = Benchmark(agent.design, agent.arena, options.episodes, options.seed)
+        scorer = Scorer(benchmark, Path(cache))
+        for condition in conditions_of(agent.design):
+            (row,) = summarize(condition_rows(scorer, options.seed, agent, condition))
+            print(f"{condition:16s} {row.normalized:6.3f} [{row.low:.3f}, {row.high:.3f}] "
+                  f"normalized, {row.success_rate:.0%} near at the end, "
+                  f"{row.gain:+.3f} over the best blind reference", flush=True)  # fmt: skip
+            values = asdict(row)
+            report |= {
+                f"eval.{condition}.{name}": values[name]
+                for name in ("normalized", "low", "high", "success_rate", "blind_normalized")
+            }
+    write_report(options.json, report | _setting(options, agent.design, agent.arena))
+    return 0
 
 
 def figures(evaluation: Evaluation) -> Report:
@@ -100,7 +140,6 @@ def figures(evaluation: Evaluation) -> Report:
         "eval.normalized_high": scaled.high,
         "eval.success_rate": evaluation.success_rate,
         "eval.episodes": len(evaluation.scores),
-        "eval.condition": evaluation.condition,
     }
     for row in by_program(evaluation):
         for name, value in asdict(row).items():

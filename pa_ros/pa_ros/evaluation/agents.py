@@ -1,0 +1,86 @@
+"""Trained agents as policies, and the same networks with random weights."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float64, Observation, PolicySnapshot
+from pa_ros.evaluation.evaluate import AgentPolicy
+from pa_ros.learning.actor import Actor
+from pa_ros.learning.checkpoint import load_policy, read_metadata
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.parameters import initial_actor
+
+RANDOM_WEIGHTS_STREAM = 4  # 0 arena, 1 exploration, 2 learner, 3 the random reference
+
+
+@dataclass(frozen=True)
+class TrainedAgent:
+    """Weights of an actor and the setting that they were trained in."""
+
+    snapshot: PolicySnapshot
+    design: Design
+    arena: ArenaConfig
+
+    @property
+    def policy(self) -> AgentPolicy:
+        """The greedy policy."""
+        return greedy(self.snapshot, self.arena)
+
+    @property
+    def digest(self) -> str:
+        """12 hexadecimal digits of the architecture and the weights."""
+        content = hashlib.sha256(self.snapshot.architecture.encode())
+        for name, tensor in sorted(self.snapshot.tensors.items()):
+            content.update(name.encode() + np.ascontiguousarray(tensor).tobytes())
+        return content.hexdigest()[:12]
+
+
+def load_agent(path: Path, design: str | None = None, preset: str | None = None) -> TrainedAgent:
+    """The agent of a checkpoint or of a training run's folder.
+
+    Design and preset are those it was trained in unless given; ConfigError if nothing says them.
+    """
+    folder = trained(path)
+    facts = read_metadata(folder)["extra"]
+    named = {"design": design or facts.get("design"), "preset": preset or facts.get("preset")}
+    if missing := [name for name, value in named.items() if value is None]:
+        raise ConfigError(f"agent {path}: expected its {missing} in the checkpoint, found none")
+    return TrainedAgent(
+        load_policy(folder), design_named(named["design"]), preset_named(named["preset"])
+    )
+
+
+def trained(out: Path) -> Path:
+    """The checkpoint folder: the one given, or the one inside a training run's folder."""
+    inner = out / "checkpoint"
+    return inner if inner.is_dir() else out
+
+
+def greedy(snapshot: PolicySnapshot, arena: ArenaConfig) -> AgentPolicy:
+    """An actor without exploration, as joint velocities (rad/s) for an arena."""
+    actor, speeds = Actor.of(snapshot), np.array(arena.joint_speed_limits)
+
+    def act(observation: Observation, program: str) -> Float64:
+        return np.asarray(actor.act(observation, program).astype(np.float64) * speeds)
+
+    return act
+
+
+def without_training(agent: TrainedAgent, seed: int) -> TrainedAgent:
+    """The same networks with random weights (paper, condition `random`).
+
+    All layers are uniform in ±1/√fan-in, also the last one and the detectors, whatever training
+    starts with: else the arm would stand still.
+    """
+    config = actor_config(agent.snapshot.architecture)
+    plain = replace(config, actor_output_scale=config.hidden**-0.5, detector_init_scale=1.0)
+    rng = np.random.default_rng([seed, RANDOM_WEIGHTS_STREAM])
+    snapshot = replace(agent.snapshot, version=0, tensors=initial_actor(plain, rng))
+    return replace(agent, snapshot=snapshot)

@@ -1,0 +1,87 @@
+"""Scores of agents and references on the same episodes, computed once and kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pa_ros import __version__
+from pa_ros.arena import ArenaConfig, Design, ReachTask, conditions_for
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float64, Observation
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.blind import BLIND, blind_policy
+from pa_ros.evaluation.evaluate import reference_scores, run_episodes
+from pa_ros.evaluation.scores import EpisodeScore
+from pa_ros.evaluation.tables import read_rows, write_rows
+
+EPISODES_SEED = 2_000_003  # apart from training's episodes and from those scored during training
+
+MakePolicy = Callable[[], Callable[[Observation], Float64]]
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """The same episodes 0 … `episodes` − 1 of every condition of a design, in one arena."""
+
+    design: Design
+    arena: ArenaConfig
+    episodes: int = 100
+    seed: int = EPISODES_SEED
+
+    def __post_init__(self) -> None:
+        if self.episodes < 1:
+            raise ConfigError(f"benchmark episodes: expected at least 1, got {self.episodes}")
+
+    @property
+    def digest(self) -> str:
+        """12 hexadecimal digits of what the scores of given weights depend on."""
+        content = repr((self, __version__))
+        return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+    def check(self, condition: str) -> None:
+        """ConfigError unless the arena knows the condition for this design."""
+        known = conditions_for(self.design)
+        if condition not in known:
+            raise ConfigError(f"benchmark: expected a condition of {known}, got {condition!r}")
+
+
+class Scorer:
+    """Scores policies on a benchmark, keeping each condition's scores in a file under `cache`.
+
+    What was interrupted goes on, references are computed once for all agents, and other weights
+    or another benchmark never read what is not theirs.
+    """
+
+    def __init__(self, benchmark: Benchmark, cache: Path) -> None:
+        self.benchmark = benchmark
+        self._cache = cache / benchmark.digest
+        self._task = ReachTask(benchmark.arena, benchmark.design, benchmark.seed)
+
+    def reference(self, name: str, condition: str) -> list[EpisodeScore]:
+        """One of `evaluate.REFERENCES` or `blind.BLIND`."""
+        policy = (lambda: blind_policy(self._task, name)) if name in BLIND else None
+        return self._kept(name, condition, policy)
+
+    def agent(self, agent: TrainedAgent, condition: str) -> list[EpisodeScore]:
+        """A trained agent, acting greedily."""
+
+        def policy() -> Callable[[Observation], Float64]:
+            act = agent.policy
+            return lambda observation: act(observation, self._task.program)
+
+        return self._kept(agent.digest, condition, policy)
+
+    def _kept(self, name: str, condition: str, policy: MakePolicy | None) -> list[EpisodeScore]:
+        self.benchmark.check(condition)
+        path = self._cache / name / f"{condition}.csv"
+        if not path.exists():
+            count = self.benchmark.episodes
+            if policy is None:
+                scores = list(reference_scores(self._task, name, condition, count))
+            else:
+                scores = list(run_episodes(self._task, policy(), condition, count))
+            write_rows(path, scores)
+        return read_rows(path, EpisodeScore)

@@ -1,0 +1,73 @@
+"""References that know where all blocks are and how to get there, but ignore the program.
+
+An agent that does not score above the best of these has shown no understanding of a program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import chain, combinations
+
+import numpy as np
+
+from pa_ros.arena import ReachTask
+from pa_ros.arena.references import HOVER, hover_action
+from pa_ros.core.experience import Float64, Observation
+
+BLIND = ("nearest", "any", "most")
+"""Go to the block nearest to the hand; to one drawn at random; to the place near most blocks."""
+
+BLIND_STREAM = 5  # of random numbers, beside those of docs/DESIGN.md
+MARGIN = 0.95  # of the horizontal reach: the hand does not stop exactly where it should
+
+
+def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
+    """One of BLIND as joint velocities in rad/s [6]; it decides at the start of an episode."""
+    choose = {"nearest": _nearest, "any": _any, "most": _most}[name]
+    goal = np.zeros(3)
+
+    def act(observation: Observation) -> Float64:
+        nonlocal goal
+        if observation.step == 0:
+            goal = choose(task)
+        return hover_action(task, goal)
+
+    return act
+
+
+def _nearest(task: ReachTask) -> Float64:
+    hand, blocks = _places(task)
+    return _nearest_of(list(blocks), hand)
+
+
+def _any(task: ReachTask) -> Float64:
+    _, blocks = _places(task)
+    rng = np.random.default_rng([task.seed, BLIND_STREAM, task.episode.index])
+    return np.asarray(blocks[int(rng.integers(len(blocks)))])
+
+
+def _most(task: ReachTask) -> Float64:
+    """The block, or the middle of two or three, above which the hand is near most blocks."""
+    hand, blocks = _places(task)
+    groups = chain(combinations(blocks, 2), combinations(blocks, 3))
+    middles = [np.mean(group, axis=0) for group in groups]
+    middles = [*blocks, *(middle for middle in middles if _in_reach(task, middle))]
+    reach = MARGIN * task.config.near_threshold_m * (1 - HOVER**2) ** 0.5
+    counts = [int((np.linalg.norm((blocks - m)[:, :2], axis=1) <= reach).sum()) for m in middles]
+    return _nearest_of([m for m, n in zip(middles, counts, strict=True) if n == max(counts)], hand)
+
+
+def _in_reach(task: ReachTask, place: Float64) -> bool:
+    """Where blocks may lie the arm gets near; not so near its base."""
+    low, high = task.config.block_radii_m
+    return low <= float(np.hypot(*place[:2])) <= high
+
+
+def _places(task: ReachTask) -> tuple[Float64, Float64]:
+    """Hand [3] and blocks [N - 1, 3], m, table frame."""
+    positions = task.simulation.positions
+    return positions[0], positions[1:]
+
+
+def _nearest_of(points: list[Float64], hand: Float64) -> Float64:
+    return min(points, key=lambda point: float(np.linalg.norm(point - hand)))

@@ -1,0 +1,187 @@
+"""The generalization figure: trained agents under every condition (paper, section 5).
+
+Every agent is scored on the same episodes of a condition, and so are references: the scripted and
+the random one, which fix the scale, and the blind ones, which ignore the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+
+import numpy as np
+
+from pa_ros.arena import ArenaConfig, Design, conditions_for
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.report import device, versions
+from pa_ros.evaluation.agents import TrainedAgent, without_training
+from pa_ros.evaluation.benchmark import EPISODES_SEED, Benchmark, Scorer
+from pa_ros.evaluation.blind import BLIND
+from pa_ros.evaluation.evaluate import REFERENCES
+from pa_ros.evaluation.intervals import gain_over, normalized_over_seeds
+from pa_ros.evaluation.scores import rewards
+
+RANDOM_WEIGHTS = "random"
+"""The condition whose agents have random weights; its episodes are those of `train`."""
+
+CONDITIONS = (
+    *("train", RANDOM_WEIGHTS, "eval", "only-color", "only-shape", "not-color", "not-shape"),
+    *(f"blocks-{count}" for count in (2, 3, 5, 6, 8)),
+    *("ignore-new", "reach-new-shape", "reach-new-color", "reach-new-both"),
+    *(f"depth-{depth}" for depth in (3, 4, 5, 6)),
+)
+"""The paper's, in the order of its figure, then the longer programs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One episode of one seed; rewards are per step, the references' are of the same episode."""
+
+    seed: int
+    condition: str
+    episode: int
+    program: str
+    reward: float
+    success: bool  # near at the end
+    distance: float  # m, at the end
+    scripted: float
+    random: float
+    nearest: float
+    any: float
+    most: float
+
+
+def conditions_of(design: Design) -> tuple[str, ...]:
+    """Those of CONDITIONS that mean something in a design."""
+    known = {*conditions_for(design), RANDOM_WEIGHTS}
+    return tuple(name for name in CONDITIONS if name in known)
+
+
+def generalize(
+    agents: Mapping[int, TrainedAgent],
+    cache: Path,
+    episodes: int = 100,
+    conditions: Sequence[str] = (),
+    report: Callable[[str], None] = print,
+) -> list[Row]:
+    """Score agents (by seed) under `conditions` (default: all of their design), seed by seed.
+
+    `report` gets a line for each seed and condition. Raises ConfigError unless all agents share
+    design and arena, or for an unknown condition.
+    """
+    benchmark = Benchmark(*_one_setting(agents.values()), episodes)
+    scorer = Scorer(benchmark, cache)
+    names = tuple(conditions) or conditions_of(benchmark.design)
+    rows: list[Row] = []
+    began, total = monotonic(), len(agents) * len(names)
+    for number, (condition, (seed, agent)) in enumerate(
+        ((name, pair) for name in names for pair in agents.items()), start=1
+    ):
+        rows += condition_rows(scorer, seed, agent, condition)
+        left = (monotonic() - began) / number * (total - number)
+        mean = np.mean([row.reward for row in rows[-episodes:]])
+        report(
+            f"{number}/{total}  {condition}, seed {seed}: {mean:+.3f} per step, {left:.0f} s left"
+        )
+    return rows
+
+
+def _one_setting(agents: Iterable[TrainedAgent]) -> tuple[Design, ArenaConfig]:
+    settings = {(agent.design, agent.arena) for agent in agents}
+    if len(settings) != 1:
+        found = sorted((design.name, arena.preset) for design, arena in settings)
+        raise ConfigError(f"generalization: expected agents of one design and arena, got {found}")
+    return settings.pop()
+
+
+def condition_rows(scorer: Scorer, seed: int, agent: TrainedAgent, condition: str) -> list[Row]:
+    """Score one agent under one condition, RANDOM_WEIGHTS included."""
+    drawn_from = condition
+    if condition == RANDOM_WEIGHTS:
+        agent, drawn_from = without_training(agent, seed), "train"
+    scores = scorer.agent(agent, drawn_from)
+    references = [rewards(scorer.reference(name, drawn_from)) for name in (*REFERENCES, *BLIND)]
+    return [
+        Row(seed, condition, score.episode, score.program, score.reward_per_step, score.success,
+            score.distance, *map(float, column))
+        for score, column in zip(scores, np.transpose(references), strict=True)
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """One condition over all seeds: normalized scores with 95 % intervals."""
+
+    condition: str
+    seeds: int
+    episodes: int  # of each seed
+    reward: float  # per step
+    normalized: float
+    low: float
+    high: float
+    worst_seed: float  # normalized
+    seeds_above_0_9: int
+    success_rate: float
+    blind: str  # the best reference that ignores the program
+    blind_normalized: float
+    gain: float  # over it, normalized
+    gain_low: float
+    gain_high: float
+
+
+def summarize(rows: Sequence[Row]) -> list[Summary]:
+    """One summary for each condition, in the order of the rows."""
+    names = dict.fromkeys(row.condition for row in rows)
+    return [_summary(name, [row for row in rows if row.condition == name]) for name in names]
+
+
+def _summary(condition: str, rows: Sequence[Row]) -> Summary:
+    seeds = list(dict.fromkeys(row.seed for row in rows))
+    one = [row for row in rows if row.seed == seeds[0]]
+    scores = np.array([row.reward for row in rows]).reshape(len(seeds), len(one))  # [S, E]
+    random, scripted, *blind = (
+        np.array([getattr(row, name) for row in one]) for name in ("random", "scripted", *BLIND)
+    )
+    best = int(np.argmax([reference.mean() for reference in blind]))
+    mean = normalized_over_seeds(scores, random, scripted)
+    gain = gain_over(scores, blind[best], random, scripted)
+    span = scripted.mean() - random.mean()
+    by_seed = (scores.mean(axis=1) - random.mean()) / span
+    return Summary(
+        condition=condition,
+        seeds=len(seeds),
+        episodes=len(one),
+        reward=float(scores.mean()),
+        normalized=mean.mean,
+        low=mean.low,
+        high=mean.high,
+        worst_seed=float(by_seed.min()),
+        seeds_above_0_9=int((by_seed >= 0.9).sum()),
+        success_rate=float(np.mean([row.success for row in rows])),
+        blind=BLIND[best],
+        blind_normalized=float((blind[best].mean() - random.mean()) / span),
+        gain=gain.mean,
+        gain_low=gain.low,
+        gain_high=gain.high,
+    )
+
+
+def setting(agents: Mapping[int, TrainedAgent], episodes: int) -> dict[str, object]:
+    """What a table was made of, to be kept beside it as JSON."""
+    design, arena = _one_setting(agents.values())
+    return {
+        "design": design.name,
+        "preset": arena.preset,
+        "shapes": design.vocabulary.shapes,  # with the spare words
+        "colors": design.vocabulary.colors,
+        "episodes": episodes,
+        "episodes_seed": EPISODES_SEED,
+        "agents": {
+            seed: {"weights": agent.digest, "version": agent.snapshot.version}
+            for seed, agent in agents.items()
+        },
+        "device": device(),
+        "versions": versions(),
+    }

@@ -1,0 +1,65 @@
+"""Tables: frozen dataclasses of numbers and text as CSV, and back."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
+
+from pa_ros.core.errors import PaError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    RowT = TypeVar("RowT", bound=DataclassInstance)
+else:
+    RowT = TypeVar("RowT")
+
+FLOAT_FORMAT = ".6g"
+_READ: dict[type, Callable[[str], Any]] = {bool: lambda cell: bool(int(cell))}
+
+
+class TableError(PaError):
+    """A file that is not the table it should be."""
+
+    code = "evaluation.table"
+
+
+def write_rows(path: Path, rows: Sequence[RowT]) -> None:
+    """Write rows of one class under their fields' names; the file is whole or absent.
+
+    Booleans are written as 0 and 1, floats to 6 digits.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(path.name + ".part")
+    with unfinished.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(field.name for field in fields(rows[0]))
+        writer.writerows([_cell(value) for value in astuple(row)] for row in rows)
+    unfinished.replace(path)
+
+
+def read_rows(path: Path, kind: type[RowT]) -> list[RowT]:
+    """Rows that `write_rows` wrote; TableError if the file's columns or cells are not `kind`'s."""
+    hints = get_type_hints(kind)
+    columns = [(field.name, hints[field.name]) for field in fields(kind)]
+    try:
+        with path.open(newline="") as file:
+            reader = csv.DictReader(file)
+            names = [name for name, _ in columns]
+            if reader.fieldnames != names:
+                raise TableError(f"{path}: expected columns {names}, got {reader.fieldnames}")
+            return [
+                kind(**{name: _READ.get(hint, hint)(cells[name]) for name, hint in columns})
+                for cells in reader
+            ]
+    except (OSError, ValueError, TypeError) as error:
+        raise TableError(f"{path}: {error!r}") from error
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return format(value, FLOAT_FORMAT) if isinstance(value, float) else str(value)

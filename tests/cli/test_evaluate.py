@@ -1,0 +1,47 @@
+"""`pa_ros eval`: every condition by its name, random weights, all at once."""
+
+import json
+
+import pytest
+
+from pa_ros.cli.main import main
+from pa_ros.evaluation.generalization import CONDITIONS
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory) -> str:
+    """A 3-D agent of 200 frames."""
+    folder = tmp_path_factory.mktemp("run")
+    run = ["train", "--out", str(folder), "--design", "3-D", "--frames", "200", "--eval-every", "0"]
+    assert main(run) == 0
+    return str(folder)
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_each_condition_by_its_name(checkpoint: str, condition: str, tmp_path, capsys):
+    report = tmp_path / "eval.json"
+    arguments = ["eval", "--checkpoint", checkpoint, "--condition", condition, "--episodes", "1"]
+    assert main([*arguments, "--json", str(report)]) == 0
+    figures = json.loads(report.read_text())
+    assert figures["eval.condition"] == condition and figures["eval.design"] == "3-D"
+    assert -1.0 <= figures["eval.reward_per_step"] <= 1.0
+    assert "NEAR(HAND, " in capsys.readouterr().out
+
+
+def test_all_conditions_at_once(checkpoint: str, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pa_ros.cli.evaluate.conditions_of", lambda _: ("random", "reach-new-both"))
+    report = tmp_path / "eval.json"
+    arguments = ["eval", "--checkpoint", checkpoint, "--condition", "all", "--episodes", "2"]
+    assert main([*arguments, "--json", str(report)]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0].startswith("random ") and printed[1].startswith("reach-new-both ")
+    figures = json.loads(report.read_text())
+    assert figures["eval.random.success_rate"] <= 1.0
+    low, high = (figures[f"eval.reach-new-both.{end}"] for end in ("low", "high"))
+    assert low <= figures["eval.reach-new-both.normalized"] <= high
+
+
+@pytest.mark.parametrize("condition", ["all", "random"])
+def test_references_have_no_weights(condition: str, capsys):
+    assert main(["eval", "--policy", "scripted", "--condition", condition]) == 2
+    assert "expected --checkpoint" in capsys.readouterr().err

@@ -1,0 +1,29 @@
+"""An untrained 3-D agent whose detectors are right: enough to test how agents are scored."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import design_named, preset_named
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import initial_actor, truth_matrix
+
+CRISP = 12.0  # logit of what is true; of what is not, 0
+
+
+@pytest.fixture
+def novice() -> TrainedAgent:
+    """Random weights, save detectors that read the one-hots of what the vocabulary names."""
+    design, arena = design_named("3-D"), preset_named("fast")
+    config = NetworkConfig(design.vocabulary, hidden=8, attention=4, actor_output_scale=0.5)
+    tensors = initial_actor(config, np.random.default_rng(0))
+    tensors["detectors.weight"][:] = 0.0
+    tensors["detectors.bias"][:] = 0.0
+    tensors["detectors.weight"][:, :16] = CRISP * truth_matrix(design.vocabulary).T
+    snapshot = PolicySnapshot(3, config.architecture, design.vocabulary.digest, tensors)
+    return TrainedAgent(snapshot, design, replace(arena, episode_steps=12))

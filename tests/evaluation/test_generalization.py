@@ -1,0 +1,187 @@
+"""Scores under every condition: paired, kept, summarized; and the references that are blind."""
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation import benchmark
+from pa_ros.evaluation.agents import TrainedAgent, without_training
+from pa_ros.evaluation.benchmark import Benchmark, Scorer
+from pa_ros.evaluation.blind import BLIND, blind_policy
+from pa_ros.evaluation.evaluate import run_episodes
+from pa_ros.evaluation.generalization import (
+    CONDITIONS,
+    Row,
+    conditions_of,
+    generalize,
+    setting,
+    summarize,
+)
+from pa_ros.evaluation.intervals import gain_over, normalized_over_seeds
+from pa_ros.evaluation.tables import TableError, read_rows, write_rows
+
+ISSUE = (
+    "train random eval only-color only-shape not-color not-shape blocks-2 blocks-3 blocks-5 "
+    "blocks-6 blocks-8 ignore-new reach-new-shape reach-new-color reach-new-both"
+).split()
+
+
+def test_all_conditions_of_the_paper_in_its_order():
+    names = conditions_of(design_named("3-D"))
+    assert list(names[: len(ISSUE)]) == ISSUE
+    assert names == CONDITIONS
+    assert not {"eval", "reach-new-both"} & set(conditions_of(design_named("2-C")))
+
+
+def quiet(_: str) -> None:
+    pass
+
+
+def test_every_row_is_paired_with_references_of_its_episode(novice: TrainedAgent, tmp_path):
+    agents = {0: novice, 7: without_training(novice, 7)}
+    rows = generalize(agents, tmp_path, 3, ("random", "eval"), quiet)
+    assert [(row.seed, row.condition, row.episode) for row in rows] == [
+        (seed, condition, episode)
+        for condition in ("random", "eval") for seed in (0, 7) for episode in range(3)
+    ]  # fmt: skip
+    first, second = rows[6:9], rows[9:]
+    for one, other in zip(first, second, strict=True):
+        for name in ("program", "scripted", "random", *BLIND):
+            assert getattr(one, name) == getattr(other, name)
+    assert [row.distance for row in first] != [row.distance for row in second]
+    trained = {f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in novice.design.train}
+    assert {row.program for row in rows[:6]} <= trained, "`random` is asked what `train` asks"
+    assert not {row.program for row in first} & trained
+
+
+def test_what_was_scored_is_not_scored_again(novice: TrainedAgent, tmp_path, monkeypatch):
+    before = generalize({0: novice}, tmp_path, 2, ("eval",), quiet)
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("scored again")
+
+    monkeypatch.setattr(benchmark, "run_episodes", refuse)
+    monkeypatch.setattr(benchmark, "reference_scores", refuse)
+    assert generalize({0: novice}, tmp_path, 2, ("eval",), quiet) == before
+    for changed in ({0: without_training(novice, 0)}, {0: novice}):
+        with pytest.raises(AssertionError):
+            generalize(changed, tmp_path, 3, ("eval",), quiet)
+
+
+def test_agents_of_two_settings_are_not_mixed(novice: TrainedAgent, tmp_path):
+    other = TrainedAgent(novice.snapshot, novice.design, preset_named("paper"))
+    with pytest.raises(ConfigError, match=r"\('3-D', 'paper'\)"):
+        generalize({0: novice, 1: other}, tmp_path)
+    with pytest.raises(ConfigError, match="sideways"):
+        generalize({0: novice}, tmp_path, 2, ("sideways",), quiet)
+    with pytest.raises(ConfigError, match="got 0"):
+        Benchmark(novice.design, novice.arena, 0)
+    described = setting({4: novice}, 5)
+    assert described["preset"] == "fast" and described["colors"][-2:] == ("A", "B")
+
+
+def row(seed: int, episode: int, reward: float, **fields: float) -> Row:
+    values = {"scripted": 0.8, "random": -1.0, "nearest": -0.4, "any": -0.1, "most": -0.2}
+    return Row(seed, "eval", episode, "P", reward, reward > 0, 0.1, **(values | fields))
+
+
+def test_summary_of_two_seeds():
+    rows = [row(0, 0, 0.8), row(0, 1, 0.8), row(1, 0, -0.1), row(1, 1, -1.0)]
+    (summary,) = summarize(rows)
+    assert (summary.seeds, summary.episodes, summary.seeds_above_0_9) == (2, 2, 1)
+    assert summary.normalized == pytest.approx((1 + 1 + 0.5 + 0) / 4)
+    assert summary.worst_seed == pytest.approx(0.25)
+    assert (summary.blind, summary.blind_normalized) == ("any", pytest.approx(0.5))
+    assert summary.gain == pytest.approx(summary.normalized - 0.5)
+    assert summary.low <= summary.normalized <= summary.high
+    assert summary.success_rate == 0.5
+
+
+def test_intervals_widen_with_the_spread_over_seeds_and_over_episodes():
+    rng = np.random.default_rng(0)
+    random, scripted = np.full(50, -1.0), np.full(50, 1.0)
+    over_episodes = np.tile(rng.normal(0, 0.3, 50), (5, 1))
+    over_seeds = np.tile(rng.normal(0, 0.3, (5, 1)), (1, 50))
+    intervals = [
+        normalized_over_seeds(scores, random, scripted)
+        for scores in (np.zeros((5, 50)), over_episodes, over_seeds, over_seeds + over_episodes)
+    ]
+    none, episodes, seeds, both = (interval.high - interval.low for interval in intervals)
+    assert none == 0.0
+    # standard errors of the mean: 0.3 / 2 / √50 over episodes, 0.3 / 2 / √5 over seeds
+    assert episodes == pytest.approx(2 * 1.96 * 0.3 / 2 / 50**0.5, rel=0.3)
+    assert seeds == pytest.approx(2 * 1.96 * 0.3 / 2 / 5**0.5, rel=0.5)
+    assert both > seeds > episodes
+    gain = gain_over(over_seeds, np.full(50, -0.5), random, scripted)
+    assert gain.mean == pytest.approx(over_seeds.mean() / 2 + 0.25)
+
+
+@pytest.mark.parametrize("preset", ["fast", "paper"])
+def test_blind_references_reach_blocks_whatever_the_program(preset: str):
+    task = ReachTask(preset_named(preset), design_named("3-D"), seed=5)
+    near = {}
+    for name in BLIND:
+        policy = blind_policy(task, name)
+        counts, actions = [], []
+        for episode in range(8):
+            observation, verdict = task.reset(episode, "eval")
+            task.set_program("NEAR(HAND, NOT(RED))" if episode % 2 else task.program)
+            actions.append(policy(observation))
+            while not verdict.truncated:
+                observation, verdict = task.step(policy(observation))
+            distances = np.linalg.norm(observation.objects[1:, :3], axis=1)
+            counts.append((distances <= task.config.near_threshold_m).sum())
+        assert min(counts) >= 1
+        near[name] = np.mean(counts)
+        assert np.ptp(actions, axis=0).max() > 0.1
+    assert near["most"] > near["any"]
+
+
+def test_the_nearest_block_is_sooner_reached_than_another(novice: TrainedAgent):
+    task = ReachTask(novice.arena, novice.design, seed=1)
+    ends = {}
+    for name in ("nearest", "any"):
+        policy = blind_policy(task, name)
+        for episode in range(6):
+            observation, verdict = task.reset(episode, "eval")
+            while not verdict.truncated:
+                observation, verdict = task.step(policy(observation))
+            gap = np.linalg.norm(observation.objects[1:, :3], axis=1).min()
+            ends.setdefault(name, []).append(gap)
+    assert np.mean(ends["nearest"]) < np.mean(ends["any"])
+
+
+def test_random_weights_move_the_arm_and_depend_on_the_seed(novice: TrainedAgent):
+    task = ReachTask(novice.arena, novice.design, seed=0)
+    still = []
+    for seed in (0, 1):
+        policy = without_training(novice, seed).policy
+        observation, _ = task.reset(0)
+        still.append(policy(observation, task.program))
+        assert np.abs(still[-1]).max() > 0.05
+    assert not np.array_equal(*still)
+    assert without_training(novice, 1).digest != novice.digest != without_training(novice, 2).digest
+
+
+def test_tables_come_back_as_they_were_or_are_refused(tmp_path):
+    path = tmp_path / "new" / "table.csv"
+    rows = [row(0, 1, 0.5), row(1, 0, -0.25)]
+    write_rows(path, rows)
+    assert read_rows(path, Row) == rows
+    path.write_text(path.read_text().replace("reward", "prize"))
+    with pytest.raises(TableError, match="prize"):
+        read_rows(path, Row)
+    with pytest.raises(TableError, match="nowhere"):
+        read_rows(tmp_path / "nowhere.csv", Row)
+
+
+def test_kept_scores_are_those_of_a_fresh_run(novice: TrainedAgent, tmp_path):
+    setup = Benchmark(novice.design, novice.arena, 2, seed=9)
+    kept = Scorer(setup, tmp_path).agent(novice, "eval")
+    task, policy = ReachTask(novice.arena, novice.design, 9), novice.policy
+    fresh = list(run_episodes(task, lambda o: policy(o, task.program), "eval", 2))
+    assert [score.program for score in kept] == [score.program for score in fresh]
+    np.testing.assert_allclose(
+        [score.distance for score in kept], [score.distance for score in fresh], rtol=1e-5
+    )
