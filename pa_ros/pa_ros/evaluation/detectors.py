@@ -1,0 +1,203 @@
+"""What an actor's detectors answer: a table by word, and the best and the worst scenes.
+
+(paper, figure 6 right and appendix "Detector visualizations")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.arena import Design, Episode, ReachTask, condition_named
+from pa_ros.arena.conditions import novel
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Observation
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.benchmark import EPISODES_SEED
+from pa_ros.language import parse, relevance, satisfying
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.inference import ProgrammableInference
+
+KNOWN, UNSEEN = "eval", "reach-new-both"
+"""Conditions of the scenes; where the second means something, it shows new shapes and colors."""
+
+EVERY = 20  # control steps between the observations of an episode that are looked at
+NEW_SHAPE, NEW_COLOR = "new shape", "new color"
+
+
+@dataclass(frozen=True)
+class Look:
+    """Φ and p at one moment of one episode under its program."""
+
+    episode: Episode
+    step: int
+    targets: tuple[int, ...]  # objects that the program names
+    words: tuple[str, ...]
+    phi: Float32  # [V, N]
+    p: NDArray[np.float64]  # [N]
+    observation: Observation
+    hand: tuple[float, float]  # m, table frame
+    places: tuple[tuple[float, float], ...]  # of the blocks
+
+    @property
+    def margin(self) -> float:
+        """p of the least relevant target less that of the most relevant distractor, in [-1, 1]."""
+        others = [i for i in range(1, len(self.p)) if i not in self.targets]
+        highest = max((float(self.p[i]) for i in others), default=0.0)
+        return min(float(self.p[i]) for i in self.targets) - highest
+
+
+class DetectorView:
+    """Φ of a trained agent, along the episodes in which it acts. ConfigError if it has no Φ."""
+
+    def __init__(self, agent: TrainedAgent) -> None:
+        network = actor_config(agent.snapshot.architecture)
+        if network.kind == "canonical":
+            raise ConfigError("detectors: expected a programmable agent, got a canonical one")
+        self._agent = agent
+        self._vocabulary = network.vocabulary
+        self._inference = ProgrammableInference(network, agent.snapshot.tensors)
+        self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
+
+    def looks(self, condition: str, episodes: int) -> Iterator[Look]:
+        """Every EVERY steps of episodes 0 … `episodes` − 1 of a condition."""
+        act, task = self._agent.policy, self._task
+        for index in range(episodes):
+            observation, verdict = task.reset(index, condition)
+            while True:
+                if observation.step % EVERY == 0:
+                    yield self._look(observation)
+                if verdict.truncated:
+                    break
+                observation, verdict = task.step(act(observation, task.program))
+
+    def show(self, look: Look) -> ReachTask:
+        """The arena at that moment, for a picture; valid until the next call."""
+        act, task = self._agent.policy, self._task
+        observation, _ = task.reset_to(look.episode)
+        while observation.step < look.step:
+            observation, _ = task.step(act(observation, task.program))
+        return task
+
+    def _look(self, observation: Observation) -> Look:
+        task, vocabulary = self._task, self._vocabulary
+        phi = self._inference.properties(observation.objects, observation.arm)
+        program = parse(task.program, vocabulary)
+        p = relevance(program, phi.tolist(), vocabulary.row, observation.hand_index)
+        hand, *blocks = [(float(x), float(y)) for x, y, _ in task.simulation.positions]
+        return Look(task.episode, observation.step, task.verifier.targets, vocabulary.words, phi,
+                    np.array(p), observation, hand, tuple(blocks))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """What one seed's detectors answer for one word, over all looks of a condition's episodes.
+
+    A word is judged where a block has the property. `right`: share of blocks whose degree is on
+    the right side of one half. `separated`: share of looks in which every block with the property
+    has a higher degree than every block without.
+    """
+
+    seed: int
+    condition: str
+    word: str
+    seen: bool  # in training
+    looks: int
+    on: float  # mean degree of the blocks that have the property
+    best_distractor: float  # mean over looks of the highest degree of those that have not
+    right: float
+    separated: float
+
+
+def accuracies(seed: int, design: Design, condition: str, looks: Sequence[Look]) -> list[Accuracy]:
+    """A row for each word of the design, and for "new shape" and "new color" where they occur.
+
+    The degree of a new property is that of the program that names it (appendix, exclusion or
+    inclusion).
+    """
+    rows = []
+    for word, expression, true_of in _properties(design):
+        degrees = [_degrees(look, expression, design) for look in looks]
+        truths = [
+            np.array([bool(true_of & block.kind.words) for block in look.episode.blocks])
+            for look in looks
+        ]
+        present = [(d, t) for d, t in zip(degrees, truths, strict=True) if t.any()]
+        if present:
+            seen = word not in (NEW_SHAPE, NEW_COLOR)
+            rows.append(Accuracy(seed, condition, word, seen, len(present), *_judged(present)))
+    return rows
+
+
+def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
+    """Name, expression, and the true words of what it should be high for."""
+    found = [(word, word, frozenset({word})) for word in (*design.shapes, *design.colors)]
+    vocabulary = design.vocabulary
+    for name, known, words, new in (
+        (NEW_SHAPE, design.shapes, vocabulary.shapes, design.new_shape),
+        (NEW_COLOR, design.colors, vocabulary.colors, design.new_color),
+    ):
+        spare = tuple(word for word in words if word not in known)
+        if spare:
+            found.append((name, novel(known, spare), frozenset({new})))
+    return found
+
+
+def _degrees(look: Look, expression: str, design: Design) -> NDArray[np.float64]:
+    """Soft truth of an expression for each block, [N - 1]; the hand is object 0."""
+    program = parse(f"NEAR(HAND, {expression})", design.vocabulary)
+    return np.array(relevance(program, look.phi.tolist(), design.vocabulary.row, 0)[1:])
+
+
+def _judged(
+    looks: Sequence[tuple[NDArray[np.float64], NDArray[np.bool_]]],
+) -> tuple[float, float, float, float]:
+    on = np.concatenate([degree[true] for degree, true in looks])
+    worst = np.array([degree[true].min() for degree, true in looks])
+    rivals = np.array([degree[~true].max(initial=0.0) for degree, true in looks])
+    right = np.concatenate([(degree > 0.5) == true for degree, true in looks])
+    means = (on.mean(), rivals.mean(), right.mean(), (worst > rivals).mean())
+    on_mean, rival_mean, right_share, separated = map(float, means)
+    return on_mean, rival_mean, right_share, separated
+
+
+def extremes(looks: Sequence[Look]) -> tuple[Look, Look]:
+    """The looks with the greatest and the least margin; the earliest of equals."""
+    return max(looks, key=lambda look: look.margin), min(looks, key=lambda look: look.margin)
+
+
+def detector_conditions(design: Design) -> tuple[str, ...]:
+    """KNOWN (or `train`, where nothing is held out), and UNSEEN where it means something."""
+    known = KNOWN if design.held_out else "train"
+    try:
+        condition_named(UNSEEN, design)
+    except ConfigError:
+        return (known,)
+    return (known, UNSEEN)
+
+
+def detector_table(agents: Mapping[int, TrainedAgent], episodes: int) -> list[Accuracy]:
+    """Accuracies of every agent (by seed) under `detector_conditions`."""
+    return [
+        row
+        for seed, agent in agents.items()
+        for condition in detector_conditions(agent.design)
+        for row in accuracies(
+            seed, agent.design, condition, list(DetectorView(agent).looks(condition, episodes))
+        )
+    ]
+
+
+def named(look: Look, design: Design) -> str:
+    """The blocks that a look's program names, for a caption."""
+    kinds = [block.kind for block in look.episode.blocks]
+    program = parse(look.episode.program, design.vocabulary)
+    flags = satisfying(program, [kind.words for kind in kinds], None)
+    return " and ".join(
+        f"{kind.color} {kind.shape}".lower()
+        for kind, flag in zip(kinds, flags, strict=True)
+        if flag
+    )

@@ -1,0 +1,89 @@
+"""Detectors: what is right scores right, what is wrong scores wrong, extremes by their margin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import design_named
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.detectors import (
+    EVERY,
+    KNOWN,
+    UNSEEN,
+    DetectorView,
+    accuracies,
+    detector_conditions,
+    detector_table,
+    extremes,
+    named,
+)
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import initial_actor
+
+
+def swapped(agent: TrainedAgent, one: str, other: str) -> TrainedAgent:
+    """The agent with the detectors of two words of a group exchanged."""
+    rows = [agent.design.vocabulary.row[word] for word in (one, other)]
+    tensors = dict(agent.snapshot.tensors)
+    for name in ("detectors.weight", "detectors.bias"):
+        tensors[name] = tensors[name].copy()
+        tensors[name][rows] = tensors[name][rows[::-1]]
+    return replace(agent, snapshot=replace(agent.snapshot, tensors=tensors))
+
+
+def test_right_detectors_are_found_right(novice: TrainedAgent):
+    rows = detector_table({4: novice}, 4)
+    assert {row.seed for row in rows} == {4}
+    assert {row.condition for row in rows} == {KNOWN, UNSEEN}
+    for row in rows:
+        assert row.separated == 1.0
+        if row.condition == KNOWN:
+            assert (row.seen, row.right) == (True, 1.0)
+            assert row.on > 0.999 and row.best_distractor < 0.001
+    unseen = {row.word: row for row in rows if not row.seen}
+    assert set(unseen) == {"new shape", "new color"}
+    # logits of new blocks are all equal: 1 - (1 - (3/4)^3) (3/4) and 1 - (1 - (4/5)^3) (4/5)^2
+    assert unseen["new shape"].on == pytest.approx(1 - (1 - 0.75**3) * 0.75, abs=1e-4)
+    assert unseen["new color"].on == pytest.approx(1 - (1 - 0.8**3) * 0.8**2, abs=1e-4)
+    assert unseen["new color"].best_distractor < 0.001
+
+
+def test_exchanged_detectors_are_found_wrong(novice: TrainedAgent):
+    wrong = swapped(novice, "RED", "BLUE")
+    looks = list(DetectorView(wrong).looks(KNOWN, 6))
+    rows = {row.word: row for row in accuracies(0, wrong.design, KNOWN, looks)}
+    assert rows["RED"].on < 0.001 and rows["RED"].right < 0.5
+    assert rows["RED"].separated < rows["GREEN"].separated == 1.0
+    assert rows["CUBE"].right == 1.0
+    best, worst = extremes(looks)
+    assert best.margin > 0.99 and worst.margin < -0.5
+    assert {"red", "blue"} & set(named(worst, wrong.design).split())
+    assert named(best, wrong.design).split()[0] == "green"
+
+
+def test_looks_are_taken_along_the_episodes_in_which_the_agent_acts(novice: TrainedAgent):
+    longer = replace(novice, arena=replace(novice.arena, episode_steps=2 * EVERY))
+    view = DetectorView(longer)
+    looks = list(view.looks(KNOWN, 2))
+    assert [(look.episode.index, look.step) for look in looks] == [
+        (episode, step) for episode in (0, 1) for step in (0, EVERY, 2 * EVERY)
+    ]
+    shown = view.show(looks[1])
+    np.testing.assert_array_equal(shown.simulation.objects(), looks[1].observation.objects)
+    assert looks[1].hand == tuple(shown.simulation.positions[0, :2])
+
+
+def test_designs_without_spare_words_have_known_scenes_only(novice: TrainedAgent):
+    assert detector_conditions(novice.design) == (KNOWN, UNSEEN)
+    assert detector_conditions(design_named("2-L")) == (KNOWN,)
+    assert detector_conditions(design_named("2-C")) == ("train",)
+
+
+def test_an_agent_without_detectors_is_refused(novice: TrainedAgent):
+    config = NetworkConfig(novice.design.vocabulary, kind="canonical", canonical_hidden=8)
+    tensors = initial_actor(config, np.random.default_rng(0))
+    snapshot = replace(novice.snapshot, architecture=config.architecture, tensors=tensors)
+    with pytest.raises(ConfigError, match="canonical"):
+        DetectorView(replace(novice, snapshot=snapshot))
