@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
+from PIL import Image
 
 from pa_ros.core.errors import ConfigError
 
@@ -57,7 +58,7 @@ def learning_curve(
     axes.set(xlabel="frames (control steps)", ylabel="reward per step", title=title)
     axes.set_ylim(-1.05, 1)
     axes.legend(loc="upper left", frameon=False)
-    _save(figure, path)
+    save(figure, path)
 
 
 def phi_picture(
@@ -85,18 +86,29 @@ def phi_picture(
         1, 2, figsize=(10, 4), layout="constrained", width_ratios=(1, 1.6)
     )
     _top_view(left, blocks, hand)
-    objects = ["HAND", *(f"{color} {shape}".lower() for color, shape, _, _ in blocks)]
-    table = np.concatenate([phi, relevance[None]]).T  # [N, V + 1]
-    right.imshow(table, cmap="viridis", vmin=0, vmax=1, aspect="auto")
-    right.set_xticks(range(len(words) + 1), [*words, "p"], rotation=45, ha="right")
-    right.set_yticks(range(len(objects)), objects)
-    for (row, column), value in np.ndenumerate(table):
-        right.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8,
-                   color="black" if value > 0.6 else "white")  # fmt: skip
-    right.axvline(len(words) - 0.5, color="white", linewidth=2)
+    heat_map(right, [(color, shape) for color, shape, _, _ in blocks], phi, relevance, words)
     right.set_title("learned detectors Φᵀ and relevant objects p")
     figure.suptitle(program, family="monospace", fontsize=10)
-    _save(figure, path)
+    save(figure, path)
+
+
+def heat_map(
+    axes: Axes,
+    blocks: Sequence[tuple[str, str]],
+    phi: NDArray[np.floating],
+    relevance: NDArray[np.floating],
+    words: Sequence[str],
+) -> None:
+    """Φ transposed and p as numbers on colors; `blocks` are (color, shape), the rest as above."""
+    objects = ["HAND", *(f"{color} {shape}".lower() for color, shape in blocks)]
+    table = np.concatenate([phi, relevance[None]]).T  # [N, V + 1]
+    axes.imshow(table, cmap="viridis", vmin=0, vmax=1, aspect="auto")
+    axes.set_xticks(range(len(words) + 1), [*words, "p"], rotation=45, ha="right")
+    axes.set_yticks(range(len(objects)), objects)
+    for (row, column), value in np.ndenumerate(table):
+        axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8,
+                  color="black" if value > 0.6 else "white")  # fmt: skip
+    axes.axvline(len(words) - 0.5, color="white", linewidth=2)
 
 
 def _top_view(
@@ -115,7 +127,14 @@ def _top_view(
              ylabel="y (m)", title="the arena from above")  # fmt: skip
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path, colors: int | None = None) -> None:
+    """Write a PNG, its folder too, and close the figure; `colors` makes one of a palette, small."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
+    if colors is not None:
+        with Image.open(path) as picture:
+            small = picture.convert("RGB").quantize(
+                colors, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+            )
+        small.save(path, optimize=True)

@@ -1,0 +1,117 @@
+"""Pictures of zero-shot performance, and of detectors in the scenes they answer best and worst.
+
+(paper, figures 5 and 6 and appendix "Detector visualizations")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from pa_ros.arena import ReachTask, RenderError
+from pa_ros.arena.render import render, top_view
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.detectors import DetectorView, Look, detector_conditions, extremes, named
+from pa_ros.evaluation.figures import heat_map, save
+from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, Row, Summary, summarize
+
+BOX, SEEDS, SCRIPT, BLIND_MARK = "#8fb8de", "#1f4e79", "#555555", "#c0392b"
+COLORS = 256  # of the palette
+GROUPS = ("only-color", "blocks-2", "ignore-new", "reach-new-shape", "depth-3")
+"""Conditions before which a line is drawn."""
+
+
+def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
+    """Reward per step under each condition: boxes over all episodes, a dot for each seed's mean.
+
+    Beside them the mean of the scripted reference and of the best reference that ignores the
+    program, on the same episodes. Whiskers reach the 5th and the 95th percentile.
+    """
+    summaries = summarize(rows)
+    figure, axes = plt.subplots(
+        figsize=(max(7.0, 0.5 * len(summaries) + 1.5), 4.6), layout="constrained"
+    )
+    for x, summary in enumerate(summaries):
+        _column(axes, x, [row for row in rows if row.condition == summary.condition], summary)
+        if summary.condition in GROUPS and x > 0:
+            axes.axvline(x - 0.5, color="#cccccc", linewidth=0.8)
+    axes.plot([], [], "o", color=SEEDS, markersize=4, label="mean of each seed")
+    axes.plot([], [], color=SCRIPT, linewidth=2, label="scripted, knows the target")
+    axes.plot([], [], color=BLIND_MARK, linewidth=2, label="best that ignores the program")
+    names = ["random weights" if s.condition == RANDOM_WEIGHTS else s.condition for s in summaries]
+    axes.set_xticks(range(len(names)), names, rotation=45, ha="right")
+    axes.set(ylabel="reward per step", ylim=(-1.05, 1.05), title=title)
+    axes.legend(loc="lower left", fontsize=8, ncols=3, bbox_to_anchor=(0, 0.06))
+    save(figure, path, COLORS)
+
+
+def _column(axes: Axes, x: int, rows: Sequence[Row], summary: Summary) -> None:
+    box = axes.boxplot(
+        [row.reward for row in rows],
+        positions=[x],
+        widths=0.62,
+        whis=(5, 95),
+        patch_artist=True,
+        manage_ticks=False,
+        flierprops={"marker": ".", "markersize": 2, "markeredgecolor": "#999999"},
+        medianprops={"color": "black"},
+    )
+    box["boxes"][0].set(facecolor=BOX, linewidth=0.8)
+    seeds = list(dict.fromkeys(row.seed for row in rows))
+    means = [np.mean([row.reward for row in rows if row.seed == seed]) for seed in seeds]
+    shifts = np.linspace(-0.2, 0.2, len(seeds)) if len(seeds) > 1 else [0.0]
+    axes.plot(x + np.asarray(shifts), means, "o", color=SEEDS, markersize=3, zorder=4)
+    scripted = np.mean([row.scripted for row in rows])
+    blind = np.mean([getattr(row, summary.blind) for row in rows])
+    for level, color in ((scripted, SCRIPT), (blind, BLIND_MARK)):
+        axes.hlines(float(level), x - 0.42, x + 0.42, color=color, linewidth=2, zorder=3)
+
+
+def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) -> None:
+    """Arena, Φ transposed and p for known and unseen properties, a good and a bad case of each.
+
+    The good case is the look with the greatest margin of all episodes of the condition, the bad
+    one that with the least: p of the least relevant target less p of the best distractor.
+    """
+    conditions = detector_conditions(agent.design)
+    count = 2 * len(conditions)
+    figure, axes = plt.subplots(
+        count, 2, figsize=(9.5, 2.3 * count + 0.6), width_ratios=(1, 1.9), layout="constrained"
+    )
+    view = DetectorView(agent)
+    row = 0
+    for condition in conditions:
+        for case, look in zip(
+            ("best", "worst"), extremes(list(view.looks(condition, episodes))), strict=True
+        ):
+            _case(axes[row], view.show(look), look, agent)
+            axes[row][0].set_ylabel(f"{condition}: {case}\nmargin {look.margin:+.2f}", fontsize=9)
+            row += 1
+    for _, table in axes[:-1]:
+        table.set_xticklabels([])
+    figure.suptitle(title, fontsize=10)
+    save(figure, path, COLORS)
+
+
+def _case(axes: Sequence[Axes], task: ReachTask, look: Look, agent: TrainedAgent) -> None:
+    picture, table = axes
+    picture.imshow(_picture(task))
+    picture.set(xticks=[], yticks=[])
+    picture.set_title(f"target: {named(look, agent.design)}", fontsize=8)
+    kinds = [(block.kind.color, block.kind.shape) for block in look.episode.blocks]
+    heat_map(table, kinds, look.phi, look.p, look.words)
+    table.tick_params(labelsize=7)
+    table.set_title(look.episode.program, fontsize=6.5, family="monospace")
+
+
+def _picture(task: ReachTask) -> NDArray[np.uint8]:
+    """Rendered where there is OpenGL, else from above, [H, W, 3]."""
+    try:
+        return render(task.simulation, 400, 300)
+    except RenderError:
+        return top_view(task, 300)
