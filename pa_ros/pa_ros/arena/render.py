@@ -15,6 +15,7 @@ from pa_ros.arena.task import ReachTask
 
 CAMERA = "overview"
 _INCH_PX = 100
+_refusals: list[str] = []  # of OpenGL in this process: none, or one
 _MARKERS = {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "D"}
 
 
@@ -22,8 +23,11 @@ def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]
     """Rendered RGB picture of the present moment, [height, width, 3].
 
     MuJoCo reads the variable MUJOCO_GL ("egl" or "osmesa") when it is first imported. Raises
-    RenderError if there is no such OpenGL on this machine.
+    RenderError if there is no such OpenGL on this machine; then nor is there later in this
+    process, for another attempt would make MuJoCo abort it.
     """
+    if _refusals:
+        raise RenderError(_refusals[0])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # GLFW's, on a machine without a display
@@ -31,10 +35,13 @@ def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]
                 renderer.update_scene(simulation.data, CAMERA)
                 return np.asarray(renderer.render(), dtype=np.uint8)
     except Exception as error:  # each OpenGL back end has its own kinds of failure
-        raise RenderError(
+        refusal = (
             f"expected offscreen OpenGL (MUJOCO_GL=egl or osmesa), got {type(error).__name__}: "
             f"{error}"
-        ) from error
+        )
+        if not isinstance(error, ValueError):  # which is about the size
+            _refusals.append(refusal)
+        raise RenderError(refusal) from error
 
 
 def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
