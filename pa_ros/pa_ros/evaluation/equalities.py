@@ -1,0 +1,185 @@
+"""Programs that mean the same: how differently does an agent relate to and act on them?
+
+Over soft sets some logical laws hold exactly (double negation, De Morgan, order, grouping), so
+the agent must act alike to float precision. Others (idempotence, distribution, absorption) hold
+only where the detectors say 0 or 1: x and x is x², so there the difference measures how crisp the
+grounding is (paper, eq. logic).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from pa_ros.arena import ReachTask
+from pa_ros.core.experience import Observation
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.benchmark import EPISODES_SEED
+from pa_ros.language import And, Expression, Not, Or, Program, Word, parse
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.inference import ProgrammableInference
+from pa_ros.networks.programs import ProgramTable, relevant_objects
+
+CONDITIONS = ("eval", "depth-3")
+"""Of the scenes and of the programs that the laws are applied to."""
+
+Pair = tuple[Expression, Expression]
+
+
+@dataclass(frozen=True)
+class Law:
+    """Two ways to say the same of what expression `e` names: a thing of color c and shape s."""
+
+    name: str
+    exact: bool  # holds over soft sets too
+    pair: Callable[[Expression, Word, Word], Pair]
+
+
+LAWS = (
+    Law("double negation", True, lambda e, c, s: (e, Not(Not(e)))),
+    Law("De Morgan", True, lambda e, c, s: (e, de_morgan(e))),
+    Law("commuted", True, lambda e, c, s: (e, commuted(e))),
+    Law("associated AND", True, lambda e, c, s: (And((And((e, c)), s)), And((e, And((c, s)))))),
+    Law("associated OR", True, lambda e, c, s: _associated_or(e, And((e, c)), And((e, s)))),
+    Law("idempotent AND", False, lambda e, c, s: (e, And((e, e)))),
+    Law("idempotent OR", False, lambda e, c, s: (e, Or((e, e)))),
+    Law("distributive AND", False, lambda e, c, s: _distributive(And, Or, e, c, s)),
+    Law("distributive OR", False, lambda e, c, s: _distributive(Or, And, e, c, s)),
+    Law("absorption", False, lambda e, c, s: (e, Or((e, And((e, c)))))),
+)
+
+
+def de_morgan(expression: Expression) -> Expression:
+    """Every AND as NOT OR NOT, and every OR as NOT AND NOT."""
+    match expression:
+        case Word():
+            return expression
+        case Not(operand):
+            return Not(de_morgan(operand))
+        case And(operands):
+            return Not(Or(tuple(Not(de_morgan(operand)) for operand in operands)))
+        case Or(operands):
+            return Not(And(tuple(Not(de_morgan(operand)) for operand in operands)))
+
+
+def commuted(expression: Expression) -> Expression:
+    """All operands in reverse order."""
+    match expression:
+        case Word():
+            return expression
+        case Not(operand):
+            return Not(commuted(operand))
+        case And(operands):
+            return And(tuple(commuted(operand) for operand in reversed(operands)))
+        case Or(operands):
+            return Or(tuple(commuted(operand) for operand in reversed(operands)))
+
+
+def _associated_or(x: Expression, y: Expression, z: Expression) -> Pair:
+    return Or((Or((x, y)), z)), Or((x, Or((y, z))))
+
+
+def _distributive(
+    outer: type[And] | type[Or], inner: type[And] | type[Or], x: Expression, y: Word, z: Word
+) -> Pair:
+    return outer((x, inner((y, z)))), inner((outer((x, y)), outer((x, z))))
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The largest differences between both programs of one law, over one seed's episodes.
+
+    p and action are compared at every observation of the episodes in which the agent executes the
+    left program; the score is the reward per step of executing one or the other.
+    """
+
+    seed: int
+    law: str
+    exact: bool
+    condition: str
+    episodes: int
+    p: float
+    action: float  # of any joint, in [0, 2]
+    score: float
+    mean_score: float  # mean difference, right less left
+
+
+class _Comparison:
+    """One agent on one task."""
+
+    def __init__(self, agent: TrainedAgent) -> None:
+        network = actor_config(agent.snapshot.architecture)
+        self._agent = agent
+        self._act = agent.policy
+        self._limits = np.array(agent.arena.joint_speed_limits)
+        self._vocabulary = network.vocabulary
+        self._inference = ProgrammableInference(network, agent.snapshot.tensors)
+        self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
+
+    def measure(self, law: Law, condition: str, index: int) -> tuple[float, float, float]:
+        """Largest difference of p and of the action, and right less left score, of an episode."""
+        task = self._task
+        task.reset(index, condition)
+        (target,) = task.verifier.targets
+        kind = task.episode.blocks[target - 1].kind
+        expression = parse(task.program, self._vocabulary).target
+        left, right = (
+            str(Program(side)) for side in law.pair(expression, Word(kind.color), Word(kind.shape))
+        )
+        seen, score = self._execute(left)
+        _, other_score = self._execute(right)
+        p = self._relevance(seen, left, right)  # [T, 2, N]
+        actions = np.array([[self._act(o, text) for text in (left, right)] for o in seen])
+        actions /= self._limits  # [T, 2, 6]
+        return (
+            float(np.abs(p[:, 0] - p[:, 1]).max()),
+            float(np.abs(actions[:, 0] - actions[:, 1]).max()),
+            other_score - score,
+        )
+
+    def _execute(self, program: str) -> tuple[list[Observation], float]:
+        """The task's present episode from its start under another program."""
+        self._task.reset_to(self._task.episode)
+        observation, verdict = self._task.set_program(program)
+        seen, total = [observation], 0.0
+        while not verdict.truncated:
+            observation, verdict = self._task.step(self._act(observation, program))
+            seen.append(observation)
+            total += verdict.reward
+        return seen, total / (len(seen) - 1)
+
+    def _relevance(self, seen: list[Observation], *programs: str) -> NDArray[np.float32]:
+        """p of each program at each observation in float32, as the networks compute it."""
+        table = ProgramTable(self._vocabulary)
+        for text in programs:
+            table.add(parse(text, self._vocabulary))
+        phi = np.stack([self._inference.properties(o.objects, o.arm) for o in seen])  # [T, V, N]
+        codes = (code.expand(len(seen), *code.shape) for code in table.tensors())
+        p = relevant_objects(torch.from_numpy(phi), seen[0].hand_index, *codes)
+        return np.asarray(p.numpy())
+
+
+def differences(seed: int, agent: TrainedAgent, episodes: int) -> list[Difference]:
+    """One row for each law and each of CONDITIONS; `agent` must be a programmable one."""
+    comparison = _Comparison(agent)
+    rows = []
+    for condition in CONDITIONS:
+        for law in LAWS:
+            found = np.array(
+                [comparison.measure(law, condition, index) for index in range(episodes)]
+            )  # [E, 3]
+            p, action, score = (float(value) for value in np.abs(found).max(axis=0))
+            mean = float(found[:, 2].mean())
+            rows.append(
+                Difference(seed, law.name, law.exact, condition, episodes, p, action, score, mean)
+            )
+    return rows
+
+
+def difference_table(agents: Mapping[int, TrainedAgent], episodes: int) -> list[Difference]:
+    """Differences of every agent, by seed."""
+    return [row for seed, agent in agents.items() for row in differences(seed, agent, episodes)]
