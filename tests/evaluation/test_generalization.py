@@ -113,6 +113,7 @@ def test_intervals_widen_with_the_spread_over_seeds_and_over_episodes():
     assert episodes == pytest.approx(2 * 1.96 * 0.3 / 2 / 50**0.5, rel=0.3)
     assert seeds == pytest.approx(2 * 1.96 * 0.3 / 2 / 5**0.5, rel=0.5)
     assert both > seeds > episodes
+    assert np.isnan(normalized_over_seeds(over_seeds, random, random).mean)
     gain = gain_over(over_seeds, np.full(50, -0.5), random, scripted)
     assert gain.mean == pytest.approx(over_seeds.mean() / 2 + 0.25)
 

@@ -21,7 +21,7 @@ from pa_ros.evaluation.benchmark import EPISODES_SEED, Benchmark, Scorer
 from pa_ros.evaluation.blind import BLIND
 from pa_ros.evaluation.evaluate import REFERENCES
 from pa_ros.evaluation.intervals import gain_over, normalized_over_seeds
-from pa_ros.evaluation.scores import rewards
+from pa_ros.evaluation.scores import normalized, rewards
 
 RANDOM_WEIGHTS = "random"
 """The condition whose agents have random weights; its episodes are those of `train`."""
@@ -147,8 +147,8 @@ def _summary(condition: str, rows: Sequence[Row]) -> Summary:
     best = int(np.argmax([reference.mean() for reference in blind]))
     mean = normalized_over_seeds(scores, random, scripted)
     gain = gain_over(scores, blind[best], random, scripted)
-    span = scripted.mean() - random.mean()
-    by_seed = (scores.mean(axis=1) - random.mean()) / span
+    low, high = float(random.mean()), float(scripted.mean())
+    by_seed = np.array([normalized(float(mean), low, high) for mean in scores.mean(axis=1)])
     return Summary(
         condition=condition,
         seeds=len(seeds),
@@ -161,7 +161,7 @@ def _summary(condition: str, rows: Sequence[Row]) -> Summary:
         seeds_above_0_9=int((by_seed >= 0.9).sum()),
         success_rate=float(np.mean([row.success for row in rows])),
         blind=BLIND[best],
-        blind_normalized=float((blind[best].mean() - random.mean()) / span),
+        blind_normalized=normalized(float(blind[best].mean()), low, high),
         gain=gain.mean,
         gain_low=gain.low,
         gain_high=gain.high,

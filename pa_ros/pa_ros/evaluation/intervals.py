@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.evaluation.scores import CONFIDENCE, RESAMPLES, Interval
+from pa_ros.evaluation.scores import CONFIDENCE, RESAMPLES, Interval, normalized
 
 Float = NDArray[np.float64]
 
@@ -28,13 +28,22 @@ def gain_over(
 
 
 def _interval(scores: Float, base: Float, random: Float, scripted: Float, seed: int) -> Interval:
-    """(scores − base) / (scripted − random), each a mean over the resampled episodes."""
+    """(scores − base) / (scripted − random), each a mean over the resampled episodes.
+
+    Resamples in which the references coincide are left out; nan if they always do.
+    """
     seeds, episodes = scores.shape
     gains, span = scores - base, scripted - random  # [S, E], [E]
     rng = np.random.default_rng(seed)
     seed_weights = rng.multinomial(seeds, [1 / seeds] * seeds, size=RESAMPLES)  # [R, S]
     weights = rng.multinomial(episodes, [1 / episodes] * episodes, size=RESAMPLES)  # [R, E]
-    resampled = ((seed_weights @ gains) * weights).sum(1) / seeds / (weights @ span)  # [R]
+    gain = ((seed_weights @ gains) * weights).sum(1) / seeds  # [R]
+    spans = weights @ span  # [R]
+    kept = spans != 0.0
+    if not kept.any():
+        return Interval(*[float("nan")] * 3)
     tail = 50 * (1 - CONFIDENCE)
-    low, high = np.percentile(resampled, [tail, 100 - tail])
-    return Interval(float(gains.mean() / span.mean()), float(low), float(high))
+    low, high = np.percentile(gain[kept] / spans[kept], [tail, 100 - tail])
+    return Interval(
+        normalized(float(gains.mean()), 0.0, float(span.mean())), float(low), float(high)
+    )

@@ -1,0 +1,88 @@
+"""The experiments on agents that are trained already: their tables and pictures in one folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.detectors import Accuracy, detector_table
+from pa_ros.evaluation.equalities import Difference, difference_table
+from pa_ros.evaluation.figures_generalization import detector_figure, generalization_figure
+from pa_ros.evaluation.generalization import Row, Summary, generalize, setting, summarize
+from pa_ros.evaluation.tables import read_rows, write_rows
+
+EQUALITY_EPISODES, DETECTOR_EPISODES = 30, 50
+
+Agents = Mapping[int, TrainedAgent]
+
+
+def generalization(
+    agents: Agents,
+    folder: Path,
+    cache: Path,
+    episodes: int = 100,
+    suffix: str = "",
+    report: Callable[[str], None] = print,
+) -> list[Summary]:
+    """Every condition: `generalization{suffix}.csv`, `.json` and `.png`, and a -summary.csv.
+
+    Scores are kept under `cache`, so that an interrupted call goes on. Raises ConfigError unless
+    the agents (by seed) share design and arena.
+    """
+    rows = generalize(agents, cache, episodes, report=report)
+    summaries = summarize(rows)
+    table = folder / f"generalization{suffix}.csv"
+    write_rows(table, rows)
+    write_rows(folder / f"generalization-summary{suffix}.csv", summaries)
+    _write_setting(table, agents, episodes)
+    redraw_generalization(table)
+    return summaries
+
+
+def redraw_generalization(table: Path) -> Path:
+    """The picture of a table that `generalization` wrote, beside it; its path."""
+    rows = read_rows(table, Row)
+    facts = json.loads(table.with_suffix(".json").read_text())
+    picture = table.with_suffix(".png")
+    generalization_figure(
+        picture,
+        rows,
+        f"{facts['design']}, {facts['preset']} preset: zero-shot performance of "
+        f"{len(facts['agents'])} agents, {facts['episodes']} episodes each",
+    )
+    return picture
+
+
+def equalities(
+    agents: Agents, folder: Path, episodes: int = EQUALITY_EPISODES, suffix: str = ""
+) -> list[Difference]:
+    """Logically equal programs: `equalities{suffix}.csv` and `.json`."""
+    rows = difference_table(agents, episodes)
+    table = folder / f"equalities{suffix}.csv"
+    write_rows(table, rows)
+    _write_setting(table, agents, episodes)
+    return rows
+
+
+def detectors(
+    agents: Agents, folder: Path, episodes: int = DETECTOR_EPISODES, suffix: str = ""
+) -> list[Accuracy]:
+    """What detectors answer: `detectors{suffix}.csv` and `.json`, a `.png` of the first agent."""
+    rows = detector_table(agents, episodes)
+    table = folder / f"detectors{suffix}.csv"
+    write_rows(table, rows)
+    _write_setting(table, agents, episodes)
+    seed, agent = next(iter(agents.items()))
+    title = (
+        f"{agent.design.name}, {agent.arena.preset} preset, seed {seed}: learned detectors where "
+        f"they do best and worst in {episodes} episodes"
+    )
+    detector_figure(table.with_suffix(".png"), agent, episodes, title)
+    return rows
+
+
+def _write_setting(table: Path, agents: Agents, episodes: int) -> None:
+    text = json.dumps(setting(agents, episodes), indent=1)
+    table.with_suffix(".json").write_text(text + "\n")

@@ -1,0 +1,53 @@
+"""Experiments on trained agents leave tables that can be read back, and pictures."""
+
+import json
+
+import pytest
+
+from pa_ros.cli.main import main
+from pa_ros.evaluation import zero_shot
+from pa_ros.evaluation.agents import TrainedAgent, load_agent, without_training
+from pa_ros.evaluation.detectors import Accuracy
+from pa_ros.evaluation.equalities import LAWS, Difference
+from pa_ros.evaluation.generalization import CONDITIONS, Row, Summary
+from pa_ros.evaluation.tables import read_rows
+
+
+@pytest.fixture
+def agents(novice: TrainedAgent) -> dict[int, TrainedAgent]:
+    return {0: novice, 1: without_training(novice, 1)}
+
+
+def test_generalization(agents, tmp_path):
+    said: list[str] = []
+    out = tmp_path / "results"
+    summaries = zero_shot.generalization(agents, out, tmp_path / "cache", 2, ".x", said.append)
+    rows = read_rows(out / "generalization.x.csv", Row)
+    assert len(rows) == len(CONDITIONS) * 2 * 2 and len(said) == len(CONDITIONS) * 2
+    assert [s.condition for s in summaries] == list(CONDITIONS)
+    assert len(read_rows(out / "generalization-summary.x.csv", Summary)) == len(CONDITIONS)
+    facts = json.loads((out / "generalization.x.json").read_text())
+    assert facts["agents"]["1"]["weights"] == agents[1].digest
+    picture = out / "generalization.x.png"
+    before = picture.read_bytes()
+    picture.unlink()
+    assert zero_shot.redraw_generalization(out / "generalization.x.csv") == picture
+    assert picture.read_bytes() == before
+
+
+def test_equalities_and_detectors(agents, tmp_path):
+    assert len(zero_shot.equalities(agents, tmp_path, 1)) == 2 * 2 * len(LAWS)
+    assert {row.seed for row in read_rows(tmp_path / "equalities.csv", Difference)} == {0, 1}
+    zero_shot.detectors(agents, tmp_path, 1)
+    assert {row.seed for row in read_rows(tmp_path / "detectors.csv", Accuracy)} == {0, 1}
+    assert (tmp_path / "detectors.png").stat().st_size < 120_000
+    assert json.loads((tmp_path / "detectors.json").read_text())["episodes"] == 1
+
+
+def test_an_agent_of_a_checkpoint(tmp_path):
+    run = ["train", "--out", str(tmp_path), "--design", "3-D", "--frames", "100", "--eval-every"]
+    assert main([*run, "0"]) == 0
+    agent, same = load_agent(tmp_path), load_agent(tmp_path / "checkpoint", "2-L", "paper")
+    assert (agent.design.name, agent.arena.preset) == ("3-D", "fast")
+    assert (same.design.name, same.arena.preset) == ("2-L", "paper")
+    assert agent.digest == same.digest and len(agent.digest) == 12
