@@ -1,44 +1,43 @@
-"""Recording topics into a rosbag2 bag (MCAP) from raw subscriptions.
+"""Recording topics into a rosbag2 bag from raw subscriptions.
 
-`python -m pa_ros.ros.record FOLDER` records BAG_TOPICS until SIGINT or SIGTERM. Messages are never
-deserialized: their bytes go to the file as they came, in chunks of a megabyte, so memory stays
-bounded whatever the length of the recording.
+Messages are never deserialized: their bytes go to the file as they came, with the time at which
+the middleware received them and their publisher's own time and number. A thread of the recorder's
+own takes them, in turns of DRAIN_S, from readers that no executor serves, so that recording costs
+the same whatever else the process does.
 """
 
 from __future__ import annotations
 
-import argparse
-import signal
-import sys
+import json
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections import deque
+from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+import rclpy
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rosbags.interfaces import (
-    Connection,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.errors import WriterError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
 
+from pa_ros.bags.contents import FOREVER, topic
+from pa_ros.bags.definitions import installed_types, message_type, register
+from pa_ros.bags.errors import BagError, BagFullError
+from pa_ros.bags.losses import Losses
+from pa_ros.bags.provenance import LOST, as_custom_data
+from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
+from pa_ros.ros.executor import spin_until
+from pa_ros.ros.graph import DISCOVERY_S
 from pa_ros.ros.topics import Topic
+from pa_ros.wire import codec
 
-# All of an execution: what was asked, seen, done and judged.
+# Everything: what was asked, seen, done and judged, and what was learned from it.
 BAG_TOPICS = (
+    topics.PROVENANCE,
     topics.ARENA_INFO,
     topics.PROGRAM,
     topics.PROGRAM_STATUS,
@@ -46,104 +45,195 @@ BAG_TOPICS = (
     topics.JOINT_STATES,
     topics.JOINT_COMMANDS,
     topics.VERDICT,
+    topics.TRANSITIONS,
+    topics.POLICY_WEIGHTS,
     topics.CLOCK,
     topics.DIAGNOSTICS,
 )
-_FOREVER = QosTime(9223372036, 854775807)  # how rosbag2 writes an unlimited duration
-BAG_VERSION: Final = 9  # of rosbag2's metadata, as Jazzy writes it
-
-
-class BagError(PaError):
-    """A bag that cannot be written, or a message type whose definition is not installed."""
-
-    code = "bag"
+DRAIN_S: Final = 0.005
+FLUSH_S: Final = 1.0  # what a SIGKILL can cost
+_TURN: Final = 500  # messages of one topic per turn, so that none starves
+_RECENT: Final = 1000  # messages remembered, to know one that two readers delivered
 
 
 class Recorder:
-    """Writes every message of some topics, as bytes, with the time at which it arrived.
+    """Writes every message of some topics; a context manager that closes the bag.
 
-    A context manager: on leaving it, whatever the cause, index and metadata are written, so that
-    the bag is readable.
+    `counts`, `lost` and `failure` may be read at any time. A full disk closes the bag and sets
+    `failure`; nothing is recorded afterwards.
     """
 
-    def __init__(self, folder: Path, node: Node, recorded: Iterable[Topic] = BAG_TOPICS) -> None:
-        """Names are resolved in the node's namespace. Raises BagError if `folder` exists."""
+    def __init__(
+        self,
+        folder: Path,
+        node: Node,
+        recorded: Iterable[Topic] = BAG_TOPICS,
+        options: BagOptions | None = None,
+    ) -> None:
+        """Names are resolved in the node's namespace. Raises BagError."""
+        self.failure: BagFullError | None = None
         self._node = node
-        self._typestore = get_typestore(Stores.ROS2_JAZZY)
-        try:
-            self._writer = Writer(folder, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
-        except WriterError as error:
-            raise BagError(f"bag: {error}") from error
         self._recorded = tuple(recorded)
-        self._subscriptions: list[Any] = []
-        self.counts: dict[str, int] = {}  # by the topic's full name
+        self._types = installed_types()
+        for one in self._recorded:
+            register(self._types, message_type(one.type))
+        self._writer = BagWriter(folder, options)
+        self._lines: list[_Line] = []
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
     def __enter__(self) -> Recorder:
+        name = f"{self._node.get_name()}_recorder"
+        self._reader = rclpy.create_node(
+            name,
+            namespace=self._node.get_namespace(),
+            context=self._node.context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
         try:
-            self._writer.open()
-        except (WriterError, OSError) as error:
-            raise BagError(f"bag: {error}") from error
-        try:
-            for topic in self._recorded:
-                self._subscribe(topic)
+            for one in self._recorded:
+                self._lines.append(self._line(one))
         except BaseException:
-            self.close()
+            self._writer.close()
+            self._reader.destroy_node()
             raise
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages recorded, by the topic's full name."""
+        return dict(self._writer.counts)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages that were sent and did not come, by the topic's full name."""
+        return {line.name: line.losses.lost for line in self._lines}
+
+    @property
+    def size(self) -> int:
+        """Bytes on disk."""
+        return self._writer.size
+
     def close(self) -> None:
-        """Stop recording and write the index. Nothing is written afterwards."""
+        """Take what has come, write the index and metadata. Nothing is written afterwards."""
+        if self._stop.is_set():
+            return
+        self._stop.set()
+        self._thread.join()
+        try:
+            self._writer.close({LOST: json.dumps(self.lost), **self._provenance()})
+        except BagFullError as error:
+            self.failure = error
+        self._reader.destroy_node()
+
+    def _line(self, one: Topic) -> _Line:
+        name = self._reader.resolve_topic_name(one.name)
+        type_name = message_type(one.type)
+        self._writer.add(topic(self._types, name, type_name, [offered_qos(one.writer)]))
+        return _Line(self._reader, name, one)
+
+    def _run(self) -> None:
+        flushed = time.monotonic()
+        try:
+            while not self._stop.wait(DRAIN_S):
+                self._drain()
+                if time.monotonic() - flushed >= FLUSH_S:
+                    flushed = time.monotonic()
+                    self._writer.flush()
+            while self._drain():
+                pass
+        except BagFullError as error:
+            self.failure = error
+
+    def _drain(self) -> int:
+        """One turn: what has come on each topic; how much it was."""
+        taken = 0
+        for line in self._lines:
+            for payload, info in line.take():
+                sent_ns, number = info["source_timestamp"], info["publication_sequence_number"]
+                log_ns = info["received_timestamp"] or time.time_ns()
+                self._writer.write(line.name, payload, log_ns, sent_ns, number or 0)
+                taken += 1
+        return taken
+
+    def _provenance(self) -> dict[str, str]:
+        """What the latched topics said, decoded for the metadata."""
+        origins, arenas = [], []
+        for line in self._lines:
+            for payload in line.said:
+                message = self._types.deserialize_cdr(payload, line.type_name)
+                try:
+                    if line.type_name.endswith("/Provenance"):
+                        origins.append(codec.decode_provenance(message))
+                    else:
+                        arenas.append(codec.decode_arena_info(message))
+                except PaError:
+                    continue  # of another edition; the message itself is in the bag
+        return as_custom_data(origins, arenas)
+
+
+class _Line:
+    """One topic on its way into the bag."""
+
+    def __init__(self, node: Node, name: str, one: Topic) -> None:
+        self.name = name
+        self.type_name = message_type(one.type)
+        self.losses = Losses(lambda: node.count_publishers(name))
+        self.said: deque[bytes] = deque(maxlen=100)  # what goes into the metadata too
+        self._keeps = one in (topics.PROVENANCE, topics.ARENA_INFO)
+        profiles = [reader_qos(one.reader)]
+        if one.name == topics.PROGRAM.name:  # plain publishers are VOLATILE; see topics
+            profiles.append(reader_qos(topics.PROGRAM_LIVE.reader))
+        self._twins: deque[tuple[int, int]] = deque(maxlen=_RECENT if profiles[1:] else 0)
+        self._subscriptions = [
+            node.create_subscription(one.type, one.name, lambda _: None, profile, raw=True)
+            for profile in profiles
+        ]
+
+    def take(self) -> Iterable[tuple[bytes, Any]]:
+        """Messages that have come, with what the middleware says of each."""
         for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
-        self._subscriptions.clear()
-        self._writer.close()
+            for _ in range(_TURN):
+                with subscription.handle:
+                    taken = subscription.handle.take_message(subscription.msg_type, True)
+                if taken is None:
+                    break
+                payload, info = taken
+                if self._is_new(info):
+                    if self._keeps:
+                        self.said.append(payload)
+                    yield payload, info
 
-    def _subscribe(self, topic: Topic) -> None:
-        name, type_name = self._node.resolve_topic_name(topic.name), message_type(topic.type)
-        register(self._typestore, type_name)
-        connection = self._writer.add_connection(
-            name,
-            type_name,
-            typestore=self._typestore,
-            offered_qos_profiles=[offered_qos(topic.writer)],
-        )
-        self.counts[name] = 0
-        self._subscriptions.append(
-            self._node.create_subscription(
-                topic.type, topic.name, self._keep(connection), topic.reader, raw=True
-            )
-        )
-
-    def _keep(self, connection: Connection) -> Callable[[bytes], None]:
-        def receive(payload: bytes) -> None:
-            self._writer.write(connection, time.time_ns(), payload)
-            self.counts[connection.topic] += 1
-
-        return receive
+    def _is_new(self, info: Any) -> bool:
+        number = info["publication_sequence_number"] or 0
+        if self._twins.maxlen:
+            mark = (info["source_timestamp"], number)
+            if mark in self._twins:
+                return False
+            self._twins.append(mark)
+        if number:
+            self.losses.take(number)
+        return True
 
 
-def message_type(message_class: Any) -> str:
-    """Full name of a message class: "sensor_msgs/msg/JointState"."""
-    package, kind = message_class.__module__.split(".")[:2]
-    return f"{package}/{kind}/{message_class.__name__}"
+def reader_qos(profile: QoSProfile) -> QoSProfile:
+    """The same, but with room for what may wait: the recorder is to lose nothing.
 
-
-def register(typestore: Typestore, type_name: str) -> None:
-    """Make a type known, from the .msg files that its package installs. Raises BagError."""
-    if type_name in typestore.fielddefs:
-        return
-    package = type_name.partition("/")[0]
-    try:
-        folder = Path(get_package_share_directory(package)) / "msg"
-    except PackageNotFoundError as error:
-        raise BagError(f"bag: {type_name}: {error}") from error
-    for file in sorted(folder.glob("*.msg")):
-        typestore.register(get_types_from_msg(file.read_text(), f"{package}/msg/{file.stem}"))
-    if type_name not in typestore.fielddefs:
-        raise BagError(f"bag: {type_name}: expected its definition in {folder}, found none")
+    Without limit where messages are small or must not be lost; a hundred of the latched ones,
+    which are few, or as large as weights.
+    """
+    latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    return QoSProfile(
+        reliability=profile.reliability,
+        durability=profile.durability,
+        history=HistoryPolicy.KEEP_LAST if latched else HistoryPolicy.KEEP_ALL,
+        depth=max(profile.depth, topics.LATCHED_READER.depth),
+    )
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
@@ -153,40 +243,46 @@ def offered_qos(profile: QoSProfile) -> Qos:
         depth=profile.depth,
         reliability=QosReliability[profile.reliability.name],
         durability=QosDurability[profile.durability.name],
-        deadline=_FOREVER,
-        lifespan=_FOREVER,
+        deadline=FOREVER,
+        lifespan=FOREVER,
         liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=_FOREVER,
+        liveliness_lease_duration=FOREVER,
         avoid_ros_namespace_conventions=False,
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Record until SIGINT or SIGTERM; the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m pa_ros.ros.record", description=__doc__)
-    parser.add_argument("folder", type=Path, help="the bag to write; must not exist")
-    parser.add_argument("--namespace", default="", help="of the arena to record")
-    options = parser.parse_args(arguments)
+def topics_named(node: Node, names: Iterable[str]) -> list[Topic]:
+    """Topics by name: ours, and any other that someone publishes now. Raises BagError."""
+    ours = {node.resolve_topic_name(one.name): one for one in BAG_TOPICS}
+    wanted = [node.resolve_topic_name(name) for name in names]
+    strangers = [name for name in wanted if name not in ours]
+
+    def unseen() -> list[str]:
+        return [name for name in strangers if not node.get_publishers_info_by_topic(name)]
+
+    spin_until(node, lambda: not unseen(), DISCOVERY_S if strangers else 0.0)
+    if unseen():
+        known = ", ".join(sorted(name.rpartition("/")[2] for name in ours))
+        raise BagError(
+            f"record: expected topics that someone publishes, or {known}; got {unseen()}"
+        )
+    return [ours.get(name) or _stranger(node, name) for name in wanted]
+
+
+def _stranger(node: Node, name: str) -> Topic:
+    found = node.get_publishers_info_by_topic(name)
+    profiles = [info.qos_profile for info in found]
+    package, _, kind = found[0].topic_type.split("/")
     try:
-        _record(options.folder, options.namespace)
-    except PaError as error:
-        print(f"record: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-def _record(folder: Path, namespace: str) -> None:
-    from pa_ros.ros.client import client_node
-    from pa_ros.ros.executor import spin
-
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    with client_node("recorder", namespace) as node, Recorder(folder, node) as recorder:
-        print(f"recording into {folder}", flush=True)
-        spin(node, stop)
-        print(f"{sum(recorder.counts.values())} messages", flush=True)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        message_class = getattr(import_module(f"{package}.msg"), kind)
+    except (ImportError, AttributeError) as error:
+        raise BagError(f"record: {name}: no type {found[0].topic_type} here: {error}") from error
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    profile = QoSProfile(
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=topics.STEP.depth,
+    )
+    return Topic(name, message_class, profile, profile)

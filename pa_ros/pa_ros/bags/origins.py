@@ -1,0 +1,64 @@
+"""What a run in one process says of itself: its learner's provenance, its arena's description."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+from pa_ros import __version__
+from pa_ros.arena import ArenaConfig, Design
+from pa_ros.arena.features import HAND_INDEX
+from pa_ros.core.experience import JOINTS
+from pa_ros.core.report import device, versions
+from pa_ros.learning.learner import Learner
+from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
+
+JOINT_NAMES: Final = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
+
+
+def learner_origin(learner: Learner, training_programs: Iterable[str], **of_process: Any) -> Origin:
+    """A learner's account of itself; the rest is as in Origin."""
+    vocabulary = learner.network.vocabulary
+    parameters = {"backend": learner.backend.name, **of_process.pop("parameters", {})}
+    return Origin(
+        software_version=__version__,
+        versions=f"{versions()}, on {device()}",
+        shapes=vocabulary.shapes,
+        colors=vocabulary.colors,
+        vocabulary_digest=vocabulary.digest,
+        parameters=parameters,
+        learner=LearnerOrigin(
+            first_version=learner.counters.version,
+            network=learner.network.to_json(),
+            learner=learner.config.to_json(),
+            training_programs=tuple(training_programs),
+        ),
+        **of_process,
+    )
+
+
+def describe(
+    arena: ArenaConfig, design: Design, seed: int, training_programs: Iterable[str], instance: str
+) -> ArenaDescription:
+    """What sim_node would say of this arena."""
+    return ArenaDescription(
+        mode=Mode.LOCKSTEP,
+        design=design.name,
+        preset=arena.preset,
+        seed=seed,
+        block_count=design.n_blocks,
+        shapes=design.vocabulary.shapes,
+        colors=design.vocabulary.colors,
+        vocabulary_digest=design.vocabulary.digest,
+        training_programs=tuple(training_programs),
+        joint_names=JOINT_NAMES,
+        joint_lower=arena.joint_lower,
+        joint_upper=arena.joint_upper,
+        speed_limits=arena.joint_speed_limits,
+        control_period=arena.control_period_s,
+        near_threshold=arena.near_threshold_m,
+        episode_steps=arena.episode_steps,
+        hand_index=HAND_INDEX,
+        arena_id=instance,
+        software_version=__version__,
+    )

@@ -1,0 +1,145 @@
+"""`pa_ros record OUT`: the graph into a rosbag2 bag, or a killed recording repaired."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from pa_ros.bags.repair import repair
+from pa_ros.bags.storage import STORAGES
+from pa_ros.bags.writer import BagOptions
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.report import Report, device, versions, write_report
+
+EXIT_FAILED = 1
+REFRESH_S = 0.5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros record`."""
+    parser.add_argument("out", type=Path, metavar="OUT", help="folder of the bag; must not exist")
+    parser.add_argument(
+        "--repair", action="store_true", help="make the bag OUT, whose recorder was killed, whole"
+    )
+    parser.add_argument(
+        "--topics", nargs="+", default=[], metavar="NAME", help="(default: all of pa_ros)"
+    )
+    parser.add_argument("--namespace", default="", help="of the arena to record (default: none)")
+    parser.add_argument("--storage", default="mcap", help=f"{sorted(STORAGES)} (%(default)s)")
+    parser.add_argument(
+        "--split-mb", type=float, default=1024, metavar="MB", help="per file; 0: any (%(default)s)"
+    )
+    parser.add_argument(
+        "--split-s", type=float, default=3600, metavar="S", help="per file; 0: any (%(default)s)"
+    )
+    parser.add_argument("--duration", type=float, metavar="S", help="stop after this time")
+    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if the disk was full"
+
+
+def run(options: argparse.Namespace) -> int:
+    """Record until a signal comes, the time is up, or the disk is full."""
+    if options.repair:
+        return _repair(options.out)
+    if options.duration is not None and not options.duration > 0:
+        raise ConfigError(f"--duration: expected a positive number, got {options.duration}")
+    bag = BagOptions(options.storage, int(options.split_mb * 1e6), options.split_s)
+    return _record(options, bag)
+
+
+def _repair(folder: Path) -> int:
+    done = repair(folder)
+    for note in done.notes:
+        print(note)
+    print(f"{folder}: {done.messages} messages in {done.files} file(s) can be read")
+    return 0
+
+
+def _record(options: argparse.Namespace, bag: BagOptions) -> int:
+    from pa_ros.ros.client import client_node
+    from pa_ros.ros.graph import signals_noted
+    from pa_ros.ros.monitor import Display
+    from pa_ros.ros.process import die_with_parent
+    from pa_ros.ros.record import BAG_TOPICS, Recorder, topics_named
+
+    die_with_parent()
+    with signals_noted() as interrupted, client_node("record", options.namespace) as node:
+        chosen = topics_named(node, options.topics) if options.topics else BAG_TOPICS
+        with Recorder(options.out, node, chosen, bag) as recorder:
+            print(f"recording into {options.out} (Ctrl-C closes it)", flush=True)
+            figures = Figures(recorder.counts, lambda: (recorder.counts, recorder.lost))
+            with Display("Recording (Ctrl-C closes the bag)", figures.rows, figures.line) as shown:
+                while not (interrupted() or recorder.failure or figures.late(options.duration)):
+                    time.sleep(REFRESH_S)
+                    figures.size = recorder.size
+                    shown.refresh()
+        figures.size = recorder.size
+    write_report(options.json, figures.report())
+    if recorder.failure is not None:
+        print(f"pa_ros record: {recorder.failure}", file=sys.stderr)
+        return EXIT_FAILED
+    return 0
+
+
+class Figures:
+    """What a recording is told by: messages, rates and losses per topic, size, processor time."""
+
+    def __init__(
+        self,
+        topics: dict[str, int],
+        counted: Callable[[], tuple[dict[str, int], dict[str, int]]],
+    ) -> None:
+        """`counted` gives messages and losses by topic so far."""
+        self.size = 0  # bytes on disk
+        self._counted = counted
+        self._started, self._cpu = time.monotonic(), time.process_time()
+        self._before = (self._started, topics)
+
+    def late(self, duration_s: float | None) -> bool:
+        """Whether the time is up."""
+        return duration_s is not None and time.monotonic() - self._started >= duration_s
+
+    def rows(self) -> list[tuple[str, str]]:
+        """(label, text) for the live table."""
+        counts, lost = self._counted()
+        now, (then, before) = time.monotonic(), self._before
+        self._before = (now, counts)
+        elapsed = max(now - then, 1e-9)
+        rows = [
+            (name, f"{count:>9}  {(count - before.get(name, 0)) / elapsed:8.1f}/s"
+             f"  lost {lost.get(name, 0)}")
+            for name, count in counts.items()
+        ]  # fmt: skip
+        return [*rows, ("size", f"{self.size / 1e6:.1f} MB"), ("processor", f"{self._share():.1%}")]
+
+    def line(self) -> str:
+        """The same in one line."""
+        counts, lost = self._counted()
+        return (
+            f"{sum(counts.values())} messages  {self.size / 1e6:.1f} MB  lost {sum(lost.values())}"
+        )
+
+    def report(self) -> Report:
+        """Flat figures of the whole recording."""
+        counts, lost = self._counted()
+        wall_s = max(time.monotonic() - self._started, 1e-9)
+        report: dict[str, float | int | str] = {
+            "record.wall_s": wall_s,
+            "record.messages": sum(counts.values()),
+            "record.lost": sum(lost.values()),
+            "record.megabytes": self.size / 1e6,
+            "record.megabytes_per_min": self.size / 1e6 / wall_s * 60,
+            "record.cpu_share": self._share(),
+        }
+        for name, count in counts.items():
+            report[f"record.topic.{name}.messages"] = count
+            report[f"record.topic.{name}.lost"] = lost.get(name, 0)
+        return {**report, "device": device(), "threads": 1, "versions": versions()}
+
+    def _share(self) -> float:
+        """Processor time of this process per wall time, since the start."""
+        wall_s = max(time.monotonic() - self._started, 1e-9)
+        return (time.process_time() - self._cpu) / wall_s
