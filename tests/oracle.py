@@ -162,10 +162,12 @@ def dpg_gradients(
 
 
 class Adam:
-    """Kingma and Ba 2015, algorithm 1, in NumPy."""
+    """Kingma and Ba 2015, algorithm 1, in NumPy; detectors step `detector_gain` times as far."""
 
-    def __init__(self, rate: float, beta1: float = 0.9, beta2: float = 0.999, eps: float = 1e-8):
-        self.rate, self.beta1, self.beta2, self.eps = rate, beta1, beta2, eps
+    beta1, beta2, eps = 0.9, 0.999, 1e-8
+
+    def __init__(self, rate: float, detector_gain: float) -> None:
+        self.rate, self.detector_gain = rate, detector_gain
         self.step = 0
         self.m: dict[str, np.ndarray] = {}
         self.v: dict[str, np.ndarray] = {}
@@ -177,4 +179,5 @@ class Adam:
             self.v[name] = self.beta2 * self.v.get(name, 0.0) + (1 - self.beta2) * g * g
             m = self.m[name] / (1 - self.beta1**self.step)
             v = self.v[name] / (1 - self.beta2**self.step)
-            values[name] = values[name] - self.rate * m / (np.sqrt(v) + self.eps)
+            rate = self.rate * (self.detector_gain if name.startswith("detectors.") else 1.0)
+            values[name] = values[name] - rate * m / (np.sqrt(v) + self.eps)

@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 4;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 5;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -96,7 +96,7 @@ struct Tensors {
 };
 
 struct Settings {
-    double actor_rate, critic_rate, beta1, beta2, epsilon, clip, action_l2;
+    double actor_rate, critic_rate, beta1, beta2, epsilon, clip, action_l2, detector_gain;
 };
 
 // B transitions of N objects × K programs, and the table they point into (see docs/DESIGN.md). For

@@ -136,10 +136,12 @@ static void gradients(Learner& g, const Batch& b, int index) {
             step(g, x, b, from, (int)(end - from < g.chunk ? end - from : g.chunk));
 }
 
-// Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters.
-static double adam(const Learner& g, const Tensors& t, int64_t size, double rate, int64_t step,
+// Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters. The
+// detectors' steps are `detector_gain` times as long.
+static double adam(const Learner& g, const Tensors& t, const Layout& l, double rate, int64_t step,
                    int index, bool of_actor) {
     const Settings& s = g.settings;
+    const int64_t size = l.size, first_end = l.inputs ? 0 : l.first + kColumnRows * l.columns;
     const double correction1 = 1.0 - __builtin_pow(s.beta1, (double)step);
     const double correction2 = 1.0 - __builtin_pow(s.beta2, (double)step);
     const float rate_now = (float)(rate / correction1), epsilon = (float)s.epsilon;
@@ -159,8 +161,10 @@ static double adam(const Learner& g, const Tensors& t, int64_t size, double rate
         const vf v = keep2 * load(t.second_moment + i) + take2 * d * d;
         store(t.first_moment + i, m);
         store(t.second_moment + i, v);
+        const bool detects = i < first_end && (i - l.first) % l.columns >= l.detectors;
+        const float length = detects ? (float)s.detector_gain * rate_now : rate_now;
         store(t.parameters + i,
-              load(t.parameters + i) - rate_now * m / (square_root(v) * root + epsilon));
+              load(t.parameters + i) - length * m / (square_root(v) * root + epsilon));
     }
     float sum[W];
     sum_lanes(&squares, 1, sum);
@@ -170,7 +174,7 @@ static double adam(const Learner& g, const Tensors& t, int64_t size, double rate
 // Steps of Adam of both networks; call when every thread's gradients are there.
 static void apply(Learner& g, int64_t actor_step, int64_t critic_step, int index) {
     const Settings& s = g.settings;
-    const int64_t actor = layout_of(g.actor_shape).size, critic = layout_of(g.critic_shape).size;
+    const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     adam(g, g.critic, critic, s.critic_rate, critic_step, index, false);
     g.thread[index].squared_gradient =
         adam(g, g.actor, actor, s.actor_rate, actor_step, index, true);

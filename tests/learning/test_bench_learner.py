@@ -58,7 +58,12 @@ def test_the_straightforward_way_computes_the_same(kind, k) -> None:
     config = replace(CONFIG, programs_per_transition=k, batch_size=16)
     batches = list(bench.random_learner(network, config, PROGRAMS, Sizes()).batches(5))
     # some of ∂Q/∂a are clipped, some are not
-    changes = {"dtype": "float64", "action_gradient_clip": 2e-3, "action_l2": 3e-3}
+    changes = {
+        "dtype": "float64",
+        "action_gradient_clip": 2e-3,
+        "action_l2": 3e-3,
+        "detector_gain": 3.0,
+    }
     ours = made(network, TorchBackend, **changes)
     theirs = made(network, StraightforwardBackend, **changes)
     for batch in batches:

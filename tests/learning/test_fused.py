@@ -78,7 +78,7 @@ def setting(
     for tensors in (actor, critic):
         if "detectors.weight" in tensors:
             tensors["detectors.weight"] *= scale
-    return Setting(network, LearnerConfig(action_l2=0.02), table, actor, critic)
+    return Setting(network, LearnerConfig(action_l2=0.02, detector_gain=3.0), table, actor, critic)
 
 
 def make_batch(
@@ -123,7 +123,16 @@ class Reference:
         self.codes = made.table.tensors()
         self.truth = torch.tensor(truth_matrix(made.network.vocabulary), dtype=torch.float64)
         rates = ((self.actor, made.config.actor_rate), (self.critic, made.config.critic_rate))
-        self.adams = [torch.optim.Adam(list(t.values()), lr=rate) for t, rate in rates]
+        gain = made.config.detector_gain
+        self.adams = [
+            torch.optim.Adam(
+                [
+                    {"params": v, "lr": rate * (gain if k.startswith("detectors.") else 1.0)}
+                    for k, v in tensors.items()
+                ]
+            )
+            for tensors, rate in rates
+        ]
 
     def h(self, t: Named, objects: Tensor, arm: Tensor, program: Tensor) -> Tensor:
         """[B, K, H]."""

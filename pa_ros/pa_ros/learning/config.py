@@ -32,6 +32,7 @@ class LearnerConfig:
     action_l2: float = 0.0  # of ½|a|², taken from Q in the actor's objective; keeps tanh alive
     actor_rate: float = 1e-4  # not stated; Adam's, as in Lillicrap et al.
     critic_rate: float = 3e-4  # not stated; 1e-3 lets the critic forget the action
+    detector_gain: float = 1.0  # of both rates, for the detectors' weights
     adam_beta1: float = 0.9
     adam_beta2: float = 0.999
     adam_epsilon: float = 1e-8
@@ -118,7 +119,7 @@ def _check_integers(config: LearnerConfig) -> None:
 
 def _check_numbers(config: LearnerConfig) -> None:
     positive = ["action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"]
-    positive += ["near_threshold", "noise_dt", "reward_scale"]
+    positive += ["detector_gain", "near_threshold", "noise_dt", "reward_scale"]
     others = ("action_l2", "updates_per_frame", "noise_sigma", "noise_damping", "reward_shift")
     for name in (*positive, *others):
         value = getattr(config, name)

@@ -208,8 +208,14 @@ class TorchBackend:
     def _adam(self, module: nn.Module, rate: float) -> torch.optim.Adam:
         config = self._config
         betas = (config.adam_beta1, config.adam_beta2)
+        detectors = [p for name, p in module.named_parameters() if name.startswith("detectors.")]
+        others = [p for name, p in module.named_parameters() if not name.startswith("detectors.")]
+        groups: list[dict[str, Any]] = [{"params": others}]
+        if detectors:
+            groups.append({"params": detectors, "lr": rate * config.detector_gain})
         adam = torch.optim.Adam(
-            module.parameters(), lr=rate, betas=betas, eps=config.adam_epsilon, fused=True,
+            groups,
+            lr=rate, betas=betas, eps=config.adam_epsilon, fused=True,
             capturable=self._device.type == "cuda",
         )  # fmt: skip
         for parameter in module.parameters():  # else made by the first step, too late to load

@@ -128,6 +128,7 @@ class FusedBackend:
             config.adam_epsilon,
             config.action_gradient_clip,
             config.action_l2,
+            config.detector_gain,
         )
         self._trained = {
             "actor": _Trained(FlatNetwork(describe(network, critic=False)), actor),

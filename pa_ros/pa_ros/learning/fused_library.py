@@ -11,7 +11,7 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 4  # of native/layout.h
+INTERFACE = 5  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS, MAX_SLOTS = 128, 64, 64, 8, 32
 LARGEST_PART = 43.6
 
@@ -81,11 +81,14 @@ class Tensors(ctypes.Structure):
 
 
 class Settings(ctypes.Structure):
-    """Learning rates, Adam's constants, the clip of ∂Q/∂a and the weight of ½|a|²."""
+    """Learning rates, Adam's constants, the clip of ∂Q/∂a and the rest of LearnerConfig."""
 
     _fields_ = [
         (name, c_double)
-        for name in ("actor_rate", "critic_rate", "beta1", "beta2", "epsilon", "clip", "action_l2")
+        for name in (
+            *("actor_rate", "critic_rate", "beta1", "beta2", "epsilon"),
+            *("clip", "action_l2", "detector_gain"),
+        )
     ]
 
 
