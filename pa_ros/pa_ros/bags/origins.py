@@ -1,7 +1,8 @@
-"""What a run in one process says of itself: its learner's provenance, its arena's description."""
+"""What a run says of itself: its learner's provenance, its arena's description."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from typing import Any, Final
 
@@ -16,13 +17,34 @@ from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
 JOINT_NAMES: Final = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
 
 
-def learner_origin(learner: Learner, training_programs: Iterable[str], **of_process: Any) -> Origin:
-    """A learner's account of itself; the rest is as in Origin."""
-    vocabulary = learner.network.vocabulary
-    parameters = {"backend": learner.backend.name, **of_process.pop("parameters", {})}
+def origin(node: str, instance: str, seed: int, **of_process: Any) -> Origin:
+    """A process's account of itself; the rest is as in Origin."""
     return Origin(
+        node=node,
+        instance=instance,
+        seed=seed,
         software_version=__version__,
         versions=f"{versions()}, on {device()}",
+        stamp_ns=time.time_ns(),
+        **{"parameters": {}, **of_process},
+    )
+
+
+def learner_origin(
+    node: str,
+    instance: str,
+    seed: int,
+    learner: Learner,
+    training_programs: Iterable[str],
+    **of_process: Any,
+) -> Origin:
+    """A learner's account of itself, before or after it has learned something."""
+    vocabulary = learner.network.vocabulary
+    parameters = {"backend": learner.backend.name, **of_process.pop("parameters", {})}
+    return origin(
+        node,
+        instance,
+        seed,
         shapes=vocabulary.shapes,
         colors=vocabulary.colors,
         vocabulary_digest=vocabulary.digest,
@@ -38,11 +60,16 @@ def learner_origin(learner: Learner, training_programs: Iterable[str], **of_proc
 
 
 def describe(
-    arena: ArenaConfig, design: Design, seed: int, training_programs: Iterable[str], instance: str
+    arena: ArenaConfig,
+    design: Design,
+    seed: int,
+    training_programs: Iterable[str],
+    instance: str,
+    mode: Mode = Mode.LOCKSTEP,
 ) -> ArenaDescription:
-    """What sim_node would say of this arena."""
+    """What an arena says of itself to whoever comes."""
     return ArenaDescription(
-        mode=Mode.LOCKSTEP,
+        mode=mode,
         design=design.name,
         preset=arena.preset,
         seed=seed,

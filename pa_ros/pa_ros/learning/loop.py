@@ -49,6 +49,16 @@ class Environment(Protocol):
         """Act for one control period, rad/s, [6]."""
 
 
+class Log(Protocol):
+    """Is told what a run does; `pa_ros.bags.run_log.RunLog` records it. Must change nothing."""
+
+    def begin(self, learner: Learner) -> None:
+        """Before the first step."""
+
+    def add(self, stretch: Stretch, learner: Learner) -> None:
+        """After the learner took a stretch in; on its thread."""
+
+
 @dataclass(frozen=True)
 class TrainConfig:
     """One training run. `design` and `preset` name the environment that the caller builds."""
@@ -81,6 +91,7 @@ def train(
     training_programs: Sequence[str],
     evaluate: Evaluate | None = None,
     resume: bool = False,
+    run_log: Log | None = None,
 ) -> Learner:
     """Train for `config.frames` control steps, whole episodes; returns the learner.
 
@@ -92,7 +103,9 @@ def train(
     wall_s = 0.0
     if resume:
         wall_s = _resume(config, learner)
-    run = _Run(config, learner, environment, max_speed, evaluate, wall_s, resume)
+    if run_log is not None:
+        run_log.begin(learner)
+    run = _Run(config, learner, environment, max_speed, evaluate, wall_s, resume, run_log)
     with run:
         run.until(config.frames)
     return learner
@@ -114,8 +127,8 @@ def _resume(config: TrainConfig, learner: Learner) -> float:
 class _Consumer:
     """Hands stretches to the learner, in order, and its versions back."""
 
-    def __init__(self, learner: Learner, overlap: bool) -> None:
-        self._learner = learner
+    def __init__(self, learner: Learner, overlap: bool, run_log: Log | None) -> None:
+        self._learner, self._log = learner, run_log
         self._policies = {snapshot.version: snapshot for snapshot in learner.published}
         self._pending: list[Future[PolicySnapshot]] = []
         self._thread = ThreadPoolExecutor(1, "learner") if overlap else None
@@ -144,6 +157,8 @@ class _Consumer:
 
     def _consume(self, stretch: Stretch) -> PolicySnapshot:
         self._learner.consume(stretch)
+        if self._log is not None:
+            self._log.add(stretch, self._learner)
         return self._learner.snapshot()
 
     def _keep(self, snapshot: PolicySnapshot) -> None:
@@ -162,13 +177,15 @@ class _Run:
         evaluate: Evaluate | None,
         wall_s: float,
         resume: bool,
+        run_log: Log | None,
     ) -> None:
         self._config, self._learner = config, learner
         self._environment, self._max_speed = environment, max_speed
         self._evaluate = evaluate
         self._started = time.monotonic() - wall_s
         self._agent = _make_agent(config, learner)
-        self._consumer = _Consumer(learner, config.overlap and learner.config.policy_lag > 0)
+        overlap = config.overlap and learner.config.policy_lag > 0
+        self._consumer = _Consumer(learner, overlap, run_log)
         self._frames = learner.counters.frames
         self._rewards: list[float] = []  # since the last row
         resumed_frames = self._frames if resume else None

@@ -1,0 +1,164 @@
+"""What a learner learned, in its own order, from a recording of its run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from pa_ros.bags.errors import DefinitionError, ForeignBagError, ProvenanceError
+from pa_ros.bags.reader import Bag, Recorded
+from pa_ros.core.experience import Stretch
+from pa_ros.wire import codec
+from pa_ros.wire.records import ArenaDescription, Origin
+
+TRANSITIONS: Final = "msgs_schema/msg/Transitions"
+WEIGHTS: Final = "msgs_schema/msg/PolicyWeights"
+PROVENANCE: Final = "msgs_schema/msg/Provenance"
+ARENA_INFO: Final = "msgs_schema/msg/ArenaInfo"
+
+Key = tuple[str, int]  # agent id, sequence number of a stretch
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """What a bag says of one version of the weights."""
+
+    version: int
+    checksum: str  # SHA-256 of the tensors' bytes
+    consumed: Mapping[str, int]  # agent id → sequence of the last stretch in them
+    run_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class Lesson:
+    """A stretch in its turn. `version`: of the weights that it led to; None if not known."""
+
+    key: Key
+    stretch: Stretch | None  # None: the bag lacks it, though the learner had it
+    version: int | None
+
+
+class Experience:
+    """The learning recorded in one bag. Raises ForeignBagError if there are no transitions."""
+
+    def __init__(self, bag: Bag, namespace: str | None = None) -> None:
+        self._bag, self._namespace = bag, namespace
+        self._topic = bag.topic_of(TRANSITIONS, namespace)
+        self.origins: list[Origin] = self._latched(PROVENANCE, codec.decode_provenance)
+        self.arenas: list[ArenaDescription] = self._latched(ARENA_INFO, codec.decode_arena_info)
+        self.published = self._published()
+        self._keys = self._arrivals()
+
+    @property
+    def learner(self) -> Origin:
+        """Of the one learner, as it began. ProvenanceError if there is none, or several."""
+        found = [origin for origin in self.origins if origin.learner is not None]
+        runs = {origin.instance for origin in found}
+        if len(runs) != 1:
+            raise ProvenanceError(
+                f"bag: {self._bag.path}: expected the provenance of one learner, got "
+                f"{len(runs)}: nothing says how this run was made"
+            )
+        return found[0]
+
+    @property
+    def arena(self) -> ArenaDescription | None:
+        """The one arena; None if none described itself, or several did."""
+        unique = {arena.arena_id: arena for arena in self.arenas}
+        return next(iter(unique.values())) if len(unique) == 1 else None
+
+    def lessons(self) -> Iterator[Lesson]:
+        """Stretches in the learner's order, as far as the weights tell it; else as they came."""
+        plan, pending = self._plan(), dict[Key, Stretch]()
+        there = set(self._keys)
+        messages = self._stretches()
+        for key, version in plan:
+            while key in there and key not in pending:
+                stretch = next(messages, None)
+                if stretch is None:
+                    break
+                pending.setdefault((stretch.agent_id, stretch.sequence), stretch)
+            yield Lesson(key, pending.pop(key, None), version)
+
+    def _plan(self) -> list[tuple[Key, int | None]]:
+        """Which stretch comes when. The marks of two versions tell what lies between them."""
+        left = dict.fromkeys(self._keys)
+        plan: list[tuple[Key, int | None]] = []
+        marks: dict[str, int] = {}
+        version = min(self.published, default=0)
+        if version in self.published:
+            marks.update(self.published[version].consumed)
+        for following in sorted(self.published)[1:]:
+            consumed = self.published[following].consumed
+            between = self._between(left, marks, consumed, following - version)
+            for key in between:
+                left.pop(key, None)
+                version += 1
+                plan.append((key, version))
+            version = following
+            marks.update(consumed)
+        return plan + [(key, None) for key in left]
+
+    def _between(
+        self, left: dict[Key, None], marks: dict[str, int], consumed: Mapping[str, int], count: int
+    ) -> list[Key]:
+        """The stretches, in order, that `count` versions took in."""
+        newest = [(a, n) for a, n in consumed.items() if n > marks.get(a, -1)]
+        if count == 1 and len(newest) == 1:
+            return newest
+        within = [key for key in left if marks.get(key[0], -1) < key[1] <= consumed.get(key[0], -1)]
+        missing = [key for key in newest if key not in within]
+        return [*within, *missing][:count]
+
+    def _published(self) -> dict[int, Published]:
+        """By version, of the run that the provenance tells of."""
+        runs = {origin.instance for origin in self.origins if origin.learner is not None}
+        found: dict[int, Published] = {}
+        for recorded in self._of_type(WEIGHTS):
+            one = _decoded(self._bag, recorded, _published)
+            if not runs or one.run_id in runs:
+                before = found.get(one.version)
+                if before is None or len(one.consumed) > len(before.consumed):
+                    found[one.version] = one
+        return found
+
+    def _arrivals(self) -> list[Key]:
+        """Stretches in the order of the recording, each once."""
+        keys = dict.fromkeys(
+            _decoded(self._bag, recorded, lambda m: (str(m.agent_id), int(m.sequence)))
+            for recorded in self._bag.messages([self._topic])
+        )
+        if not keys:
+            raise ForeignBagError(f"bag: {self._bag.path}: expected transitions, got none")
+        return list(keys)
+
+    def _stretches(self) -> Iterator[Stretch]:
+        for recorded in self._bag.messages([self._topic]):
+            yield _decoded(self._bag, recorded, codec.decode_transitions)
+
+    def _latched(self, type_name: str, decode: Callable[[Any], Any]) -> list[Any]:
+        return [_decoded(self._bag, recorded, decode) for recorded in self._of_type(type_name)]
+
+    def _of_type(self, type_name: str) -> Iterator[Recorded]:
+        if type_name in self._bag.types.values():
+            name = self._bag.topic_of(type_name, self._namespace)
+            yield from self._bag.messages([name])
+
+
+def _published(message: Any) -> Published:
+    policy = codec.decode_weights(message)  # checks the checksum
+    return Published(
+        int(policy.snapshot.version), str(message.checksum), policy.consumed, policy.run_id
+    )
+
+
+def _decoded(bag: Bag, recorded: Recorded, decode: Callable[[Any], Any]) -> Any:
+    """A message through the codec. DefinitionError if its edition lacks what the codec reads."""
+    try:
+        return decode(bag.decode(recorded))
+    except AttributeError as error:
+        raise DefinitionError(
+            f"bag: {bag.path}: {recorded.topic}: another edition of {recorded.type_name} than "
+            f"this software's: {error}"
+        ) from error

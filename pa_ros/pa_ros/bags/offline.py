@@ -1,0 +1,66 @@
+"""Learning from recordings alone: no arena, no graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from pa_ros.bags.experience import Experience
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Stretch
+from pa_ros.learning.learner import Learner
+
+
+@dataclass
+class Lessons:
+    """What became of the stretches of some bags."""
+
+    accepted: int = 0
+    missing: int = 0  # the recorded learner had them, the bag has not
+    left_out: int = 0  # the bag has them, the recorded learner had not taken them in
+    refused: int = 0  # not usable with these networks
+    refusal: str = ""  # the first
+
+
+def learn(
+    experiences: Sequence[Experience],
+    learner: Learner,
+    progress: Callable[[Lessons], None] | None = None,
+) -> Lessons:
+    """Feed the stretches of one bag after the other to a learner, each in its run's own order.
+
+    Of a bag that tells which stretches its learner took in, these and no others. Agents of
+    different runs are kept apart, even if they have the same name.
+    """
+    found = Lessons()
+    runs: dict[str, int] = {}
+    for experience in experiences:
+        run = runs.setdefault(_run(experience), len(runs))
+        followed = len(experience.published) > 1
+        for lesson in experience.lessons():
+            if lesson.stretch is None:
+                found.missing += 1
+            elif followed and lesson.version is None:
+                found.left_out += 1
+            else:
+                agent = lesson.key[0] if run == 0 else f"{lesson.key[0]}@{run}"
+                _take(learner, replace(lesson.stretch, agent_id=agent), found)
+            if progress is not None:
+                progress(found)
+    return found
+
+
+def _run(experience: Experience) -> str:
+    """What tells runs apart: the learner's, or the bag itself."""
+    runs = {origin.instance for origin in experience.origins if origin.learner is not None}
+    return "+".join(sorted(runs)) or str(id(experience))
+
+
+def _take(learner: Learner, stretch: Stretch, found: Lessons) -> None:
+    try:
+        report = learner.consume(stretch)
+    except PaError as error:
+        found.refused += 1
+        found.refusal = found.refusal or str(error)
+    else:
+        found.accepted += report.insert.accepted

@@ -1,0 +1,125 @@
+"""Recording a run in one process: the messages that a graph would have published."""
+
+from __future__ import annotations
+
+import logging
+import time
+import uuid
+from pathlib import Path
+from typing import Any, Final
+
+from pa_ros.arena import ArenaConfig, Design
+from pa_ros.bags.contents import reliable_qos, topic
+from pa_ros.bags.definitions import installed_types, message_type, to_cdr
+from pa_ros.bags.errors import BagFullError
+from pa_ros.bags.origins import describe, learner_origin
+from pa_ros.bags.provenance import as_custom_data
+from pa_ros.bags.writer import BagOptions, BagWriter
+from pa_ros.core.experience import Stretch
+from pa_ros.learning.learner import Learner
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import ArenaInfo, PolicyWeights, Provenance, Transitions
+from pa_ros.wire.records import PublishedPolicy
+
+log = logging.getLogger(__name__)
+
+NODE: Final = "/pa_ros_train"
+WEIGHTS_EVERY_FRAMES: Final = 100  # at most; a version per frame would be 26 MB/s
+FLUSH_S: Final = 1.0  # what a SIGKILL can cost
+_TOPICS = (
+    ("/provenance", Provenance, reliable_qos(1, latched=True)),
+    ("/arena_info", ArenaInfo, reliable_qos(1, latched=True)),
+    ("/transitions", Transitions, reliable_qos(1, keep_all=True)),
+    ("/policy_weights", PolicyWeights, reliable_qos(4, latched=True)),
+)
+
+
+class RunLog:
+    """A `pa_ros.learning.loop.Log` that writes a bag; a context manager that closes it.
+
+    A full disk closes the bag readable and sets `failure`; the run goes on unrecorded.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        arena: ArenaConfig,
+        design: Design,
+        seed: int,
+        training_programs: list[str],
+        parameters: dict[str, Any],
+        options: BagOptions | None = None,
+    ) -> None:
+        """`parameters`: options of the run, plain JSON. Raises BagError if `folder` exists."""
+        self.failure: BagFullError | None = None
+        self._arena, self._design, self._seed = arena, design, seed
+        self._programs, self._parameters = training_programs, parameters
+        self._run_id = uuid.uuid4().hex
+        self._types = installed_types()
+        self._writer = BagWriter(folder, options)
+        for name, kind, qos in _TOPICS:
+            self._writer.add(topic(self._types, name, message_type(kind), [qos]))
+        self._stamp_ns = 0
+        self._flushed = time.monotonic()
+        self._frames = 0  # of the newest weights written
+
+    def __enter__(self) -> RunLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self._writer.close()
+        except BagFullError as error:
+            self._fail(error)
+
+    def begin(self, learner: Learner) -> None:
+        """What the run is, and the weights that it begins with."""
+        about = learner_origin(
+            NODE,
+            self._run_id,
+            self._seed,
+            learner,
+            self._programs,
+            parameters=self._parameters,
+            design=self._design.name,
+            preset=self._arena.preset,
+        )
+        arena = describe(self._arena, self._design, self._seed, self._programs, self._run_id)
+        self._writer.custom = as_custom_data([about], [arena])
+        self._write("/provenance", codec.encode_provenance(about))
+        self._write("/arena_info", codec.encode_arena_info(arena))
+        self._frames = learner.counters.frames
+        self._weights(learner, {})
+
+    def add(self, stretch: Stretch, learner: Learner) -> None:
+        """A stretch that was learned from, and the weights that came of it."""
+        if self.failure is not None:
+            return
+        self._write("/transitions", codec.encode_transitions(stretch))
+        if learner.counters.frames - self._frames >= WEIGHTS_EVERY_FRAMES:
+            self._frames = learner.counters.frames
+            self._weights(learner, {stretch.agent_id: stretch.sequence})
+        if time.monotonic() - self._flushed >= FLUSH_S:
+            self._flushed = time.monotonic()
+            self._guarded(self._writer.flush)
+
+    def _weights(self, learner: Learner, consumed: dict[str, int]) -> None:
+        policy = PublishedPolicy(learner.snapshot(), self._run_id, consumed, time.time_ns())
+        self._write("/policy_weights", codec.encode_weights(policy))
+
+    def _write(self, name: str, message: Any) -> None:
+        """Stamps grow, so that the order in the bag is the order of the run."""
+        self._stamp_ns = max(self._stamp_ns + 1, time.time_ns())
+        payload = to_cdr(self._types, message)
+        self._guarded(lambda: self._writer.write(name, payload, self._stamp_ns))
+
+    def _guarded(self, act: Any) -> None:
+        if self.failure is None:
+            try:
+                act()
+            except BagFullError as error:
+                self._fail(error)
+
+    def _fail(self, error: BagFullError) -> None:
+        self.failure = error
+        log.warning("recording ended: %s", error)

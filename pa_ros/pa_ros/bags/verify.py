@@ -1,0 +1,157 @@
+"""Making a recorded run again, and comparing: weights version by version, transitions one by one.
+
+Learning is a function of configuration, seed and the order of stretches (docs/DESIGN.md), and so
+is an arena's answer of its seed, episode and actions; with the same versions of the software
+beneath, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from pa_ros.bags.errors import ProvenanceError
+from pa_ros.bags.experience import Experience
+from pa_ros.bags.reenact import Reenactment
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Stretch
+from pa_ros.core.report import device, versions
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.learner import Learner
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.wire import codec
+from pa_ros.wire.records import Origin, PublishedPolicy
+
+NAMED = 5  # altered transitions that are spelt out
+
+
+@dataclass
+class Verification:
+    """What came of it; grows while it runs."""
+
+    compared: int = 0  # versions of the weights with equal hashes
+    version: int = 0  # of the newest weights made here
+    frames: int = 0
+    updates: int = 0
+    recorded: str = ""  # hash of the newest weights compared, as recorded …
+    remade: str = ""  # … and as made here
+    difference: str = ""  # where the weights first differ; empty: nowhere
+    incomplete: str = ""  # why nothing can be said from some point on; empty: all was verified
+    altered: int = 0  # stretches that the arena denies
+    named: list[str] = field(default_factory=list)  # the first of them, by transition
+    reenacted: int = 0  # transitions that the arena was asked about
+    note: str = ""  # what else to know
+
+    @property
+    def equal(self) -> bool:
+        """Whether everything is as recorded, and there was something to compare."""
+        flaws = self.difference or self.incomplete or self.altered
+        return self.compared > 0 and not flaws
+
+
+def learner_of(origin: Origin) -> Learner:
+    """The learner that an account describes, as it was at the start of its run.
+
+    Raises ProvenanceError if it did not begin from scratch, ConfigError if it is not understood.
+    """
+    about = origin.learner
+    if about is None:
+        raise ProvenanceError(f"provenance of {origin.node}: expected a learner's, got another's")
+    if about.first_version != 0:
+        raise ProvenanceError(
+            f"provenance of {origin.node}: expected a run from scratch, got one resumed at version "
+            f"{about.first_version}: its replay memory is not in the bag"
+        )
+    network = NetworkConfig.from_json(about.network)
+    config = LearnerConfig.from_json(about.learner)
+    return Learner(network, config, about.training_programs, origin.seed)
+
+
+def verify(
+    experience: Experience,
+    arena: bool = True,
+    progress: Callable[[Verification], None] | None = None,
+) -> Verification:
+    """Learn again from the bag, comparing; stops where the weights first differ.
+
+    With `arena`, recorded transitions are also held against a fresh arena. Raises ProvenanceError.
+    """
+    found = Verification(note=_software(experience.learner))
+    learner = learner_of(experience.learner)
+    reenactment = _reenactment(experience, found) if arena else None
+    _compare(experience, learner, found)
+    for lesson in experience.lessons():
+        if lesson.stretch is None:
+            agent, sequence = lesson.key
+            found.incomplete = (
+                f"stretch {sequence} of {agent}, which led to version {lesson.version}, "
+                "is not in the bag"
+            )
+            break
+        if reenactment is not None:
+            _reenact(reenactment, lesson.stretch, found)
+        if not found.difference and lesson.version is not None:
+            try:
+                learner.consume(lesson.stretch)
+            except PaError as error:
+                found.difference = f"version {lesson.version}: {error}"
+            _compare(experience, learner, found)
+        elif reenactment is None:
+            break
+        if progress is not None:
+            progress(found)
+    if not found.compared and not found.difference:
+        found.incomplete = found.incomplete or "no weights are in the bag: nothing to compare with"
+    return found
+
+
+def checksum(learner: Learner) -> str:
+    """Hash of the newest published weights, as policy_weights states it."""
+    return str(codec.encode_weights(PublishedPolicy(learner.snapshot(), "", {})).checksum)
+
+
+def _compare(experience: Experience, learner: Learner, found: Verification) -> None:
+    """Hold this version against the recorded one, if it was recorded."""
+    before, counters = found.updates, learner.counters
+    found.version, found.frames, found.updates = counters.version, counters.frames, counters.updates
+    published = experience.published.get(counters.version)
+    if published is None or found.difference:
+        return
+    found.recorded, found.remade = published.checksum, checksum(learner)
+    if found.recorded == found.remade:
+        found.compared += 1
+    else:
+        between = f"updates {before + 1} to {counters.updates}" if counters.updates else "no update"
+        found.difference = f"version {counters.version} ({between})"
+
+
+def _reenact(reenactment: Reenactment, stretch: Stretch, found: Verification) -> None:
+    name = reenactment.check(stretch)
+    found.reenacted = reenactment.checked
+    if name is not None:
+        found.altered += 1
+        if len(found.named) < NAMED:
+            found.named.append(name)
+
+
+def _reenactment(experience: Experience, found: Verification) -> Reenactment | None:
+    description = experience.arena
+    if description is None:
+        found.note += "; no arena described itself: transitions are not held against one"
+        return None
+    return Reenactment(description, _condition(experience.origins, description.arena_id))
+
+
+def _condition(origins: Iterable[Origin], arena_id: str) -> str:
+    """The condition that training episodes were drawn from."""
+    for origin in origins:
+        if origin.instance == arena_id and "condition" in origin.parameters:
+            return str(origin.parameters["condition"])
+    return "train"
+
+
+def _software(origin: Origin) -> str:
+    here = f"{versions()}, on {device()}"
+    if origin.versions == here:
+        return f"the same software as recorded: {here}"
+    return f"recorded with {origin.versions}; here {here}: the last bits may differ"

@@ -1,0 +1,103 @@
+"""`pa_ros train --from-bag`: offline updates from recorded transitions."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+from pa_ros.arena import design_named, preset_named
+from pa_ros.bags.errors import ProvenanceError
+from pa_ros.bags.experience import Experience
+from pa_ros.bags.offline import Lessons, learn
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.verify import checksum
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.training import training_programs
+from pa_ros.learning.checkpoint import save_checkpoint
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.learner import Learner
+from pa_ros.learning.protocols import Protocol, protocol_named
+from pa_ros.networks.config import NetworkConfig
+
+log = logging.getLogger(__name__)
+REPORT_S = 5.0
+
+
+def run(options: argparse.Namespace) -> int:
+    """Learn from the bags in order and leave a checkpoint; settings are the first bag's own."""
+    if options.resume or options.record:
+        raise ConfigError("--from-bag: expected neither --resume nor --record with it")
+    with ExitStack() as stack:
+        bags = [Experience(stack.enter_context(Bag(path))) for path in options.from_bag]
+        learner, about = _learner(options, bags[0])
+        started = time.monotonic()
+        found = learn(bags, learner, _Progress(learner))
+    save_checkpoint(
+        options.out / "checkpoint", learner, {"wall_s": time.monotonic() - started, **about}
+    )
+    _conclude(found, learner, options.out)
+    return 0
+
+
+def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dict[str, object]]:
+    """A new learner, and what its checkpoint says of the run."""
+    try:
+        origin = bag.learner
+    except ProvenanceError as error:
+        log.warning("%s; learning with --design, --protocol and --seed", error)
+        return _learner_asked(options)
+    assert origin.learner is not None
+    network = NetworkConfig.from_json(origin.learner.network)
+    config = LearnerConfig.from_json(origin.learner.learner)
+    settings = Protocol("recorded", config).with_options(options.options)
+    changes = dict(settings.network)
+    network = replace(network, **changes) if changes else network
+    seed = origin.seed if options.seed is None else options.seed
+    learner = Learner(network, settings.learner, origin.learner.training_programs, seed)
+    return learner, {"seed": seed, "design": origin.design, "preset": origin.preset}
+
+
+def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, object]]:
+    design, arena = design_named(options.design), preset_named(options.preset)
+    protocol = protocol_named(options.protocol).with_options(options.options)
+    seed = options.seed or 0
+    learner = Learner(
+        protocol.network_config(design.vocabulary, options.network),
+        replace(protocol.learner, near_threshold=arena.near_threshold_m),
+        training_programs(design),
+        seed,
+    )
+    return learner, {"seed": seed, "design": design.name, "preset": arena.preset}
+
+
+class _Progress:
+    """Logs a line every REPORT_S."""
+
+    def __init__(self, learner: Learner) -> None:
+        self._learner, self._logged = learner, time.monotonic()
+
+    def __call__(self, _: Lessons) -> None:
+        if time.monotonic() - self._logged >= REPORT_S:
+            self._logged = time.monotonic()
+            counters = self._learner.counters
+            log.info("frames %d  updates %d", counters.frames, counters.updates)
+
+
+def _conclude(found: Lessons, learner: Learner, out: Path) -> None:
+    counters = learner.counters
+    print(
+        f"{found.accepted} stretches, {counters.frames} transitions, {counters.updates} updates; "
+        f"checkpoint in {out / 'checkpoint'}"
+    )
+    for count, what in (
+        (found.missing, "stretches were learned from but are not in the bag"),
+        (found.left_out, "stretches are in the bag, but its learner had not taken them in"),
+        (found.refused, f"stretches could not be used, the first because {found.refusal}"),
+    ):
+        if count:
+            print(f"{count} {what}")
+    print(f"weights of version {counters.version}: {checksum(learner)}")

@@ -1,0 +1,67 @@
+"""`pa_ros verify BAG`: make a recorded run again, and compare to the last bit."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from pa_ros.bags.experience import Experience
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.verify import Verification, verify
+
+EXIT_DIFFERENT = 1
+REPORT_S = 5.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros verify`."""
+    parser.add_argument("bag", type=Path, metavar="BAG", help="recorded from the run's first step")
+    parser.add_argument("--namespace", help="of the arena, if several were recorded")
+    parser.add_argument(
+        "--no-arena", action="store_true", help="compare weights only, not the transitions too"
+    )
+    parser.epilog = "exit status: 0 equal, 1 different or incomplete, 2 not a recorded run"
+
+
+def run(options: argparse.Namespace) -> int:
+    """Verify; prints hashes, and the first difference if there is one."""
+    with Bag(options.bag) as bag:
+        found = verify(Experience(bag, options.namespace), not options.no_arena, _Progress().report)
+    for line in conclusion(found):
+        print(line)
+    return 0 if found.equal else EXIT_DIFFERENT
+
+
+def conclusion(found: Verification) -> list[str]:
+    """What to tell a person."""
+    lines = [
+        found.note,
+        f"made again: {found.frames} transitions, {found.updates} updates, version {found.version}",
+        f"held against a fresh arena: {found.reenacted} transitions",
+        f"newest weights compared, as recorded  {found.recorded or '-'}",
+        f"newest weights compared, made again   {found.remade or '-'}",
+        f"{found.compared} versions of the weights are equal",
+    ]
+    if found.difference:
+        lines.append(f"DIFFERENT: the weights differ first at {found.difference}")
+    if found.altered:
+        lines.append(f"DIFFERENT: {found.altered} stretches are not what the arena gives:")
+        lines += [f"  {name}" for name in found.named]
+    if found.incomplete:
+        lines.append(f"INCOMPLETE: {found.incomplete}")
+    return [*lines, *(["EQUAL"] if found.equal else [])]
+
+
+class _Progress:
+    """A line every REPORT_S on standard error."""
+
+    def __init__(self) -> None:
+        self._said = time.monotonic()
+
+    def report(self, found: Verification) -> None:
+        """Say how far it is, if it is time."""
+        if time.monotonic() - self._said >= REPORT_S:
+            self._said = time.monotonic()
+            print(f"version {found.version}: {found.compared} equal", file=sys.stderr, flush=True)

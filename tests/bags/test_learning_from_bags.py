@@ -1,0 +1,199 @@
+"""A recorded run can be made again to the last bit, and what was altered is found and named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_runs import rewritten, train
+
+from pa_ros.bags.errors import BagFullError
+from pa_ros.bags.experience import Experience
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.verify import verify
+from pa_ros.cli.main import main
+from pa_ros.learning.checkpoint import find_checkpoint
+
+FRAMES = 500
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run's `bag` and its `checkpoint`."""
+    folder = tmp_path_factory.mktemp("recorded")
+    assert train(folder, "--record", folder / "bag", frames=FRAMES) == 0
+    return folder
+
+
+def checkpoint_file(root: Path, name: str) -> bytes:
+    return (find_checkpoint(root / "checkpoint") / name).read_bytes()
+
+
+def verified(bag: Path):
+    with Bag(bag) as opened:
+        return verify(Experience(opened))
+
+
+def test_recording_changes_nothing(recorded, tmp_path):
+    assert train(tmp_path, frames=FRAMES) == 0
+    for name in ("backend.safetensors", "replay.safetensors"):
+        assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
+
+
+def test_learning_from_the_bag_ends_in_the_live_learners_checkpoint(recorded, tmp_path, capsys):
+    """All of it: both networks, their targets, Adam's moments, the replay memory."""
+    assert main(["train", "--from-bag", str(recorded / "bag"), "--out", str(tmp_path)]) == 0
+    assert "5 stretches, 500 transitions, 500 updates" in capsys.readouterr().out
+    for name in ("backend.safetensors", "replay.safetensors"):
+        assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
+
+
+def test_verify_finds_every_version_equal(recorded, capsys):
+    assert main(["verify", str(recorded / "bag")]) == 0
+    out = capsys.readouterr().out
+    assert "6 versions of the weights are equal" in out and out.rstrip().endswith("EQUAL")
+    assert "held against a fresh arena: 500 transitions" in out
+    hashes = [line.split()[-1] for line in out.splitlines() if line.startswith("newest weights")]
+    assert len(hashes) == 2 and len(set(hashes)) == 1 and len(hashes[0]) == 64
+
+
+def altered(field: str, sequence: int, index: int, change):
+    def alter(topic, message):
+        if topic == "/transitions" and message.sequence == sequence:
+            values = getattr(message, field).copy()
+            values[index] = change(values[index])
+            setattr(message, field, values)
+        return [message]
+
+    return alter
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "change", "transition"),
+    [
+        ("rewards", 42, lambda reward: -reward, 42),
+        ("actions", 42 * 6 + 3, lambda action: np.float32(-0.5) * action + np.float32(0.1), 42),
+        ("arm", 43 * 18, lambda value: np.nextafter(value, np.float32(2)), 42),
+        ("objects", 43 * 5 * 16 + 17, lambda value: np.nextafter(value, np.float32(2)), 42),
+    ],
+)
+def test_one_altered_transition_is_found_and_named(
+    recorded, tmp_path, capsys, field, index, change, transition
+):
+    alter = altered(field, 2, index, change)
+    copy = rewritten(recorded / "bag", tmp_path / "copy", alter)
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert f"transition {transition} of stretch 2 of agent (episode 2, step 42)" in out
+    assert "1 stretches are not what the arena gives" in out and "\nEQUAL" not in out
+
+
+def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(recorded, tmp_path):
+    """Without relabeling, which asks the verifier instead of the recorded reward."""
+    run = tmp_path / "run"
+    assert train(run, "--record", run / "bag", "--set=learner.relabel=none", frames=FRAMES) == 0
+    alter = altered("rewards", 2, 42, lambda reward: -reward)
+    found = verified(rewritten(run / "bag", tmp_path / "copy", alter))
+    version = found.compared  # versions 0 to n - 1 are equal, so n is the first that is not
+    assert version in (3, 4, 5)
+    first, last = 100 * (version - 1) + 1, 100 * version
+    assert found.difference == f"version {version} (updates {first} to {last})"
+    assert found.recorded != found.remade
+
+
+def test_weights_that_their_own_checksum_belies_are_refused(recorded, tmp_path, capsys):
+    def damage(topic, message):
+        if topic == "/policy_weights" and message.version == 3:
+            message.payload = message.payload.copy()
+            message.payload[7] ^= 1
+        return [message]
+
+    copy = rewritten(recorded / "bag", tmp_path / "damaged", damage)
+    assert main(["verify", str(copy)]) == 2
+    assert "checksum" in capsys.readouterr().err
+
+
+def test_a_stretch_that_is_missing_is_named(recorded, tmp_path, capsys):
+    def drop(topic, message):
+        return [] if topic == "/transitions" and message.sequence == 3 else [message]
+
+    copy = rewritten(recorded / "bag", tmp_path / "copy", drop)
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert "INCOMPLETE: stretch 3 of agent, which led to version 4, is not in the bag" in out
+    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
+    assert "1 stretches were learned from but are not in the bag" in capsys.readouterr().out
+
+
+def test_order_is_the_learners_whatever_the_order_of_the_recording(recorded, tmp_path):
+    """Weights may be heard before the stretch that they come from, and stretches twice."""
+    kept = []
+
+    def shuffle(topic, message):
+        if topic != "/transitions":
+            return [message]
+        kept.append(message)
+        return [] if len(kept) < 5 else [kept[0], *reversed(kept)]
+
+    found = verified(rewritten(recorded / "bag", tmp_path / "copy", shuffle))
+    assert found.equal and found.compared == 6
+
+
+def test_without_weights_and_provenance_there_is_learning_but_no_verifying(
+    recorded, tmp_path, capsys
+):
+    def strip(topic, message):
+        return [message] if topic == "/transitions" else []
+
+    copy = rewritten(recorded / "bag", tmp_path / "copy", strip)
+    assert main(["verify", str(copy)]) == 2
+    assert "nothing says how this run was made" in capsys.readouterr().err
+    out = ["--out", str(tmp_path / "out"), "--set=network.hidden=16"]
+    assert main(["train", "--from-bag", str(copy), *out]) == 0
+    assert "5 stretches, 500 transitions" in capsys.readouterr().out
+
+
+def test_many_bags_at_another_rate(recorded, tmp_path, capsys):
+    """The second run's agent has the same name and the same numbers, and is another."""
+    assert train(tmp_path / "b", "--record", tmp_path / "b/bag", "--seed", "6", frames=200) == 0
+    bags = [str(recorded / "bag"), str(tmp_path / "b/bag"), str(recorded / "bag")]
+    out = ["--out", str(tmp_path / "out"), "--set", "learner.updates_per_frame=0.5"]
+    assert main(["train", "--from-bag", *bags, *out]) == 0
+    assert "7 stretches, 700 transitions, 350 updates" in capsys.readouterr().out
+
+
+def test_a_resumed_run_is_not_verified(recorded, tmp_path, capsys):
+    assert train(tmp_path, frames=100) == 0
+    assert train(tmp_path, "--resume", "--record", tmp_path / "bag", frames=200) == 0
+    assert main(["verify", str(tmp_path / "bag")]) == 2
+    assert "got one resumed at version 1" in capsys.readouterr().err
+
+
+def test_weights_are_recorded_less_often_than_every_frame_and_all_is_verified(tmp_path):
+    arguments = ["--set=learner.stretch_steps=1", "--set=learner.policy_lag=0"]
+    assert train(tmp_path, "--record", tmp_path / "bag", *arguments, frames=200) == 0
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.counts == {
+            "/provenance": 1, "/arena_info": 1, "/transitions": 200, "/policy_weights": 3,
+        }  # fmt: skip
+    found = verified(tmp_path / "bag")
+    assert found.equal and (found.compared, found.version, found.reenacted) == (3, 200, 200)
+
+
+def test_a_run_outlives_a_full_disk(tmp_path, monkeypatch):
+    def refuse(self, *_):
+        raise BagFullError("no space left")
+
+    monkeypatch.setattr("pa_ros.bags.writer.BagWriter.flush", refuse)
+    monkeypatch.setattr("pa_ros.bags.run_log.FLUSH_S", 0.0)
+    assert train(tmp_path, "--record", tmp_path / "bag", frames=300) == 1
+    assert len(checkpoint_file(tmp_path, "backend.safetensors")) > 1000
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.counts["/transitions"] == 1
+
+
+def test_an_existing_bag_is_refused_before_training(recorded, tmp_path, capsys):
+    assert train(tmp_path, "--record", recorded / "bag") == 2
+    assert "exists already" in capsys.readouterr().err
+    assert not (tmp_path / "checkpoint").exists()
