@@ -23,6 +23,7 @@ WIRE = CORE | {"pa_ros.wire"}
 ROS = WIRE | {"pa_ros.ros"}
 EVALUATION = LEARNING | ARENA | {"pa_ros.evaluation"}
 BAGS = EVALUATION | WIRE | {"pa_ros.bags"}
+NODES = BAGS | ROS
 ALLOWED = {
     "pa_ros.core": CORE,
     "pa_ros.language": LANGUAGE,
@@ -34,9 +35,9 @@ ALLOWED = {
     "pa_ros.bags": BAGS,
     "pa_ros.ros": ROS | {"pa_ros.bags"},
     "pa_ros.cli": BAGS | ROS | {"pa_ros.cli"},
-    "sim_node": EVALUATION | ROS | {"sim_node"},
-    "agent_node": EVALUATION | ROS | {"agent_node"},
-    "learner_node": EVALUATION | ROS | {"learner_node"},
+    "sim_node": NODES | {"sim_node"},
+    "agent_node": NODES | {"agent_node"},
+    "learner_node": NODES | {"learner_node"},
 }
 MESSAGES = ("_msgs", "_interfaces", "_srvs", "msgs_schema")
 ROS_CLIENT = {"pa_ros.ros", "sim_node", "agent_node", "learner_node"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from agent_node.config import AgentConfig
 from agent_node.drivers import Driver, GreedyDriver, LearningDriver, Step
 from agent_node.programs import ProgramBook, vocabulary_of
 from agent_node.steps import StepMatcher
+from pa_ros.bags.origins import origin
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import Vocabulary
 from pa_ros.learning.checkpoint import load_policy
@@ -74,6 +76,10 @@ class AgentNode(Node):
         self._commands_out = publisher(topics.JOINT_COMMANDS)
         self._transitions_out = publisher(topics.TRANSITIONS)
         self._status_out = publisher(topics.PROGRAM_STATUS)
+        self._provenance = publisher(topics.PROVENANCE)
+        parameters, name = asdict(self.config), self.get_fully_qualified_name()
+        account = origin(name, self.agent_id, self.config.seed, parameters=parameters)
+        self._provenance.publish(codec.encode_provenance(account))
 
     def _make_subscriptions(self) -> None:
         callbacks = [

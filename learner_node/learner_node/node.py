@@ -38,6 +38,8 @@ class LearnerNode(Node):
         self._rate = (time.monotonic(), 0.0, 0.0)  # since when, frames and updates then
         weights = topics.POLICY_WEIGHTS
         self._weights = self.create_publisher(weights.type, weights.name, weights.writer)
+        account = topics.PROVENANCE
+        self._provenance = self.create_publisher(account.type, account.name, account.writer)
         for topic, callback in (
             (topics.ARENA_INFO, self._on_arena),
             (topics.TRANSITIONS, self._on_transitions),
@@ -67,6 +69,8 @@ class LearnerNode(Node):
         except PaError as error:  # a checkpoint of other settings: nothing to go on with
             self._failure = error
             raise
+        origin = self.worker.origin(self.get_fully_qualified_name())
+        self._provenance.publish(codec.encode_provenance(origin))
         self.worker.start()
 
     def _on_transitions(self, message: Any) -> None:

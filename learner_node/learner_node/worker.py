@@ -6,18 +6,19 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 from learner_node.config import LearnerNodeConfig
+from pa_ros.bags.origins import learner_origin
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot, Stretch
 from pa_ros.language import Vocabulary
 from pa_ros.learning.checkpoint import restore, save_checkpoint
 from pa_ros.learning.learner import Learner
-from pa_ros.wire.records import ArenaDescription, PublishedPolicy
+from pa_ros.wire.records import ArenaDescription, Origin, PublishedPolicy
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,19 @@ class LearnerWorker:
     def backlog(self) -> int:
         """Stretches that wait; with the synchronous protocol at most policy_lag + 1 per agent."""
         return self._stretches.qsize()
+
+    def origin(self, node: str) -> Origin:
+        """The learner's account of itself; ask before `start`."""
+        return learner_origin(
+            node,
+            self.run_id,
+            self._config.seed,
+            self._learner,
+            self._arena.training_programs,
+            parameters=asdict(self._config),
+            design=self._arena.design,
+            preset=self._arena.preset,
+        )
 
     def start(self) -> None:
         """Publish the versions that may still be asked for, oldest first; then learn."""

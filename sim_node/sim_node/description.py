@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
-from pa_ros import __version__
 from pa_ros.arena import Design, condition_named
 from pa_ros.arena.conditions import program_text
-from pa_ros.arena.features import HAND_INDEX
-from pa_ros.core.experience import JOINTS
+from pa_ros.bags import origins
+from pa_ros.bags.origins import JOINT_NAMES
 from pa_ros.language import parse
-from pa_ros.wire.records import ArenaDescription, Mode
+from pa_ros.wire.records import ArenaDescription, Mode, Origin
 from sim_node.session import Session
 
-JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
+__all__ = ["JOINT_NAMES", "describe", "origin", "training_programs"]
 
 
 def training_programs(design: Design) -> tuple[str, ...]:
@@ -25,25 +26,23 @@ def training_programs(design: Design) -> tuple[str, ...]:
 
 def describe(session: Session) -> ArenaDescription:
     """The arena's latched description."""
-    arena, design, config = session.arena, session.task.design, session.config
-    return ArenaDescription(
-        mode=Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME,
+    design, config = session.task.design, session.config
+    mode = Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME
+    programs = training_programs(design)
+    return origins.describe(session.arena, design, config.seed, programs, session.arena_id, mode)
+
+
+def origin(session: Session, node: str) -> Origin:
+    """The arena's account of itself, for recordings."""
+    design, vocabulary = session.task.design, session.task.design.vocabulary
+    return origins.origin(
+        node,
+        session.arena_id,
+        session.config.seed,
+        parameters=asdict(session.config),
         design=design.name,
-        preset=arena.preset,
-        seed=config.seed,
-        block_count=design.n_blocks,
-        shapes=design.vocabulary.shapes,
-        colors=design.vocabulary.colors,
-        vocabulary_digest=design.vocabulary.digest,
-        training_programs=training_programs(design),
-        joint_names=JOINT_NAMES,
-        joint_lower=arena.joint_lower,
-        joint_upper=arena.joint_upper,
-        speed_limits=arena.joint_speed_limits,
-        control_period=arena.control_period_s,
-        near_threshold=arena.near_threshold_m,
-        episode_steps=arena.episode_steps,
-        hand_index=HAND_INDEX,
-        arena_id=session.arena_id,
-        software_version=__version__,
+        preset=session.arena.preset,
+        shapes=vocabulary.shapes,
+        colors=vocabulary.colors,
+        vocabulary_digest=vocabulary.digest,
     )

@@ -20,7 +20,7 @@ from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.records import Outcome, ProgramRequest
 from sim_node.config import SimConfig
-from sim_node.description import JOINT_NAMES, describe
+from sim_node.description import JOINT_NAMES, describe, origin
 from sim_node.errors import LockstepError, NotPausedError, PausedError
 from sim_node.session import Frame, Session
 from sim_node.watchdog import Watchdog
@@ -67,6 +67,9 @@ class SimNode(Node):
         self._status = publisher(topics.PROGRAM_STATUS)
         self._info = publisher(topics.ARENA_INFO)
         self._info.publish(codec.encode_arena_info(describe(self.session)))
+        self._provenance = publisher(topics.PROVENANCE)
+        account = origin(self.session, self.get_fully_qualified_name())
+        self._provenance.publish(codec.encode_provenance(account))
 
     def _make_subscriptions(self) -> None:
         command = topics.JOINT_COMMANDS

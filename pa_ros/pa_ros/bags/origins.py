@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pa_ros import __version__
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.arena.features import HAND_INDEX
 from pa_ros.core.experience import JOINTS
 from pa_ros.core.report import device, versions
-from pa_ros.learning.learner import Learner
 from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
+
+if TYPE_CHECKING:
+    from pa_ros.learning.learner import Learner  # brings torch, which an arena can do without
 
 JOINT_NAMES: Final = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
 

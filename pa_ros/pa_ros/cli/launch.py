@@ -12,6 +12,7 @@ from pa_ros.ros.graph import refuse_occupied, signals_noted, start_nodes, watch
 from pa_ros.ros.launch_params import load_parameters, packaged
 from pa_ros.ros.launcher import ChildError, Supervisor
 from pa_ros.ros.monitor import Display, GraphFigures, watch_diagnostics
+from pa_ros.ros.record import RECORDER, start_recorder
 
 DEFAULT = "train_2l"
 EXIT_FAILED = 1
@@ -29,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR",
         help="where parameters and logs go (default: runs/launch-<time>)",
     )  # fmt: skip
+    parser.add_argument("--record", type=Path, metavar="BAG", help="record the graph into a bag")
     parser.epilog = "Ctrl-C stops all nodes; exit status 1 if one ended by itself"
 
 
@@ -42,6 +44,8 @@ def run(options: argparse.Namespace) -> int:
         watch_diagnostics(node, figures)
         with Supervisor(folder / "log") as supervisor:
             try:
+                if options.record is not None:
+                    start_recorder(supervisor, node, options.record, options.namespace)
                 start_nodes(supervisor, parameters, folder, options.namespace)
                 print(f"started {', '.join(supervisor.names)}; logs in {folder / 'log'}")
                 with Display("Graph (Ctrl-C stops it)", figures.rows, figures.line) as display:
@@ -50,6 +54,7 @@ def run(options: argparse.Namespace) -> int:
                 print(f"pa_ros launch: {error}", file=sys.stderr)
                 return EXIT_FAILED
             print("stopping")
+            supervisor.stop([name for name in supervisor.names if name != RECORDER])
             supervisor.stop()
     print("stopped")
     return 0

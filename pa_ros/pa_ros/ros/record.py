@@ -9,6 +9,7 @@ the same whatever else the process does.
 from __future__ import annotations
 
 import json
+import sys
 import threading
 import time
 from collections import deque
@@ -31,7 +32,8 @@ from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.graph import DISCOVERY_S
+from pa_ros.ros.graph import DISCOVERY_S, watch
+from pa_ros.ros.launcher import Supervisor
 from pa_ros.ros.topics import Topic
 from pa_ros.wire import codec
 
@@ -51,6 +53,8 @@ BAG_TOPICS = (
     topics.DIAGNOSTICS,
 )
 DRAIN_S: Final = 0.005
+RECORDER: Final = "recorder"  # its name among the processes of a launch
+READY_S: Final = 30.0
 FLUSH_S: Final = 1.0  # what a SIGKILL can cost
 _TURN: Final = 500  # messages of one topic per turn, so that none starves
 _RECENT: Final = 1000  # messages remembered, to know one that two readers delivered
@@ -286,3 +290,18 @@ def _stranger(node: Node, name: str) -> Topic:
         depth=topics.STEP.depth,
     )
     return Topic(name, message_class, profile, profile)
+
+
+def start_recorder(supervisor: Supervisor, node: Node, folder: Path, namespace: str = "") -> None:
+    """Record everything in a process of its own; returns once it listens. Raises ChildError."""
+    command = [sys.executable, "-m", "pa_ros", "record", str(folder), "--namespace", namespace]
+    supervisor.start(RECORDER, command)
+    probe = node.create_publisher(
+        topics.TRANSITIONS.type, topics.TRANSITIONS.name, topics.TRANSITIONS.writer
+    )
+    ready = watch(
+        node, supervisor, lambda: None, lambda: probe.get_subscription_count() > 0, READY_S
+    )
+    node.destroy_publisher(probe)
+    if not ready:
+        raise BagError(f"record: expected the recorder to listen within {READY_S:g} s")

@@ -1,0 +1,61 @@
+"""What a live graph learned is recorded with all that is needed to make it again."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import pytest
+import yaml
+from graphs import DEADLINE_S, pa_ros, wait_for
+from recorded_runs import SMALL
+
+from pa_ros.bags.experience import Experience
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.verify import verify
+
+DOMAIN = "72"
+PARAMETERS = {
+    "/**/sim_node": {"seed": 4, "eval_every_episodes": 2},
+    "/**/agent_node": {"seed": 4, "learning": True, "weights": "topic", "options": SMALL},
+    "/**/learner_node": {"seed": 4, "options": SMALL},
+}
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("launched")
+    params = folder / "params.yaml"
+    params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in PARAMETERS.items()}))
+    arguments = ["launch", "--params", params, "--out", folder / "run", "--record", folder / "bag"]
+    with pa_ros(*arguments, domain=DOMAIN) as process:
+        try:
+            storage = folder / "bag" / "bag.mcap"
+            wait_for(lambda: storage.exists() and storage.stat().st_size > 500_000, "recording")
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0, err
+    assert "recorder, sim_node" in out
+    return folder / "bag"
+
+
+def test_a_graphs_run_is_verified_from_its_first_step(bag):
+    with Bag(bag) as opened:
+        found = verify(Experience(opened))
+    assert found.equal, found
+    assert found.compared == found.version + 1 > 3
+    assert found.reenacted >= found.frames > 300
+
+
+def test_every_process_says_what_it_is(bag):
+    with Bag(bag) as opened:
+        origins = {origin.node: origin for origin in Experience(opened).origins}
+    assert sorted(origins) == ["/agent_node", "/learner_node", "/sim_node"]
+    assert {origin.seed for origin in origins.values()} == {4}
+    assert origins["/sim_node"].parameters["eval_every_episodes"] == 2
+    assert origins["/learner_node"].parameters["options"] == SMALL
+    about = yaml.safe_load((bag / "metadata.yaml").read_text())
+    custom = about["rosbag2_bagfile_information"]["custom_data"]
+    assert custom["pa_ros.provenance"].count('"node"') == 3
