@@ -230,7 +230,7 @@ def test_a_learner_fed_by_a_replayed_bag_learns_the_recorded_weights(tmp_path):
     names = ("arena_info", "transitions")
     with client_node("test") as node, Recorder(tmp_path / "live", node, chosen) as recorder:
         with process("learner_node", "seed:=5", options):
-            replayed(node, tmp_path / "bag", rate=0.0, topics=("arena_info", "transitions"))
+            replayed(node, tmp_path / "bag", rate=0.0, topics=names, wait_s=30.0)
             wait_for(lambda: recorder.counts["/policy_weights"] == 5, "the last weights")
     live = {m.version: m.checksum for n, m in decoded(tmp_path / "live") if "weights" in n}
     with Bag(tmp_path / "bag") as bag:

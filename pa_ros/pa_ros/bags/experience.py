@@ -45,10 +45,13 @@ class Experience:
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
         self._bag, self._namespace = bag, namespace
         self._topic = bag.topic_of(TRANSITIONS, namespace)
-        self.origins: list[Origin] = self._latched(PROVENANCE, codec.decode_provenance)
-        self.arenas: list[ArenaDescription] = self._latched(ARENA_INFO, codec.decode_arena_info)
+        self.origins: list[Origin] = [
+            _decoded(bag, recorded, codec.decode_provenance)
+            for recorded in _of_type(bag, PROVENANCE, namespace)
+        ]
+        self.arenas = arenas_of(bag, namespace)
         self.published = self._published()
-        self._keys = self._arrivals()
+        self.keys = self._arrivals()  # stretches in the order of the recording, each once
 
     @property
     def learner(self) -> Origin:
@@ -71,7 +74,7 @@ class Experience:
     def lessons(self) -> Iterator[Lesson]:
         """Stretches in the learner's order, as far as the weights tell it; else as they came."""
         plan, pending = self._plan(), dict[Key, Stretch]()
-        there = set(self._keys)
+        there = set(self.keys)
         messages = self._stretches()
         for key, version in plan:
             while key in there and key not in pending:
@@ -83,7 +86,7 @@ class Experience:
 
     def _plan(self) -> list[tuple[Key, int | None]]:
         """Which stretch comes when. The marks of two versions tell what lies between them."""
-        left = dict.fromkeys(self._keys)
+        left = dict.fromkeys(self.keys)
         plan: list[tuple[Key, int | None]] = []
         marks: dict[str, int] = {}
         version = min(self.published, default=0)
@@ -115,7 +118,7 @@ class Experience:
         """By version, of the run that the provenance tells of."""
         runs = {origin.instance for origin in self.origins if origin.learner is not None}
         found: dict[int, Published] = {}
-        for recorded in self._of_type(WEIGHTS):
+        for recorded in _of_type(self._bag, WEIGHTS, self._namespace):
             one = _decoded(self._bag, recorded, _published)
             if not runs or one.run_id in runs:
                 before = found.get(one.version)
@@ -137,13 +140,18 @@ class Experience:
         for recorded in self._bag.messages([self._topic]):
             yield _decoded(self._bag, recorded, codec.decode_transitions)
 
-    def _latched(self, type_name: str, decode: Callable[[Any], Any]) -> list[Any]:
-        return [_decoded(self._bag, recorded, decode) for recorded in self._of_type(type_name)]
 
-    def _of_type(self, type_name: str) -> Iterator[Recorded]:
-        if type_name in self._bag.types.values():
-            name = self._bag.topic_of(type_name, self._namespace)
-            yield from self._bag.messages([name])
+def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
+    """What arenas said of themselves, in the order of the recording."""
+    return [
+        _decoded(bag, recorded, codec.decode_arena_info)
+        for recorded in _of_type(bag, ARENA_INFO, namespace)
+    ]
+
+
+def _of_type(bag: Bag, type_name: str, namespace: str | None) -> Iterator[Recorded]:
+    if type_name in bag.types.values():
+        yield from bag.messages([bag.topic_of(type_name, namespace)])
 
 
 def _published(message: Any) -> Published:

@@ -1,0 +1,221 @@
+"""Episodes of a recording, step by step, from the arena's topics or from transitions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.bags.errors import ForeignBagError
+from pa_ros.bags.experience import ARENA_INFO, TRANSITIONS
+from pa_ros.bags.reader import Bag
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import JOINTS, Float32, Float64, Stretch
+from pa_ros.wire import codec
+
+FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
+JOINT_STATES: Final = "sensor_msgs/msg/JointState"
+VERDICT: Final = "msgs_schema/msg/Verdict"
+COMMAND: Final = "msgs_schema/msg/JointCommand"
+PROGRAM: Final = "msgs_schema/msg/Program"
+STEP_TYPES: Final = (FEATURES, JOINT_STATES, VERDICT, COMMAND, PROGRAM)
+_SETTLED: Final = 20  # rows of the next episode after which nothing of the one before still comes
+
+
+@dataclass
+class Row:
+    """One control step; NaN where the recording says nothing."""
+
+    step: int
+    stamp_ns: int  # simulation time; -1: not recorded
+    objects: Float32  # [N, 16], core.experience.OBJECT_FEATURE_NAMES
+    hand_index: int
+    program: str  # in force; its id where the text is not recorded
+    joint_position: Float64 = field(default_factory=lambda: np.full(JOINTS, np.nan))  # rad
+    joint_velocity: Float64 = field(default_factory=lambda: np.full(JOINTS, np.nan))  # rad/s
+    action: Float32 = field(default_factory=lambda: np.full(JOINTS, np.nan, dtype=np.float32))
+    policy_version: int = -1  # of the weights that chose the action
+    reward: float = float("nan")  # of this row's state
+    distance: float = float("nan")  # m, to the nearest object that the program names
+
+
+@dataclass
+class RecordedEpisode:
+    """What was recorded of one episode."""
+
+    number: int
+    evaluation: bool
+    rows: list[Row] = field(default_factory=list)
+
+    @property
+    def rewards(self) -> Float64:
+        """Rewards of the steps taken: those of all rows but the first, where recorded."""
+        values = np.array([row.reward for row in self.rows if row.step > 0])
+        return values[~np.isnan(values)] if len(values) else values
+
+    @property
+    def missing(self) -> int:
+        """Control steps between the first and the last that are not recorded."""
+        steps = [row.step for row in self.rows]
+        return steps[-1] - steps[0] + 1 - len(set(steps)) if steps else 0
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Rows as arrays by name, the first axis being the row; see docs/bags.md for units."""
+        rows = self.rows
+        stamps = [row.stamp_ns / 1e9 if row.stamp_ns >= 0 else np.nan for row in rows]
+        return {
+            "step": np.array([row.step for row in rows]),
+            "stamp_s": np.array(stamps),
+            "objects": np.stack([row.objects for row in rows]),
+            "joint_position": np.stack([row.joint_position for row in rows]),
+            "joint_velocity": np.stack([row.joint_velocity for row in rows]),
+            "action": np.stack([row.action for row in rows]),
+            "policy_version": np.array([row.policy_version for row in rows]),
+            "reward": np.array([row.reward for row in rows]),
+            "distance": np.array([row.distance for row in rows]),
+            "program": np.array([row.program for row in rows]),
+        }  # fmt: skip
+
+
+def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode]:
+    """Episodes in the order of the recording; from transitions if the steps are not recorded.
+
+    Raises ForeignBagError if the bag has neither.
+    """
+    if FEATURES in bag.types.values():
+        return _from_steps(bag, namespace)
+    if TRANSITIONS in bag.types.values():
+        return _from_transitions(bag, namespace)
+    raise ForeignBagError(
+        f"bag: {bag.path}: expected topics of type {FEATURES} or {TRANSITIONS}, got "
+        f"{', '.join(sorted(set(bag.types.values()))) or 'no topics'}"
+    )
+
+
+def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
+    open_: dict[str, RecordedEpisode] = {}  # by agent
+    for recorded in bag.messages([bag.topic_of(TRANSITIONS, namespace)]):
+        stretch = codec.decode_transitions(bag.decode(recorded))
+        episode = open_.get(stretch.agent_id)
+        if episode is None or not _continues(episode, stretch):
+            if episode is not None:
+                yield episode
+            episode = open_[stretch.agent_id] = RecordedEpisode(stretch.episode, False)
+        _extend(episode, stretch)
+    yield from open_.values()
+
+
+def _continues(episode: RecordedEpisode, stretch: Stretch) -> bool:
+    return episode.number == stretch.episode and episode.rows[-1].step == stretch.first_step
+
+
+def _extend(episode: RecordedEpisode, stretch: Stretch) -> None:
+    if not episode.rows:
+        episode.rows.append(_row(stretch, 0))
+    for t in range(len(stretch)):
+        before = episode.rows[-1]
+        before.action, before.policy_version = stretch.actions[t], stretch.policy_version
+        following = _row(stretch, t + 1)
+        following.reward = float(stretch.rewards[t])
+        episode.rows.append(following)
+
+
+def _row(stretch: Stretch, t: int) -> Row:
+    sine, cosine, velocity = np.split(stretch.arm[t].astype(np.float64), 3)
+    return Row(
+        stretch.first_step + t,
+        -1,
+        stretch.objects[t],
+        stretch.hand_index,
+        stretch.program,
+        np.arctan2(sine, cosine),
+        velocity,
+    )
+
+
+def _from_steps(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
+    """Parts of a step come in any order; whatever comes of a step before its features waits."""
+    builder = _Builder(_joint_names(bag, namespace))
+    wanted = [bag.topic_of(t, namespace) for t in STEP_TYPES if t in bag.types.values()]
+    for recorded in bag.messages(wanted):
+        builder.take(recorded.type_name, bag.decode(recorded))
+        yield from builder.finished(_SETTLED)
+    yield from builder.finished(0)
+
+
+class _Builder:
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
+        self._joint_names = joint_names
+        self._texts: dict[str, str] = {}  # of programs, by id
+        self._open: list[RecordedEpisode] = []  # the newest last
+        self._rows: dict[int, Row] = {}  # of the open ones, by stamp
+        self._early: dict[int, list[tuple[str, Any]]] = {}
+
+    def take(self, type_name: str, message: Any) -> None:
+        if type_name == PROGRAM:
+            request = codec.decode_program(message)
+            self._texts[request.program_id] = request.text
+            return
+        stamp_ns = codec.header_stamp(message)
+        if type_name == FEATURES:
+            self._begin_row(stamp_ns, message)
+            for kind, part in self._early.pop(stamp_ns, ()):
+                self._fill(self._rows[stamp_ns], kind, part)
+        elif stamp_ns in self._rows:
+            self._fill(self._rows[stamp_ns], type_name, message)
+        else:
+            self._early.setdefault(stamp_ns, []).append((type_name, message))
+            while len(self._early) > 10 * _SETTLED:
+                self._early.pop(next(iter(self._early)))
+
+    def finished(self, settled: int) -> Iterator[RecordedEpisode]:
+        """Episodes that are over; with 0, all that are left."""
+        while self._open and (
+            not settled or len(self._open) > 1 and len(self._open[1].rows) >= settled
+        ):
+            episode = self._open.pop(0)
+            for row in episode.rows:
+                row.program = self._texts.get(row.program, row.program)
+                self._rows.pop(row.stamp_ns, None)
+            yield episode
+
+    def _begin_row(self, stamp_ns: int, message: Any) -> None:
+        if stamp_ns in self._rows:
+            return  # sent again, because nobody answered
+        newest = self._open[-1] if self._open else None
+        mark = (int(message.episode), bool(message.evaluation))
+        again = newest is None or (newest.number, newest.evaluation) != mark
+        if newest is None or again or int(message.step) <= newest.rows[-1].step:
+            newest = RecordedEpisode(*mark)
+            self._open.append(newest)
+        objects = np.array(message.features, dtype=np.float32).reshape(message.object_count, -1)
+        program = self._texts.get(message.program_id, str(message.program_id))
+        row = Row(int(message.step), stamp_ns, objects, int(message.hand_index), program)
+        newest.rows.append(row)
+        self._rows[stamp_ns] = row
+
+    def _fill(self, row: Row, type_name: str, message: Any) -> None:
+        if type_name == JOINT_STATES:
+            names = list(message.name)
+            order = [names.index(n) for n in self._joint_names] if self._joint_names else ...
+            row.joint_position = np.array(message.position, dtype=np.float64)[order]
+            row.joint_velocity = np.array(message.velocity, dtype=np.float64)[order]
+        elif type_name == VERDICT:
+            row.reward, row.distance = float(message.reward), float(message.distance)
+        else:
+            row.action = np.array(message.action, dtype=np.float32)
+            row.policy_version = int(message.policy_version)
+
+
+def _joint_names(bag: Bag, namespace: str | None) -> tuple[str, ...]:
+    if ARENA_INFO not in bag.types.values():
+        return ()
+    for recorded in bag.messages([bag.topic_of(ARENA_INFO, namespace)]):
+        try:
+            return tuple(codec.decode_arena_info(bag.decode(recorded)).joint_names)
+        except PaError:
+            return ()
+    return ()

@@ -1,0 +1,110 @@
+"""A film of a recorded episode, drawn anew from the recorded joints and objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena.designs import Kind
+from pa_ros.arena.episodes import Block, Episode
+from pa_ros.arena.render import render, top_view
+from pa_ros.bags.episodes import RecordedEpisode, Row
+from pa_ros.bags.errors import BagError
+from pa_ros.core.experience import COLORS, JOINTS, SHAPES
+from pa_ros.language.errors import ProgramError
+from pa_ros.wire.records import ArenaDescription
+
+Picture = NDArray[np.uint8]
+
+
+class Stage:
+    """Puts recorded states on the table again; nothing is simulated."""
+
+    def __init__(self, episode: RecordedEpisode, arena: ArenaDescription) -> None:
+        """Raises BagError if a row lacks the joints' positions."""
+        if not episode.rows or np.isnan(episode.rows[0].joint_position).any():
+            raise BagError(f"film: episode {episode.number}: its joint positions are not recorded")
+        config = replace(preset_named(arena.preset), episode_steps=arena.episode_steps)
+        self.task = ReachTask(config, design_named(arena.design), arena.seed)
+        first = episode.rows[0]
+        kinds = [_kind(first, i) for i in range(len(first.objects)) if i != first.hand_index]
+        blocks = tuple(Block(kind, 0.0, 0.0, 0.0) for kind in kinds)
+        start: Any = tuple(first.joint_position)
+        anything = f"NEAR(HAND, {next(k.color for k in kinds if _known(k, arena))})"
+        self.task.reset_to(Episode(episode.number, "train", blocks, start, anything))
+        self._shown = ""
+
+    def show(self, row: Row) -> None:
+        """Put the arm and the blocks where a row says."""
+        data, model = self.task.simulation.data, self.task.simulation.model
+        if not np.isnan(row.joint_position).any():
+            data.qpos[:JOINTS] = row.joint_position
+        mujoco.mj_kinematics(model, data)
+        hand = model.body("hand").id
+        rotation, origin = data.xmat[hand].reshape(3, 3), data.xpos[hand]
+        blocks = np.delete(row.objects.astype(np.float64), row.hand_index, axis=0)
+        for i, block in enumerate(blocks):
+            pose = data.qpos[JOINTS + 7 * i : JOINTS + 7 * (i + 1)]
+            pose[:3] = origin + rotation @ block[:3]
+            mujoco.mju_mulQuat(pose[3:], data.xquat[hand], np.roll(block[3:7], 1))
+        mujoco.mj_kinematics(model, data)
+        if row.program != self._shown:
+            self._shown = row.program
+            try:
+                self.task.set_program(row.program)
+            except ProgramError:  # none in force, or its text is not recorded
+                self.task.verifier.targets = ()
+
+
+def film(
+    episode: RecordedEpisode, arena: ArenaDescription, path: Path, rendered: bool, side_px: int
+) -> int:
+    """Write an endless GIF at the speed of the arena; its number of pictures.
+
+    `rendered`: in perspective, by OpenGL (RenderError if this machine has none), not from above.
+    """
+    stage = Stage(episode, arena)
+    pictures = _pictures(episode, stage, rendered, side_px)
+    first = Image.fromarray(next(pictures))
+    following = (Image.fromarray(picture) for picture in pictures)
+    try:
+        first.save(
+            path,
+            format="GIF",
+            save_all=True,
+            append_images=following,
+            duration=round(1000 * arena.control_period),
+            loop=0,
+        )
+    except OSError as error:
+        raise BagError(f"film: {path}: {error}") from error
+    return len(episode.rows)
+
+
+def _pictures(
+    episode: RecordedEpisode, stage: Stage, rendered: bool, side_px: int
+) -> Iterator[Picture]:
+    draw: Callable[[], Picture] = lambda: top_view(stage.task, side_px)  # noqa: E731
+    if rendered:
+        draw = lambda: render(stage.task.simulation, side_px, side_px)  # noqa: E731
+    for row in episode.rows:
+        stage.show(row)
+        yield draw()
+
+
+def _kind(row: Row, index: int) -> Kind:
+    hots = row.objects[index, 7:]
+    shape = SHAPES[int(np.argmax(hots[: len(SHAPES)]))]
+    return Kind(COLORS[int(np.argmax(hots[len(SHAPES) :]))], shape)
+
+
+def _known(kind: Kind, arena: ArenaDescription) -> bool:
+    return kind.color in arena.colors

@@ -1,0 +1,127 @@
+"""What a bag holds, for people: topics, episodes, programs, scores, versions, gaps."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pa_ros.bags.episodes import RecordedEpisode, episodes
+from pa_ros.bags.errors import DefinitionError, ForeignBagError, ProvenanceError
+from pa_ros.bags.experience import TRANSITIONS, Experience
+from pa_ros.bags.provenance import LOST
+from pa_ros.bags.reader import Bag
+from pa_ros.core.errors import PaError
+
+
+@dataclass
+class Group:
+    """Episodes of a kind."""
+
+    episodes: int = 0
+    steps: int = 0
+    missing: int = 0  # control steps between others that are not recorded
+    rewards: list[float] = field(default_factory=list)  # mean per step, episode by episode
+    programs: Counter[str] = field(default_factory=Counter)
+    versions: set[int] = field(default_factory=set)  # of the weights that acted
+
+    def add(self, episode: RecordedEpisode) -> None:
+        """Count one."""
+        self.episodes += 1
+        self.steps += max(len(episode.rows) - 1, 0)
+        self.missing += episode.missing
+        if len(episode.rewards):
+            self.rewards.append(float(episode.rewards.mean()))
+        self.programs.update({row.program for row in episode.rows})
+        self.versions.update(row.policy_version for row in episode.rows)
+        self.versions.discard(-1)
+
+
+def describe(bag: Bag, namespace: str | None = None) -> list[str]:
+    """Lines to print; what cannot be read is said in a line of its own."""
+    lost = json.loads(bag.custom.get(LOST, "{}"))
+    lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
+    if "pa_ros.repaired" in bag.custom:
+        lines.append(f"repaired after its recorder was killed: {bag.custom['pa_ros.repaired']}")
+    for name, count in bag.counts.items():
+        note = f", {lost[name]} lost while recording" if lost.get(name) else ""
+        if bag.differs(name):
+            note += ", another edition of the definition than is installed here"
+        lines.append(f"  {name}  {bag.types[name]}  {count}{note}")
+    for part in (_learning, _episodes):
+        try:
+            lines += part(bag, namespace)
+        except ForeignBagError as error:
+            lines.append(f"nothing of ours to tell: {error}")
+        except (DefinitionError, PaError) as error:
+            lines.append(f"not readable: {error}")
+    return lines
+
+
+def _learning(bag: Bag, namespace: str | None) -> list[str]:
+    if TRANSITIONS not in bag.types.values():
+        return []
+    experience = Experience(bag, namespace)
+    lines = []
+    for origin in experience.origins:
+        what = ", ".join(filter(None, (origin.design, origin.preset, f"seed {origin.seed}")))
+        lines.append(f"{origin.node} ({origin.instance}): {what}; {origin.versions}")
+    try:
+        began = experience.learner.learner
+        assert began is not None
+        how = "from scratch" if began.first_version == 0 else f"at version {began.first_version}"
+        lines.append(f"one learner, recorded from its beginning {how}")
+    except ProvenanceError as error:
+        lines.append(f"cannot be made again: {error}")
+    lessons = list(experience.keys)
+    lines.append(f"{len(lessons)} stretches of transitions{_gaps(lessons)}")
+    versions = sorted(experience.published)
+    if versions:
+        absent = versions[-1] - versions[0] + 1 - len(versions)
+        gap = f", {absent} of them not recorded" if absent else ""
+        lines.append(f"weights: versions {versions[0]} to {versions[-1]}{gap}")
+    return lines
+
+
+def _gaps(keys: Iterable[tuple[str, int]]) -> str:
+    """Stretches that the numbers say are missing, agent by agent."""
+    by_agent: dict[str, list[int]] = {}
+    for agent, sequence in keys:
+        by_agent.setdefault(agent, []).append(sequence)
+    missing = {a: max(n) - min(n) + 1 - len(set(n)) for a, n in by_agent.items()}
+    said = [f"{count} missing of {agent}" for agent, count in missing.items() if count]
+    return "; GAPS: " + ", ".join(said) if said else ", no gaps"
+
+
+def _episodes(bag: Bag, namespace: str | None) -> list[str]:
+    groups = {False: Group(), True: Group()}
+    for episode in episodes(bag, namespace):
+        groups[episode.evaluation].add(episode)
+    lines = []
+    for evaluation, group in groups.items():
+        if not group.episodes:
+            continue
+        kind = "evaluation" if evaluation else "training"
+        lines.append(f"{group.episodes} {kind} episodes, {group.steps} steps{_score(group)}")
+        if group.missing:
+            lines.append(f"  GAPS: {group.missing} steps between others are not recorded")
+        if group.versions:
+            lines.append(f"  acted by versions {min(group.versions)} to {max(group.versions)}")
+        lines += [
+            f"  {count:>6} episodes under {text or '(no program)'}"
+            for text, count in group.programs.most_common()
+        ]
+    return lines
+
+
+def _score(group: Group) -> str:
+    if not group.rewards:
+        return ""
+    last = group.rewards[-20:]
+    return (
+        f", reward per step {np.mean(group.rewards):+.3f}, of the last {len(last)} "
+        f"{np.mean(last):+.3f}"
+    )

@@ -1,0 +1,71 @@
+"""`pa_ros bag info|export|film BAG`: look at a recording, take it elsewhere."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pa_ros.bags.errors import ForeignBagError, ProvenanceError
+from pa_ros.bags.experience import arenas_of
+from pa_ros.bags.reader import Bag
+from pa_ros.core.errors import ConfigError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros bag`."""
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    info = actions.add_parser("info", help="episodes, programs, scores, versions, gaps")
+    export = actions.add_parser("export", help="episodes as NPZ files, and a table of them")
+    export.add_argument("--out", type=Path, required=True, metavar="DIR")
+    export.add_argument(
+        "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
+    )
+    film = actions.add_parser("film", help="an episode as a GIF, drawn from what was recorded")
+    film.add_argument("--out", type=Path, required=True, metavar="FILE.gif")
+    film.add_argument("--episode", type=int, required=True, metavar="N")
+    film.add_argument("--evaluation", action="store_true", help="the evaluation episode N")
+    film.add_argument("--rendered", action="store_true", help="in perspective; needs OpenGL")
+    film.add_argument("--side", type=int, default=360, metavar="PIXELS", help="(%(default)s)")
+    for action in (info, export, film):
+        action.add_argument("bag", type=Path, metavar="BAG")
+        action.add_argument("--namespace", help="of the arena, if several were recorded")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do one of the actions."""
+    with Bag(options.bag) as bag:
+        return {"info": _info, "export": _export, "film": _film}[options.action](bag, options)
+
+
+def _info(bag: Bag, options: argparse.Namespace) -> int:
+    from pa_ros.bags.summary import describe
+
+    print("\n".join(describe(bag, options.namespace)))
+    return 0
+
+
+def _export(bag: Bag, options: argparse.Namespace) -> int:
+    from pa_ros.bags.episodes import episodes
+    from pa_ros.bags.export import export
+
+    count = export(episodes(bag, options.namespace), options.out, options.episodes)
+    print(f"{count} episodes in {options.out}, described in docs/bags.md")
+    return 0
+
+
+def _film(bag: Bag, options: argparse.Namespace) -> int:
+    from pa_ros.bags.episodes import episodes
+    from pa_ros.bags.film import film
+
+    if not 64 <= options.side <= 2000:
+        raise ConfigError(f"--side: expected 64 to 2000 pixels, got {options.side}")
+    arenas = arenas_of(bag, options.namespace)
+    if not arenas:
+        raise ProvenanceError(f"bag: {bag.path}: no arena_info in it: which arena is unknown")
+    wanted = (options.episode, options.evaluation)
+    for episode in episodes(bag, options.namespace):
+        if (episode.number, episode.evaluation) == wanted:
+            count = film(episode, arenas[-1], options.out, options.rendered, options.side)
+            print(f"{count} pictures of episode {episode.number} in {options.out}")
+            return 0
+    raise ForeignBagError(f"bag: {bag.path}: expected an episode {options.episode}, found none")

@@ -1,0 +1,200 @@
+"""Info, export and film: what is told, stored and drawn is what was recorded."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from recorded_runs import rewritten, train
+
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.bags.contents import reliable_qos, topic
+from pa_ros.bags.definitions import installed_types, message_type, to_cdr
+from pa_ros.bags.episodes import episodes
+from pa_ros.bags.experience import arenas_of
+from pa_ros.bags.film import Stage
+from pa_ros.bags.origins import JOINT_NAMES, describe
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.writer import BagWriter
+from pa_ros.cli.main import main
+from pa_ros.core.experience import Observation, Verdict
+from pa_ros.wire import codec
+from pa_ros.wire.records import Command, ProgramRequest
+
+STEPS = 30
+ARENA, DESIGN = preset_named("fast"), design_named("2-L")
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of transitions: three episodes of a run in one process."""
+    folder = tmp_path_factory.mktemp("learned")
+    assert train(folder, "--record", folder / "bag", frames=300) == 0
+    return folder / "bag"
+
+
+def acted() -> list[tuple[Observation, Verdict, Command | None, str, bool]]:
+    """Two short episodes: training 7, evaluation 7; with the commands that led on."""
+    task, rng, found = ReachTask(ARENA, DESIGN, 3), np.random.default_rng(0), []
+    for evaluation in (False, True):
+        observation, verdict = task.reset(7, "eval" if evaluation else "train")
+        for step in range(STEPS + 1):
+            action = rng.uniform(-1, 1, 6).astype(np.float32)
+            stamp = observation.stamp_ns
+            command = Command(7, step, stamp, "a", 4, action) if step < STEPS else None
+            found.append((observation, verdict, command, task.program, evaluation))
+            if command is not None:
+                observation, verdict = task.step(action * np.array(ARENA.joint_speed_limits))
+    return found
+
+
+@pytest.fixture(scope="module")
+def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of the arena's topics, parts of a step in changing order, one step sent twice."""
+    folder, store = tmp_path_factory.mktemp("stepped") / "bag", installed_types()
+    with BagWriter(folder) as bag:
+        clock = iter(range(10**18, 10**18 + 10**9, 1000))
+        declared: set[str] = set()
+
+        def write(name: str, message) -> None:
+            if name not in declared:
+                declared.add(name)
+                kind = message_type(type(message))
+                bag.add(topic(store, name, kind, [reliable_qos(100)]))
+            bag.write(name, to_cdr(store, message), next(clock))
+
+        about = describe(ARENA, DESIGN, 3, ["NEAR(HAND, RED)"], "x")
+        write("/arena_info", codec.encode_arena_info(about))
+        for i, (observation, verdict, command, program, evaluation) in enumerate(acted()):
+            if observation.step == 0:
+                request = ProgramRequest(observation.program_id, program)
+                write("/program", codec.encode_program(request))
+            features, joints = codec.encode_observation(observation, JOINT_NAMES, evaluation)
+            parts = [
+                ("/joint_states", joints),
+                ("/object_features", features),
+                ("/verdict", codec.encode_verdict(verdict, evaluation)),
+            ]
+            if command is not None:
+                parts.append(("/joint_commands", codec.encode_command(command)))
+            for name, message in parts if i % 2 else reversed(parts):
+                write(name, message)
+            if i == 5:
+                write("/object_features", features)
+    return folder
+
+
+def test_steps_are_put_together_as_they_were(stepped):
+    with Bag(stepped) as bag:
+        found = list(episodes(bag))
+    assert [(e.number, e.evaluation, len(e.rows), e.missing) for e in found] == [
+        (7, False, STEPS + 1, 0), (7, True, STEPS + 1, 0),
+    ]  # fmt: skip
+    rows = [row for episode in found for row in episode.rows]
+    for row, (observation, verdict, command, program, _) in zip(rows, acted(), strict=True):
+        assert (row.step, row.program) == (observation.step, program)
+        np.testing.assert_array_equal(row.objects, observation.objects)
+        np.testing.assert_array_equal(row.joint_position, observation.joint_position)
+        np.testing.assert_array_equal(row.joint_velocity, observation.joint_velocity)
+        assert (row.reward, row.distance) == (verdict.reward, verdict.distance)
+        if command is None:
+            assert np.isnan(row.action).all() and row.policy_version == -1
+        else:
+            np.testing.assert_array_equal(row.action, command.action)
+            assert row.policy_version == 4
+
+
+def test_the_stage_shows_what_was_recorded(stepped, learned):
+    """The features of the scene put up again are those recorded: blocks and hand are in place."""
+    for path, tolerance in ((stepped, 1e-5), (learned, 1e-5)):
+        with Bag(path) as bag:
+            episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
+        stage = Stage(episode, arena)
+        for row in episode.rows[::7]:
+            stage.show(row)
+            given = stage.task.simulation.objects()
+            np.testing.assert_allclose(given[:, :3], row.objects[:, :3], atol=tolerance)
+            turned = np.abs(np.sum(given[:, 3:7] * row.objects[:, 3:7], axis=1))
+            np.testing.assert_allclose(turned, 1.0, atol=tolerance)
+            np.testing.assert_array_equal(given[:, 7:], row.objects[:, 7:])
+
+
+def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path, capsys):
+    out = tmp_path / "film.gif"
+    arguments = ["--episode", "7", "--evaluation", "--side", "96", "--out", str(out)]
+    assert main(["bag", "film", str(stepped), *arguments]) == 0
+    with Image.open(out) as film:
+        assert film.format == "GIF" and film.size == (96, 96)
+        assert film.info["duration"] == 100
+        shown = film.n_frames
+        first = np.asarray(film.convert("RGB"))
+        film.seek(shown - 1)
+        assert (np.asarray(film.convert("RGB")) != first).any()
+    assert STEPS // 2 < shown <= STEPS + 1  # equal pictures in a row are stored once
+    assert main(["bag", "film", str(stepped), "--episode", "8", "--out", str(out)]) == 2
+    assert "expected an episode 8" in capsys.readouterr().err
+
+
+def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
+    assert main(["bag", "export", str(stepped), "--out", str(tmp_path / "out")]) == 0
+    with (tmp_path / "out" / "episodes.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [row["file"] for row in table] == ["episode-000007.npz", "eval-000007.npz"]
+    steps = acted()
+    rewards = [verdict.reward for _, verdict, *_ in steps[1 : STEPS + 1]]
+    assert float(table[0]["reward_per_step"]) == pytest.approx(np.mean(rewards))
+    with np.load(tmp_path / "out" / "eval-000007.npz") as arrays:  # pickles are refused
+        assert arrays["objects"].shape == (STEPS + 1, 5, 16)
+        assert arrays["program"][0] == steps[-1][3]
+        np.testing.assert_array_equal(arrays["step"], np.arange(STEPS + 1))
+        expected = [o.stamp_ns / 1e9 for o, *_ in steps[STEPS + 1 :]]
+        np.testing.assert_allclose(arrays["stamp_s"], expected)
+    assert main(["bag", "export", str(stepped), "--out", str(tmp_path / "out")]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_transitions_alone_are_exported_too(learned, tmp_path):
+    """Without stamps and distances, which transitions don't carry."""
+    chosen = ["--episodes", "1", "--out", str(tmp_path)]
+    assert main(["bag", "export", str(learned), *chosen]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "episode-000001.npz",
+        "episodes.csv",
+    ]
+    with np.load(tmp_path / "episode-000001.npz") as arrays:
+        assert arrays["action"].shape == (101, 6) and np.isnan(arrays["action"][-1]).all()
+        assert np.isnan(arrays["reward"][0]) and set(arrays["reward"][1:]) <= {-1.0, 1.0}
+        assert np.isnan(arrays["stamp_s"]).all() and np.isfinite(arrays["joint_position"]).all()
+
+
+def test_info_tells_of_episodes_versions_and_provenance(learned, stepped, capsys):
+    assert main(["bag", "info", str(learned)]) == 0
+    out = capsys.readouterr().out
+    assert "3 stretches of transitions, no gaps" in out
+    assert "weights: versions 0 to 3" in out and "3 training episodes, 300 steps" in out
+    assert "2-L, fast, seed 5" in out and "from scratch" in out
+    assert main(["bag", "info", str(stepped)]) == 0
+    out = capsys.readouterr().out
+    assert "1 training episodes, 30 steps, reward per step" in out
+    assert "1 evaluation episodes, 30 steps" in out and "acted by versions 4 to 4" in out
+
+
+def test_info_names_gaps(learned, stepped, tmp_path, capsys):
+    def drop(name, message):
+        gone = name == "/transitions" and message.sequence == 1
+        return [] if gone or (name == "/policy_weights" and message.version == 2) else [message]
+
+    assert main(["bag", "info", str(rewritten(learned, tmp_path / "a", drop))]) == 0
+    out = capsys.readouterr().out
+    assert "2 stretches of transitions; GAPS: 1 missing of agent" in out
+    assert "versions 0 to 3, 1 of them not recorded" in out
+
+    def lose(name, message):
+        gone = name == "/object_features" and message.step in (4, 5, 6)
+        return [] if gone and not message.evaluation else [message]
+
+    assert main(["bag", "info", str(rewritten(stepped, tmp_path / "b", lose))]) == 0
+    assert "GAPS: 3 steps between others are not recorded" in capsys.readouterr().out
