@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -98,7 +99,7 @@ def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode
 def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     open_: dict[str, RecordedEpisode] = {}  # by agent
     for recorded in bag.messages([bag.topic_of(TRANSITIONS, namespace)]):
-        stretch = codec.decode_transitions(bag.decode(recorded))
+        stretch = bag.through(recorded, codec.decode_transitions)
         episode = open_.get(stretch.agent_id)
         if episode is None or not _continues(episode, stretch):
             if episode is not None:
@@ -141,7 +142,7 @@ def _from_steps(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     builder = _Builder(_joint_names(bag, namespace))
     wanted = [bag.topic_of(t, namespace) for t in STEP_TYPES if t in bag.types.values()]
     for recorded in bag.messages(wanted):
-        builder.take(recorded.type_name, bag.decode(recorded))
+        bag.through(recorded, partial(builder.take, recorded.type_name))
         yield from builder.finished(_SETTLED)
     yield from builder.finished(0)
 
@@ -215,7 +216,7 @@ def _joint_names(bag: Bag, namespace: str | None) -> tuple[str, ...]:
         return ()
     for recorded in bag.messages([bag.topic_of(ARENA_INFO, namespace)]):
         try:
-            return tuple(codec.decode_arena_info(bag.decode(recorded)).joint_names)
+            return bag.through(recorded, codec.decode_arena_info).joint_names
         except PaError:
             return ()
     return ()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from pa_ros.bags.errors import DefinitionError, ForeignBagError, ProvenanceError
+from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.experience import Stretch
 from pa_ros.wire import codec
@@ -46,7 +46,7 @@ class Experience:
         self._bag, self._namespace = bag, namespace
         self._topic = bag.topic_of(TRANSITIONS, namespace)
         self.origins: list[Origin] = [
-            _decoded(bag, recorded, codec.decode_provenance)
+            bag.through(recorded, codec.decode_provenance)
             for recorded in _of_type(bag, PROVENANCE, namespace)
         ]
         self.arenas = arenas_of(bag, namespace)
@@ -119,7 +119,7 @@ class Experience:
         runs = {origin.instance for origin in self.origins if origin.learner is not None}
         found: dict[int, Published] = {}
         for recorded in _of_type(self._bag, WEIGHTS, self._namespace):
-            one = _decoded(self._bag, recorded, _published)
+            one = self._bag.through(recorded, _published)
             if not runs or one.run_id in runs:
                 before = found.get(one.version)
                 if before is None or len(one.consumed) > len(before.consumed):
@@ -129,7 +129,7 @@ class Experience:
     def _arrivals(self) -> list[Key]:
         """Stretches in the order of the recording, each once."""
         keys = dict.fromkeys(
-            _decoded(self._bag, recorded, lambda m: (str(m.agent_id), int(m.sequence)))
+            self._bag.through(recorded, lambda m: (str(m.agent_id), int(m.sequence)))
             for recorded in self._bag.messages([self._topic])
         )
         if not keys:
@@ -138,13 +138,13 @@ class Experience:
 
     def _stretches(self) -> Iterator[Stretch]:
         for recorded in self._bag.messages([self._topic]):
-            yield _decoded(self._bag, recorded, codec.decode_transitions)
+            yield self._bag.through(recorded, codec.decode_transitions)
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
     """What arenas said of themselves, in the order of the recording."""
     return [
-        _decoded(bag, recorded, codec.decode_arena_info)
+        bag.through(recorded, codec.decode_arena_info)
         for recorded in _of_type(bag, ARENA_INFO, namespace)
     ]
 
@@ -159,14 +159,3 @@ def _published(message: Any) -> Published:
     return Published(
         int(policy.snapshot.version), str(message.checksum), policy.consumed, policy.run_id
     )
-
-
-def _decoded(bag: Bag, recorded: Recorded, decode: Callable[[Any], Any]) -> Any:
-    """A message through the codec. DefinitionError if its edition lacks what the codec reads."""
-    try:
-        return decode(bag.decode(recorded))
-    except AttributeError as error:
-        raise DefinitionError(
-            f"bag: {bag.path}: {recorded.topic}: another edition of {recorded.type_name} than "
-            f"this software's: {error}"
-        ) from error

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
 from rosbags.rosbag2 import Reader
@@ -21,7 +21,9 @@ from pa_ros.bags.errors import (
     ForeignBagError,
     UnfinishedBagError,
 )
-from pa_ros.bags.repair import storage_files
+from pa_ros.bags.repair import custom_data, storage_files
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +80,7 @@ class Bag:
     @property
     def custom(self) -> dict[str, str]:
         """custom_data of metadata.yaml."""
-        metadata: Any = getattr(self._reader, "metadata", None)
-        return dict(getattr(metadata, "custom", None) or {})
+        return custom_data(self.path)
 
     def qos(self, topic: str) -> list[Qos]:
         """Profiles that the topic's publishers offered."""
@@ -145,6 +146,17 @@ class Bag:
             raise DefinitionError(
                 f"bag: {self.path}: {recorded.topic} at {recorded.stamp_ns} ns: not a "
                 f"{recorded.type_name} ({type(error).__name__}: {error})"
+            ) from error
+
+    def through(self, recorded: Recorded, read: Callable[[Any], T]) -> T:
+        """What `read` makes of the message. DefinitionError if it lacks a field that `read` needs;
+        raises whatever else `read` does."""
+        try:
+            return read(self.decode(recorded))
+        except AttributeError as error:
+            raise DefinitionError(
+                f"bag: {self.path}: {recorded.topic}: another edition of {recorded.type_name} "
+                f"than this software's: {error}"
             ) from error
 
     def differs(self, topic: str) -> bool:

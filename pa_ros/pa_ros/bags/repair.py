@@ -57,7 +57,7 @@ def repair(folder: Path) -> Repaired:
     if not contents:
         raise DamagedBagError(f"bag: {folder}: nothing in it can be read: {'; '.join(notes)}")
     name = next(name for name, kind in STORAGES.items() if kind.suffix == files[0].suffix)
-    custom = _custom(folder)
+    custom = custom_data(folder)
     if notes or not custom:
         custom["pa_ros.repaired"] = "; ".join(notes) or "no byte was lost"
     write_metadata(folder, information(name, topics.values(), contents, custom))
@@ -93,7 +93,7 @@ def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
     return topics, content
 
 
-def _custom(folder: Path) -> dict[str, str]:
+def custom_data(folder: Path) -> dict[str, str]:
     """custom_data of the metadata.yaml that is there, if one is."""
     try:
         content = yaml.safe_load((folder / METADATA).read_text())

@@ -1,0 +1,307 @@
+"""Bags as files: written as stock tools expect, split, repaired, and refused in one clear line."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from recorded_runs import train
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from pa_ros.bags.contents import reliable_qos, topic
+from pa_ros.bags.definitions import installed_types, to_cdr
+from pa_ros.bags.errors import BagError, BagFullError, DamagedBagError, UnfinishedBagError
+from pa_ros.bags.losses import Losses
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.repair import repair
+from pa_ros.bags.writer import BagOptions, BagWriter
+from pa_ros.cli.main import main
+from pa_ros.core.errors import ConfigError
+from pa_ros.wire import codec
+from pa_ros.wire.records import ProgramRequest
+
+STORE = installed_types()
+TOPIC = topic(STORE, "/program", "msgs_schema/msg/Program", [reliable_qos(1, latched=True)])
+START = 1_700_000_000_000_000_000
+
+
+def payload(i: int, size: int = 10) -> bytes:
+    return to_cdr(STORE, codec.encode_program(ProgramRequest(str(i), "X" * size)))
+
+
+def written(folder: Path, count: int, size: int = 10, close: bool = True, **options) -> BagWriter:
+    """A bag of `count` programs, one a second; left as a SIGKILL would, if not closed."""
+    bag = BagWriter(folder, BagOptions(**options))
+    bag.add(TOPIC)
+    for i in range(count):
+        bag.write("/program", payload(i, size), START + i * 10**9, START + i * 10**9 - 5, i + 1)
+        bag.flush()
+    if close:
+        bag.close({"pa_ros.test": "yes"})
+    return bag
+
+
+def identifiers(path: Path) -> list[int]:
+    with Bag(path) as bag:
+        return [int(bag.decode(recorded).program_id) for recorded in bag.messages()]
+
+
+def storage_file(folder: Path) -> Path:
+    (file,) = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
+    return file
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_what_is_written_is_read_by_us_and_by_rosbags(tmp_path, storage):
+    written(tmp_path / "bag", 5, storage=storage)
+    assert identifiers(tmp_path / "bag") == list(range(5))
+    with Bag(tmp_path / "bag") as bag:
+        assert (bag.counts, bag.first_ns, bag.duration_s) == ({"/program": 5}, START, 4.0)
+        assert bag.custom["pa_ros.test"] == "yes"
+        assert bag.qos("/program")[0].durability.name == "TRANSIENT_LOCAL"
+        middle = bag.messages(None, START + 10**9, START + 3 * 10**9)
+        assert [m.stamp_ns for m in middle] == [START + 10**9, START + 2 * 10**9]
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 5
+        assert [c.digest for c in reader.connections] == [TOPIC.digest] or storage == "mcap"
+
+
+def test_an_independent_reader_sees_sequence_numbers_times_and_definitions(tmp_path):
+    written(tmp_path / "bag", 3)
+    with storage_file(tmp_path / "bag").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        found = [(s, c, m, d) for s, c, m, d in reader.iter_decoded_messages()]
+    assert summary.statistics.message_count == 3
+    assert [(m.sequence, m.log_time, m.publish_time) for _, _, m, _ in found] == [
+        (i + 1, START + i * 10**9, START + i * 10**9 - 5) for i in range(3)
+    ]
+    assert {s.name for s, *_ in found} == {"msgs_schema/msg/Program"}
+    assert found[0][1].metadata["topic_type_hash"] == TOPIC.digest
+    assert found[2][3].text == "X" * 10
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("limits", [{"split_s": 3.0}, {"split_bytes": 100_000}])
+def test_a_bag_is_split_by_time_and_size(tmp_path, storage, limits):
+    written(tmp_path / "bag", 10, 40_000, storage=storage, **limits)
+    about = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
+    files = about["rosbag2_bagfile_information"]["files"]
+    assert len(files) in (4, 5) and sum(file["message_count"] for file in files) == 10
+    assert [file["path"].count("_") for file in files] == [0] + [1] * (len(files) - 1)
+    assert identifiers(tmp_path / "bag") == list(range(10))
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    assert repair(tmp_path / "bag").messages == 10
+    assert identifiers(tmp_path / "bag") == list(range(10))
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
+    bag = tmp_path / "bag"
+    killed = written(tmp_path / "live", 7, close=False, storage=storage)
+    shutil.copytree(tmp_path / "live", bag)
+    killed.close()
+    with pytest.raises(UnfinishedBagError, match="record --repair"):
+        Bag(bag)
+    assert main(["record", "--repair", str(bag)]) == 0
+    assert "7 messages in 1 file(s) can be read" in capsys.readouterr().out
+    assert identifiers(bag) == list(range(7))
+    before = storage_file(bag).read_bytes()
+    assert repair(bag).messages == 7 and storage_file(bag).read_bytes() == before
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> tuple[Path, bytes]:
+    folder = tmp_path_factory.mktemp("whole") / "bag"
+    written(folder, 12, 200)
+    return folder, storage_file(folder).read_bytes()
+
+
+@settings(max_examples=60, deadline=None)
+@given(cut=st.integers(0, 8000))
+def test_wherever_a_file_is_cut_repair_keeps_what_is_complete(tmp_path_factory, whole, cut):
+    content = whole[1]
+    folder = tmp_path_factory.mktemp("cut")
+    (folder / "bag.mcap").write_bytes(content[:cut])
+    try:
+        done = repair(folder)
+    except DamagedBagError:
+        assert cut < 35  # not even the format's own first record
+        return
+    found = identifiers(folder)
+    assert found == list(range(len(found))) and len(found) == done.messages
+    if cut >= len(content):
+        assert done.messages == 12
+    with (folder / "bag.mcap").open("rb") as stream:
+        read = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        assert [int(message.program_id) for *_, message in read] == found
+
+
+def test_a_damaged_chunk_is_passed_over(whole, tmp_path):
+    folder, content = tmp_path / "bag", bytearray(whole[1])
+    folder.mkdir()
+    content[content.index(b"X" * 200, content.index(b"X" * 200) + 300) + 50] ^= 1
+    (folder / "bag.mcap").write_bytes(content)
+    done = repair(folder)
+    assert done.notes == ("bag.mcap: 1 damaged chunks were passed over",)
+    assert len(identifiers(folder)) == 11
+
+
+@settings(max_examples=80, deadline=None)
+@given(at=st.integers(0, 5000), value=st.integers(0, 255))
+def test_a_flipped_byte_is_read_or_refused_but_never_a_traceback(
+    tmp_path_factory, whole, at, value
+):
+    content = bytearray(whole[1])
+    content[at % len(content)] = value
+    folder = tmp_path_factory.mktemp("flipped")
+    (folder / "bag.mcap").write_bytes(content)
+    shutil.copy(whole[0] / "metadata.yaml", folder)
+    try:
+        identifiers(folder)
+    except (BagError, ValueError) as error:  # ValueError: a program_id that is no number now
+        assert str(error)
+    assert main(["bag", "info", str(folder)]) in (0, 2)
+
+
+COMMANDS = (
+    ["bag", "info"], ["verify"], ["replay", "--wait", "0"],
+    ["bag", "export", "--out", "OUT"], ["train", "--out", "OUT", "--from-bag"],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: "-".join(command[:2]))
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (lambda path: None, "expected a bag, found none"),
+        (lambda path: path.mkdir(), "expected .mcap or .db3 files"),
+        (lambda path: path.write_text("not a bag"), ""),
+        (lambda path: _with(path, "bag.mcap", b""), "record --repair"),
+        (lambda path: _with(path, "bag.mcap", b"", b"version: x"), ""),
+        (lambda path: _unknown_storage(path), ""),
+    ],
+    ids=["absent", "empty", "text", "half-written", "bad-metadata", "unknown-storage"],
+)
+def test_whatever_is_not_a_bag_is_refused_in_one_line(tmp_path, capsys, command, make, expected):
+    bag = tmp_path / "bag"
+    make(bag)
+    arguments = [str(tmp_path / "out") if part == "OUT" else part for part in command]
+    assert main([*arguments[:1], *arguments[1:], str(bag)]) == 2
+    error = capsys.readouterr().err
+    assert expected in error and str(bag) in error and "Traceback" not in error
+    assert len(error.strip().splitlines()) <= 3
+
+
+def _with(path: Path, name: str, content: bytes, metadata: bytes | None = None) -> None:
+    path.mkdir()
+    (path / name).write_bytes(content)
+    if metadata is not None:
+        (path / "metadata.yaml").write_bytes(metadata)
+
+
+def _unknown_storage(path: Path) -> None:
+    written(path, 1)
+    metadata = path / "metadata.yaml"
+    metadata.write_text(
+        metadata.read_text().replace("storage_identifier: mcap", "storage_identifier: zarr")
+    )
+
+
+def test_a_foreign_bag_says_what_it_has_instead(tmp_path, capsys):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add(topic(store, "/chatter", "std_msgs/msg/String", [reliable_qos(1)]))
+        message = store.types["std_msgs/msg/String"]("hello")
+        bag.write("/chatter", bytes(store.serialize_cdr(message, "std_msgs/msg/String")), START)
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    out = capsys.readouterr().out
+    assert "/chatter  std_msgs/msg/String  1" in out and "nothing of ours to tell" in out
+    for command in (["verify"], ["train", "--out", str(tmp_path / "out"), "--from-bag"]):
+        assert main([*command, str(tmp_path / "bag")]) == 2
+        assert "expected a topic of type msgs_schema/msg/Transitions" in capsys.readouterr().err
+
+
+def test_an_older_definition_is_named_and_not_misread(tmp_path, capsys):
+    """Transitions of an edition without `terminated`, which learning needs."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    name, text = "msgs_schema/msg/Transitions", "string agent_id\nuint64 sequence\n"
+    store.register(get_types_from_msg(text, name))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add(topic(store, "/transitions", name, [reliable_qos(1)]))
+        message = store.types[name]("agent", 0)
+        bag.write("/transitions", bytes(store.serialize_cdr(message, name)), START)
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    assert "another edition of the definition than is installed here" in capsys.readouterr().out
+    out = ["--out", str(tmp_path / "out")]
+    assert main(["train", *out, "--from-bag", str(tmp_path / "bag")]) == 2
+    assert "another edition of msgs_schema/msg/Transitions" in capsys.readouterr().err
+    assert main(["replay", "--wait", "0", str(tmp_path / "bag")]) == 2
+    assert "recorded with another edition" in capsys.readouterr().err
+
+
+def test_half_a_recorded_run_is_told_of_after_repair(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pa_ros.bags.run_log.FLUSH_S", 0.0)
+    assert train(tmp_path, "--record", tmp_path / "bag", frames=300) == 0
+    bag = storage_file(tmp_path / "bag")
+    bag.write_bytes(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
+    assert main(["verify", str(tmp_path / "bag")]) == 2
+    assert "Traceback" not in capsys.readouterr().err
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    assert main(["record", "--repair", str(tmp_path / "bag")]) == 0
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    out = capsys.readouterr().out
+    assert "repaired after its recorder was killed" in out and "of transitions, no gaps" in out
+
+
+def test_a_full_disk_leaves_a_readable_bag(tmp_path, monkeypatch):
+    bag = written(tmp_path / "bag", 3, close=False)
+
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(bag._storage, "write", refuse)
+    with pytest.raises(BagFullError, match="3 messages are in the bag, which was closed"):
+        bag.write("/program", payload(3), START + 10**10)
+    with pytest.raises(BagFullError):
+        bag.write("/program", payload(3), START + 10**10)
+    assert identifiers(tmp_path / "bag") == [0, 1, 2]
+
+
+def test_options_and_folders_that_cannot_be_are_refused(tmp_path):
+    with pytest.raises(ConfigError, match="zarr"):
+        BagOptions("zarr")
+    with pytest.raises(ConfigError, match="split_s.*-1"):
+        BagOptions(split_s=-1)
+    with pytest.raises(BagError, match="exists already"):
+        BagWriter(tmp_path)
+    bag = written(tmp_path / "bag", 1)
+    with pytest.raises(BagError, match="closed already"):
+        bag.write("/program", b"", START)
+    assert sqlite3.sqlite_version  # the other storage is there
+
+
+@pytest.mark.parametrize(
+    ("numbers", "publishers", "lost"),
+    [
+        ([1, 2, 3], 1, 0),
+        ([1, 2, 5], 1, 2),
+        ([7, 8, 9], 1, 0),  # joined late
+        ([1, 1, 2, 2, 3, 3], 2, 0),
+        ([1, 2, 1, 2, 3], 1, 0),  # restarted
+        ([1, 1, 2, 4, 3], 2, 2),
+    ],
+)
+def test_losses_are_counted_from_the_publishers_numbers(numbers, publishers, lost):
+    losses = Losses(lambda: publishers)
+    for number in numbers:
+        losses.take(number)
+    assert losses.lost == lost
