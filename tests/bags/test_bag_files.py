@@ -125,7 +125,7 @@ def whole(tmp_path_factory) -> tuple[Path, bytes]:
     return folder, storage_file(folder).read_bytes()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(cut=st.integers(0, 8000))
 def test_wherever_a_file_is_cut_repair_keeps_what_is_complete(tmp_path_factory, whole, cut):
     content = whole[1]
@@ -155,7 +155,7 @@ def test_a_damaged_chunk_is_passed_over(whole, tmp_path):
     assert len(identifiers(folder)) == 11
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(at=st.integers(0, 5000), value=st.integers(0, 255))
 def test_a_flipped_byte_is_read_or_refused_but_never_a_traceback(
     tmp_path_factory, whole, at, value
@@ -290,18 +290,30 @@ def test_options_and_folders_that_cannot_be_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("numbers", "publishers", "lost"),
+    ("numbers", "publishers", "lost", "before"),
     [
-        ([1, 2, 3], 1, 0),
-        ([1, 2, 5], 1, 2),
-        ([7, 8, 9], 1, 0),  # joined late
-        ([1, 1, 2, 2, 3, 3], 2, 0),
-        ([1, 2, 1, 2, 3], 1, 0),  # restarted
-        ([1, 1, 2, 4, 3], 2, 2),
+        ([1, 2, 3], 1, 0, 0),
+        ([1, 2, 5], 1, 2, 0),
+        ([7, 8, 9], 1, 0, 6),  # joined late
+        ([1, 1, 2, 2, 3, 3], 2, 0, 0),
+        ([1, 2, 1, 2, 3], 1, 0, 0),  # restarted
+        ([1, 1, 2, 4, 3], 2, 2, 0),
     ],
 )
-def test_losses_are_counted_from_the_publishers_numbers(numbers, publishers, lost):
+def test_losses_are_counted_from_the_publishers_numbers(numbers, publishers, lost, before):
     losses = Losses(lambda: publishers)
     for number in numbers:
         losses.take(number)
-    assert losses.lost == lost
+    assert (losses.lost, losses.before) == (lost, before)
+
+
+def test_info_compares_with_what_was_published(tmp_path, capsys):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add(TOPIC)
+        for number in (3, 4, 6):
+            bag.write("/program", payload(number), START + number, START, number)
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    assert (
+        "msgs_schema/msg/Program  3 of 4 published, 2 before the first heard"
+        in capsys.readouterr().out
+    )

@@ -17,6 +17,7 @@ class Losses:
     def __init__(self, publishers: Callable[[], int] = lambda: 1) -> None:
         """`publishers`: how many there are now; asked only where the numbers leave it open."""
         self.lost = 0
+        self.before = 0  # sent by publishers before they were first heard
         self._publishers = publishers
         self._expected: list[int] = []  # next number of each publisher, the latest heard last
 
@@ -24,7 +25,9 @@ class Losses:
         """Take in the number of a message that came."""
         if number in self._expected:
             self._expected.remove(number)
-        elif not self._is_new(number):
+        elif self._is_new(number):
+            self.before += number - 1
+        else:
             nearest = max(expected for expected in self._expected if expected < number)
             self.lost += number - nearest
             self._expected.remove(nearest)

@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pa_ros.bags.episodes import RecordedEpisode, episodes
-from pa_ros.bags.errors import DefinitionError, ForeignBagError, ProvenanceError
+from pa_ros.bags.errors import BagError, DefinitionError, ForeignBagError, ProvenanceError
 from pa_ros.bags.experience import TRANSITIONS, Experience
+from pa_ros.bags.losses import Losses
+from pa_ros.bags.numbers import losses_of
 from pa_ros.bags.provenance import LOST
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
@@ -46,8 +48,14 @@ def describe(bag: Bag, namespace: str | None = None) -> list[str]:
     lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
     if "pa_ros.repaired" in bag.custom:
         lines.append(f"repaired after its recorder was killed: {bag.custom['pa_ros.repaired']}")
+    try:
+        numbered = losses_of(bag.path)
+    except BagError as error:
+        numbered = {}
+        lines.append(f"not readable: {error}")
     for name, count in bag.counts.items():
-        note = f", {lost[name]} lost while recording" if lost.get(name) else ""
+        note = _published(count, numbered[name]) if name in numbered else ""
+        note += f", {lost[name]} lost while recording" if lost.get(name) else ""
         if bag.differs(name):
             note += ", another edition of the definition than is installed here"
         lines.append(f"  {name}  {bag.types[name]}  {count}{note}")
@@ -59,6 +67,11 @@ def describe(bag: Bag, namespace: str | None = None) -> list[str]:
         except (DefinitionError, PaError) as error:
             lines.append(f"not readable: {error}")
     return lines
+
+
+def _published(count: int, losses: Losses) -> str:
+    before = f", {losses.before} before the first heard" if losses.before else ""
+    return f" of {count + losses.lost} published{before}"
 
 
 def _learning(bag: Bag, namespace: str | None) -> list[str]:
