@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from recorded_runs import rewritten, train
 
+from pa_ros.bags.contents import topic
+from pa_ros.bags.definitions import installed_types
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
+from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.learning.checkpoint import find_checkpoint
 
@@ -197,3 +200,23 @@ def test_an_existing_bag_is_refused_before_training(recorded, tmp_path, capsys):
     assert train(tmp_path, "--record", recorded / "bag") == 2
     assert "exists already" in capsys.readouterr().err
     assert not (tmp_path / "checkpoint").exists()
+
+
+def test_one_of_several_arenas_is_chosen_by_its_namespace(recorded, tmp_path, capsys):
+    """Two arenas in one recording: which one is meant must be said."""
+    store = installed_types()
+    with Bag(recorded / "bag") as source, BagWriter(tmp_path / "both") as target:
+        for where in ("/one", "/two"):
+            for name, type_name in source.types.items():
+                target.add(topic(store, where + name, type_name, source.qos(name)))
+        for message in source.messages():
+            for where in ("/one", "/two"):
+                target.write(where + message.topic, message.payload, message.stamp_ns)
+    assert main(["verify", str(tmp_path / "both")]) == 2
+    assert "choose with --namespace" in capsys.readouterr().err
+    assert main(["verify", str(tmp_path / "both"), "--namespace", "two"]) == 0
+    out = ["--out", str(tmp_path / "out"), "--namespace", "/one"]
+    assert main(["train", "--from-bag", str(tmp_path / "both"), *out]) == 0
+    assert checkpoint_file(tmp_path / "out", "backend.safetensors") == checkpoint_file(
+        recorded, "backend.safetensors"
+    )

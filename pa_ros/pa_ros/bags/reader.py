@@ -47,7 +47,8 @@ class Bag:
             self._reader = Reader(path)
             self._reader.open()
         except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
-            raise DamagedBagError(f"bag: {path}: {error}") from error
+            hint = f"; try `pa_ros record --repair {path}`" if path.is_dir() else ""
+            raise DamagedBagError(f"bag: {path}: {error}{hint}") from error
         self._connections = {entry.topic: entry for entry in self._reader.connections}
         self._stores: dict[str, Typestore] = {}
 

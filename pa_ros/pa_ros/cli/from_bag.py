@@ -32,7 +32,8 @@ def run(options: argparse.Namespace) -> int:
     if options.resume or options.record:
         raise ConfigError("--from-bag: expected neither --resume nor --record with it")
     with ExitStack() as stack:
-        bags = [Experience(stack.enter_context(Bag(path))) for path in options.from_bag]
+        opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
+        bags = [Experience(bag, options.namespace) for bag in opened]
         learner, about = _learner(options, bags[0])
         started = time.monotonic()
         found = learn(bags, learner, _Progress(learner))

@@ -36,6 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--from-bag", type=Path, nargs="+", metavar="BAG",
         help="no arena: learn from recorded transitions, with the first bag's settings and --set",
     )  # fmt: skip
+    parser.add_argument(
+        "--namespace", help="with --from-bag: of the arena, if several were recorded"
+    )
     parser.add_argument("--eval-every", type=int, default=10_000, metavar="FRAMES")
     parser.add_argument("--eval-episodes", type=int, default=20, metavar="N")
     parser.add_argument("--checkpoint-every", type=int, default=50_000, metavar="FRAMES")
