@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import uuid
 from collections.abc import Callable, Iterable
@@ -38,16 +39,18 @@ class SimNode(Node):
         self.paused = False
         self._real_time = self.config.mode == "real_time"
         self._announced: ProgramRequest | None = None
-        self._sent_at = time.monotonic()
+        self._sent_at = -math.inf
+        self._listened = False
         self._rate = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
         self._core_s = 0.0  # spent in the arena itself
         self._make_publishers()
         self._make_subscriptions()
         self._make_services()
         self._health = HealthReporter(self, self.refusals, self._collect)
-        self._send(self.session.begin())
+        self.session.begin()  # sent as soon as someone listens
         period = self.session.arena.control_period_s / self.config.real_time_factor
         if self._real_time:
+            self._send(self.session.frame)
             self._ticker = steady_timer(self, period, self._tick)
         else:
             steady_timer(self, self.config.resend_period_s / 4, self._send_again)
@@ -129,7 +132,9 @@ class SimNode(Node):
 
     def _send_again(self) -> None:
         """Nobody answered: perhaps nobody was there yet."""
-        if not self.paused and time.monotonic() - self._sent_at > self.config.resend_period_s:
+        late = time.monotonic() - self._sent_at > self.config.resend_period_s
+        listened, self._listened = self._listened, self._features.get_subscription_count() > 0
+        if late and listened and not self.paused:  # a turn later, when all topics are connected
             self._send(self.session.frame)
 
     # Programs

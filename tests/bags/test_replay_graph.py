@@ -184,7 +184,8 @@ def episode_of(bag: Path, act: Callable[..., None]) -> dict[tuple[str, int], tup
     """What a new arena of one seed gives, recorded: all of it, by topic and stamp."""
     with client_node("test") as node, Recorder(bag, node) as recorder:
         with process("sim_node", "seed:=9", "design:=2-L"):
-            act(node, lambda: recorder.counts["/verdict"] > STEPS)
+            wait_for(lambda: recorder.counts["/arena_info"] == 1, "the arena")
+            act(node, lambda: recorder.counts["/verdict"] >= STEPS)
     found: dict[tuple[str, int], tuple] = {}
     for name, message in decoded(bag):
         if name in ("/object_features", "/joint_states", "/verdict"):

@@ -23,6 +23,7 @@ from pa_ros.wire import codec
 
 WINDOW: Final = 20  # messages of a topic that may be under way when not paced by the clock
 ACK_S: Final = 5.0  # what a reader may take to acknowledge, an arena to come to a step
+ARENA_S: Final = 0.5  # in which an arena that listens to commands is seen to speak, too
 CLOCK_PERIOD_S: Final = 0.01
 _SPIN_S: Final = 0.0005  # before a message is due: sleeping is not that exact
 _NAP_S: Final = 0.0002
@@ -226,9 +227,11 @@ class _Gate:
         self._active = False
 
     def look(self, replayed: set[str]) -> None:
-        """Whether there is an arena to wait for."""
-        foreign = self._node.count_publishers(self._name) > 0
-        self._active = foreign and self._name not in replayed
+        """Whether there is an arena to wait for; its topics are discovered one by one."""
+        deadline = time.monotonic() + ARENA_S
+        while not self._active and self._name not in replayed and time.monotonic() < deadline:
+            time.sleep(0.02)
+            self._active = self._node.count_publishers(self._name) > 0
 
     def wait(self, stamp_ns: int, stopped: Callable[[], bool]) -> None:
         """Raises ReplayError if the arena does not come to that step."""
