@@ -7,12 +7,13 @@
 
 namespace pa {
 
-constexpr int kInterface = 5;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 6;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
 constexpr int kColumnRows = kObjectFeatures + kArmFeatures + 1;    // 34 inputs and the bias
 constexpr int kBiasRow = kObjectFeatures + kArmFeatures;
+constexpr int kProperty = 7, kProperties = 9;                      // one-hots within an object's 16
 constexpr int kActions = 6;
 constexpr int kActionColumns = 16;                                 // row stride of actions inside
 constexpr int kLane = 16;                                          // floats; all rows are padded to it
@@ -27,6 +28,7 @@ struct Network {
     int32_t hidden, attention, words, groups;
     int32_t group_size[kMaxGroups];
     int32_t detectors;
+    int32_t hide_properties;  // f, r and α̃ have zero weights for the one-hots, and keep them
     int32_t critic;  // 1: reads an action, writes one number; 0: writes kActions
     int32_t truth[kMaxWords];
     float position_scale;

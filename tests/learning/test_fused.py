@@ -396,6 +396,28 @@ def test_exchanges_state_with_the_torch_backend() -> None:
     assert ours.metrics() == pytest.approx(theirs.metrics(), rel=1e-3)
 
 
+@pytest.mark.parametrize("kind", ["programmable", "true-properties"])
+def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str) -> None:
+    made = setting(kind, relations_see_properties=False)
+    ours = made.backend()
+    config = replace(made.config, backend="torch", dtype="float64")
+    theirs = TorchBackend(made.network, config, made.table, made.actor, made.critic)
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        batch = make_batch(rng, 16, 5, 2, len(made.table))
+        ours.update(batch)
+        theirs.update(batch)
+    expected = theirs.tensors()
+    for name, tensor in ours.tensors().items():
+        np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-6, err_msg=name)
+    properties = np.r_[7:16]
+    for name in ("query", "context", "local.0", "message.0"):
+        for network in ("actor", "critic"):
+            weight = ours.tensors()[f"{network}.{name}.weight"]
+            columns = weight.reshape(len(weight), -1, 34)
+            assert not columns[..., properties].any() and columns[..., :7].all()
+
+
 def test_targets_change_only_when_copied() -> None:
     made = setting()
     backend = made.backend()

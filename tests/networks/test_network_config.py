@@ -118,6 +118,21 @@ def test_detectors_that_start_at_nothing() -> None:
         assert all(np.array_equal(tensors[k], default[k]) for k in tensors.keys() - detectors)
 
 
+def test_relations_that_do_not_see_properties() -> None:
+    hidden = NetworkConfig(WORDS, relations_see_properties=False)
+    for make in (initial_actor, initial_critic):
+        tensors = make(hidden, np.random.default_rng(5))
+        default = make(NetworkConfig(WORDS), np.random.default_rng(5))
+        for name in ("query", "context", "local.0", "message.0"):
+            columns = tensors[f"{name}.weight"].reshape(-1, 34)
+            assert not columns[:, 7:16].any()
+            other = default[f"{name}.weight"].reshape(-1, 34)
+            assert np.array_equal(np.delete(columns, np.r_[7:16], 1),
+                                  np.delete(other, np.r_[7:16], 1))  # fmt: skip
+        assert np.array_equal(tensors["detectors.weight"], default["detectors.weight"])
+    assert hidden.architecture == NetworkConfig(WORDS).architecture
+
+
 def test_true_properties_of_words() -> None:
     matrix = truth_matrix(WORDS)
     expected = {"CUBE": "shape_cube", "SPHERE": "shape_sphere", "BLUE": "color_blue"}

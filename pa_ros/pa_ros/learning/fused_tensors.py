@@ -25,6 +25,7 @@ def describe(network: NetworkConfig, critic: bool) -> fused_library.Network:
         words=len(network.vocabulary.words),
         groups=len(sizes),
         detectors=network.kind == "programmable" or (not critic and _actor_detects(network)),
+        hide_properties=not network.relations_see_properties,
         critic=critic,
         position_scale=network.position_scale,
     )

@@ -70,8 +70,8 @@ PROTOCOLS = {
     # What makes learning fast and reliable: all-goals relabeling with the training programs;
     # rewards scaled so that Q is of order one, and a critic that starts at the value of never being
     # rewarded; detectors that start undecided and learn faster than the rest; an actor that pays
-    # for large actions, so that the critic's first errors don't saturate it; and about three times
-    # the paper's exploration noise.
+    # for large actions, so that the critic's first errors don't saturate it; f, r and the attention
+    # that see properties only through p; and about three times the paper's exploration noise.
     "ours": Protocol(
         "ours",
         LearnerConfig(
@@ -81,7 +81,12 @@ PROTOCOLS = {
             detector_gain=3.0,
             noise_sigma=1.0,
         ),
-        (("critic_output_bias", -5.0), ("detector_init_scale", 0.0), ("position_scale", 10.0)),
+        (
+            ("critic_output_bias", -5.0),
+            ("detector_init_scale", 0.0),
+            ("position_scale", 10.0),
+            ("relations_see_properties", False),
+        ),
     ),
 }
 

@@ -26,6 +26,7 @@ class _Formulas(Trunk):
         arms = arm[:, None, :].expand(-1, n, -1)
         columns = torch.cat([objects * self.position_scale, arms], -1)  # [B, N, 34]
         p = programs.relevant_objects(self.properties(objects, columns), hand_index)  # [B, K, N]
+        columns = columns * self.seen
         queries, contexts = self.query(columns)[:, :, None], self.context(columns)[:, None]
         scores = torch.tanh(queries + contexts) @ self.attention.weight  # [B, N, N]
         weights = p[:, :, None, :] * torch.exp(scores)[:, None]  # [B, K, N, N]

@@ -25,8 +25,13 @@ class NetworkConfig:
     - "true-properties": both are given the true Φ; an upper reference, not in the paper.
     - "canonical": MLPs on the flattened Ω; see `pa_ros.networks.canonical`.
 
-    The last three options concern only the initial weights, which the paper does not give for the
-    programmable networks: all layers are uniform in ±1/√fan-in (torch's default for Linear), the
+    With `relations_see_properties` false, f, r and the neighbourhood attention have zero weights
+    for the one-hots of shape and color, and keep them: what an object is reaches the action only
+    through p, so nothing else can come to rely on the properties seen in training. The paper gives
+    f and r the whole of ω.
+
+    The other options from `actor_output_scale` on concern only the initial weights, which the
+    paper does not give for the programmable networks: all layers are uniform in ±1/√fan-in (torch's default for Linear), the
     actor's last layer is uniform in ±`actor_output_scale`, and the critic's output bias starts
     at `critic_output_bias`; −1/(1−γ) = −100 starts it at the value of never being rewarded.
     `detector_init_scale` multiplies the detectors' initial weights: at 0, the usual start of a
@@ -42,6 +47,7 @@ class NetworkConfig:
     actor_output_scale: float = 3e-3
     critic_output_bias: float = 0.0
     detector_init_scale: float = 1.0
+    relations_see_properties: bool = True
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -17,6 +17,8 @@ from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.networks.config import NetworkConfig
 
 COLUMN_FEATURES = OBJECT_FEATURES + ARM_FEATURES  # 34, one column ω of Ω (paper, appendix)
+PROPERTIES = slice(OBJECT_FEATURES - len(SHAPES) - len(COLORS), OBJECT_FEATURES)  # one-hots in ω
+RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
 
 Tensors = dict[str, Float32]
@@ -147,4 +149,7 @@ def _initial(
         if layer == "detectors":
             bound *= config.detector_init_scale
         tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
+        hidden = layer in RELATIONS and not config.relations_see_properties
+        if hidden and name.endswith(".weight"):
+            tensors[name].reshape(shape[0], -1, COLUMN_FEATURES)[..., PROPERTIES] = 0.0
     return tensors

@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import COLUMN_FEATURES, truth_matrix
+from pa_ros.networks.parameters import COLUMN_FEATURES, PROPERTIES, truth_matrix
 from pa_ros.networks.programs import relevant_objects
 
 
@@ -49,6 +49,7 @@ class Trunk(nn.Module):
 
     position_scale: Tensor  # [16]
     truth: Tensor  # [16, V]
+    seen: Tensor  # [34]: 1 for what f, r and α see of a column, else 0
 
     def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
         super().__init__()
@@ -69,6 +70,10 @@ class Trunk(nn.Module):
         scale[:3] = config.position_scale
         self.register_buffer("truth", truth, persistent=False)
         self.register_buffer("position_scale", scale, persistent=False)
+        seen = torch.ones(COLUMN_FEATURES)
+        if not config.relations_see_properties:
+            seen[PROPERTIES] = 0.0
+        self.register_buffer("seen", seen, persistent=False)
 
     def properties(self, objects: Tensor, columns: Tensor) -> Tensor:
         """Φ, [B, V, N]: learned from `columns` [B, N, 34], or true to `objects` [B, N, 16]."""
@@ -83,6 +88,7 @@ class Trunk(nn.Module):
         columns = torch.cat([objects * self.position_scale, arms], -1)  # [B, N, 34]
         phi = self.properties(objects, columns)
         p = programs.relevant_objects(phi, hand_index)  # [B, K, N]
+        columns = columns * self.seen
         alpha = self._attention(columns, p)  # [B, K, N, N]
         first, local_last = _layers(self.local)
         message_last = _layers(self.message)[1]
