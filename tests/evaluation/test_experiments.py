@@ -2,19 +2,26 @@
 
 import csv
 import json
+import math
 from dataclasses import replace
 
 import pytest
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation import experiments
 from pa_ros.evaluation.experiments import (
     EXPERIMENTS,
     experiment_named,
+    final_scores,
+    headline,
     read_curve,
     run_seed,
     summarize,
+    under_protocol,
     write_table,
 )
+from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.loop import train
 
 
 def rows(*scores: float, column: str = "eval_greedy.normalized"):
@@ -49,27 +56,69 @@ def test_every_experiment_names_things_that_exist():
         replace(experiment_named("programmable-2L"), frames=10)
 
 
+def test_labels_say_what_is_unusual():
+    usual = experiment_named("programmable-2L")
+    assert usual.label == "programmable-2L"
+    paper = under_protocol(replace(usual, preset="paper", tag="k4"), "paper")
+    assert paper.label == "programmable-2L.paper-protocol.paper-arm.k4"
+    assert (paper.frames, under_protocol(usual, "ours")) == (2_000_000, usual)
+    assert under_protocol(experiment_named("forgetting"), "paper").switch_frames == 2_500_000
+
+
+SMALL = replace(
+    experiment_named("programmable-2L"),
+    frames=600,
+    evaluate_every_frames=300,
+    evaluation_episodes=2,
+)
+
+
 def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_path):
-    small = replace(
-        experiment_named("programmable-2L"),
-        frames=600,
-        evaluate_every_frames=300,
-        evaluation_episodes=2,
-    )
-    curve = run_seed(small, 0, tmp_path / "seed-0")
+    run = tmp_path / "seed-0"
+    curve = run_seed(SMALL, 0, run)
     first = read_curve(curve)
-    longer = replace(small, frames=1200)
-    assert [row["frames"] for row in read_curve(run_seed(longer, 0, tmp_path / "seed-0"))] == [
+    longer = replace(SMALL, frames=1200)
+    assert [row["frames"] for row in read_curve(run_seed(longer, 0, run))] == [
         300.0, 600.0, 900.0, 1200.0,
     ]  # fmt: skip
     stamp = curve.stat().st_mtime_ns
-    run_seed(longer, 0, tmp_path / "seed-0")
+    run_seed(longer, 0, run)
     assert curve.stat().st_mtime_ns == stamp
-    table = tmp_path / "table.csv"
-    write_table(table, small, {0: first, 3: first})
+    final = final_scores(run, tmp_path / "scores", episodes=2)
+    assert all(-1.0 < score < 1.0 for score in final)
+    summaries = [summarize(0, first, final), summarize(3, first)]
+    assert math.isnan(summaries[1].final_held_out)
+    table = write_table(tmp_path / "tables", SMALL, {0: first, 3: first}, summaries)
     with table.open(newline="") as file:
         written = list(csv.DictReader(file))
     assert [row["seed"] for row in written] == ["0", "0", "3", "3"]
     assert float(written[1]["frames"]) == 600
     setting = json.loads(table.with_suffix(".json").read_text())
     assert setting["seeds"] == [0, 3] and setting["learner"]["relabel"] == "all-goals"
+    report = headline(tmp_path / "tables")
+    assert report == {
+        "frames_to_solve.2-L.median": "inf", "solved.2-L": 0, "seeds.2-L": 2,
+    }  # fmt: skip
+
+
+def test_forgetting_trains_on_held_out_programs_after_the_switch(tmp_path, monkeypatch):
+    told = []
+
+    def spy(config, *rest, **options):
+        told.append((config.condition, config.frames, options["resume"]))
+        return train(config, *rest, **options)
+
+    monkeypatch.setattr(experiments, "train", spy)
+    small = replace(SMALL, design="3-D", switch_frames=300, options=("learner.relabel=none",))
+    curve = run_seed(small, 0, tmp_path)
+    assert told == [("train", 300, False), ("eval", 600, True)]
+    assert [row["frames"] for row in read_curve(curve)] == [300.0, 600.0]
+    run_seed(small, 0, tmp_path)
+    assert len(told) == 2
+    with pytest.raises(CheckpointError):
+        read_curve(tmp_path / "absent.csv")
+
+
+def test_a_final_score_decides_before_the_curve():
+    assert not summarize(0, rows(0.95), (0.85, 0.9)).solved
+    assert summarize(0, rows(0.85), (0.92, 0.9)).solved

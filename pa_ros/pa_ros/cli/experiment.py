@@ -1,60 +1,172 @@
-"""`pa_ros experiment NAME`: several seeds of one setting, a table, and when each was solved."""
+"""`pa_ros experiment NAME`: several seeds of one setting, tables, and when each was solved."""
 
 from __future__ import annotations
 
 import argparse
 import logging
+import multiprocessing
 import os
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.report import write_report
+
+if TYPE_CHECKING:
+    from pa_ros.evaluation.experiments import Experiment, SeedSummary
+
+STUDIES = ("generalization", "detectors", "equalities")
+REFRESH_S = 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros experiment`."""
     from pa_ros.evaluation.experiments import EXPERIMENTS
 
-    parser.add_argument("name", help=", ".join(EXPERIMENTS))
+    parser.add_argument("name", help=", ".join([*EXPERIMENTS, *STUDIES, "summary"]))
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="(%(default)s)")
     parser.add_argument("--first-seed", type=int, default=0, metavar="S", help="(%(default)s)")
     parser.add_argument("--frames", type=int, help="of each seed (default: the experiment's)")
+    parser.add_argument("--protocol", default="ours", help="ours or paper (%(default)s)")
+    parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
+        help="change the protocol, as in pa_ros train; with --tag",
+    )  # fmt: skip
+    parser.add_argument("--tag", default="", help="names what --set changed, in the tables' names")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="seeds at a time")
     parser.add_argument("--runs", type=Path, default=Path("runs/experiments"), help="raw runs")
     parser.add_argument(
-        "--table", type=Path, help="CSV to write (default: docs/results/NAME.csv)"
+        "--results", type=Path, default=Path("docs/results"), help="folder for the tables"
     )
+    parser.add_argument("--json", type=Path, help="summary: also write the figures to this file")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the seeds that are missing; print when each was solved."""
+    """Run the seeds that are missing and write the tables; or a study of trained seeds."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from dataclasses import replace
+    if options.name == "summary":
+        from pa_ros.evaluation.experiments import headline
 
+        write_report(options.json, headline(options.results))
+        return 0
+    if options.seeds < 1 or options.first_seed < 0 or options.jobs < 1:
+        raise ConfigError(
+            "experiment: expected --seeds and --jobs of at least 1 and --first-seed of at least "
+            f"0, got {options.seeds}, {options.jobs} and {options.first_seed}"
+        )
+    if bool(options.options) != bool(options.tag):
+        raise ConfigError("experiment: expected --set and --tag together, got one of them")
+    logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
+    if options.name in STUDIES:
+        return _study(options, seeds)
+    experiment = _experiment(options)
+    folder = options.runs / experiment.label
+    try:
+        _train(experiment, seeds, folder, options.jobs)
+    finally:
+        _tabulate(experiment, seeds, folder, options)
+    return 0
+
+
+def _experiment(options: argparse.Namespace) -> Experiment:
+    from pa_ros.evaluation.experiments import experiment_named, under_protocol
+
+    experiment = under_protocol(experiment_named(options.name), options.protocol)
+    experiment = replace(
+        experiment,
+        preset=options.preset,
+        options=(*experiment.options, *options.options),
+        tag=options.tag,
+    )
+    if options.frames is None:
+        return experiment
+    switch = options.frames // 2 if experiment.switch_frames else 0
+    return replace(experiment, frames=options.frames, switch_frames=switch)
+
+
+def _train(experiment: Experiment, seeds: Sequence[int], folder: Path, jobs: int) -> None:
+    """Each seed in a process, `jobs` at a time, with progress and time left."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from pa_ros.evaluation.experiments import frames_done, run_seed
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
+    context = multiprocessing.get_context("spawn")
+    with (
+        ProcessPoolExecutor(jobs, context) as pool,
+        Progress(*columns, TimeRemainingColumn()) as progress,
+    ):
+        curves = {seed: folder / f"seed-{seed}" / "progress.csv" for seed in seeds}
+        task = progress.add_task(experiment.label, total=experiment.frames * len(seeds))
+        pending: set[Future[Path]] = {
+            pool.submit(run_seed, experiment, seed, curve.parent) for seed, curve in curves.items()
+        }
+        while pending:
+            ended, pending = wait(pending, REFRESH_S, FIRST_COMPLETED)
+            for future in ended:
+                future.result()
+            reached = sum(min(frames_done(curve), experiment.frames) for curve in curves.values())
+            progress.update(task, completed=reached)
+
+
+def _tabulate(
+    experiment: Experiment, seeds: Sequence[int], folder: Path, options: argparse.Namespace
+) -> None:
+    """Tables and a line for each seed that has a curve, however far it came."""
     from pa_ros.evaluation.experiments import (
-        experiment_named,
+        final_scores,
+        frames_done,
         read_curve,
-        run_seed,
         summarize,
         write_table,
     )
 
-    if options.seeds < 1 or options.first_seed < 0:
-        raise ConfigError(
-            "experiment: expected --seeds of at least 1 and --first-seed of at least 0, "
-            f"got {options.seeds} and {options.first_seed}"
-        )
-    logging.basicConfig(level=logging.WARNING, format="%(message)s")
-    experiment = experiment_named(options.name)
-    if options.frames is not None:
-        experiment = replace(experiment, frames=options.frames)
-    table = options.table or Path("docs/results") / f"{experiment.name}.csv"
-    print("seed  solved  frames  wall clock  held out  train   (normalized, at the end)")
-    curves = {}
-    for seed in range(options.first_seed, options.first_seed + options.seeds):
-        curve = run_seed(experiment, seed, options.runs / experiment.name / f"seed-{seed}")
-        curves[seed] = read_curve(curve)
-        row = summarize(seed, curves[seed])
-        print(f"{seed:4d}  {'yes' if row.solved else 'no ':6s}  {row.frames_to_solve:6.0f}  "
-              f"{row.wall_s_to_solve:8.0f} s  {row.held_out_at_end:8.2f}  {row.train_at_end:5.2f}",
-              flush=True)  # fmt: skip
-        write_table(table, experiment, curves)
+    runs = {seed: folder / f"seed-{seed}" for seed in seeds}
+    done = {seed: run for seed, run in runs.items() if frames_done(run / "progress.csv")}
+    if not done:
+        return
+    curves = {seed: read_curve(run / "progress.csv") for seed, run in done.items()}
+    scored = {seed: (run / "checkpoint" / "LATEST").exists() for seed, run in done.items()}
+    summaries = [
+        summarize(seed, rows, final_scores(done[seed], options.runs / "scores"))
+        if scored[seed]
+        else summarize(seed, rows)
+        for seed, rows in curves.items()
+    ]
+    path = write_table(options.results, experiment, curves, summaries)
+    _print(summaries)
+    print(path)
+
+
+def _print(summaries: Sequence[SeedSummary]) -> None:
+    print("seed  solved  frames  wall clock  held out  train   (normalized, fresh episodes)")
+    for row in summaries:
+        print(f"{row.seed:4d}  {'yes' if row.solved else 'no ':6s}  {row.frames_to_solve:6.0f}  "
+              f"{row.wall_s_to_solve:8.0f} s  {row.final_held_out:8.2f}  "
+              f"{row.final_train:5.2f}")  # fmt: skip
+
+
+def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
+    """Evaluate the trained seeds of programmable-3D."""
+    from pa_ros.evaluation import zero_shot
+    from pa_ros.evaluation.agents import load_agent
+
+    chosen = argparse.Namespace(**{**vars(options), "name": "programmable-3D"})
+    label = _experiment(chosen).label
+    agents = {seed: load_agent(options.runs / label / f"seed-{seed}") for seed in seeds}
+    suffix = label.removeprefix("programmable-3D")
+    if options.name == "generalization":
+        cache = options.runs / "scores"
+        for row in zero_shot.generalization(agents, options.results, cache, suffix=suffix):
+            print(f"{row.condition:16s} {row.normalized:5.2f} [{row.low:5.2f}, {row.high:5.2f}]  "
+                  f"best blind {row.blind_normalized:5.2f}")  # fmt: skip
+    elif options.name == "detectors":
+        zero_shot.detectors(agents, options.results, suffix=suffix)
+    else:
+        zero_shot.equalities(agents, options.results, suffix=suffix)
     return 0

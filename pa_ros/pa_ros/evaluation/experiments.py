@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,13 +13,18 @@ import numpy as np
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.report import device, versions
+from pa_ros.core.report import Report, device, versions
+from pa_ros.evaluation.agents import load_agent
+from pa_ros.evaluation.benchmark import Benchmark, Scorer
+from pa_ros.evaluation.scores import normalized, rewards
+from pa_ros.evaluation.tables import read_rows, write_rows
 from pa_ros.evaluation.training import TrainingScores, training_programs
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.loop import TrainConfig, train
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import Protocol, protocol_named
 
 SOLVED = 0.9  # held-out normalized score
+FINAL_EPISODES = 100
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,24 @@ class Experiment:
     preset: str = "fast"
     evaluate_every_frames: int = 5_000
     evaluation_episodes: int = 50
+    options: tuple[str, ...] = ()  # of the protocol, as `pa_ros train --set` takes them
+    tag: str = ""  # names what `options` changed
+    switch_frames: int = 0  # train on the held-out programs from here on; 0: never
+
+    @property
+    def label(self) -> str:
+        """Name of its tables: the protocol, preset and tag are said where they are not usual."""
+        parts = [self.name]
+        if self.protocol != "ours":
+            parts.append(f"{self.protocol}-protocol")
+        if self.preset != "fast":
+            parts.append(f"{self.preset}-arm")
+        return ".".join([*parts, *filter(None, [self.tag])])
+
+    @property
+    def settings(self) -> Protocol:
+        """The protocol with this experiment's options."""
+        return protocol_named(self.protocol).with_options(self.options)
 
     def __post_init__(self) -> None:
         if self.frames < self.evaluate_every_frames:
@@ -45,14 +69,38 @@ class Experiment:
 EXPERIMENTS = {
     experiment.name: experiment
     for experiment in (
-        Experiment("programmable-2L", "2-L", 100_000),
-        Experiment("programmable-3D", "3-D", 200_000),
-        Experiment("distilled-2L", "2-L", 100_000, network="distilled-critic"),
-        Experiment("distilled-3D", "3-D", 200_000, network="distilled-critic"),
+        Experiment("programmable-2L", "2-L", 50_000),
+        Experiment("programmable-3D", "3-D", 70_000),
+        Experiment("distilled-2L", "2-L", 50_000, network="distilled-critic"),
+        Experiment("distilled-3D", "3-D", 70_000, network="distilled-critic"),
         Experiment("canonical-2C", "2-C", 100_000, network="canonical"),
         Experiment("canonical-2L", "2-L", 100_000, network="canonical"),
+        Experiment("canonical-3C", "3-C", 100_000, network="canonical"),
+        Experiment(
+            "forgetting",
+            "3-D",
+            400_000,
+            options=("learner.relabel=none", "learner.replay_frames=100000"),
+            switch_frames=200_000,
+        ),
     )
 }
+PAPER_FRAMES = {"2-C": 2_000_000, "2-L": 2_000_000, "3-C": 5_000_000, "3-D": 5_000_000}
+
+
+def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
+    """The experiment under another protocol; under `paper`, for as many frames as there."""
+    if protocol != "paper":
+        return replace(experiment, protocol=protocol)
+    frames = PAPER_FRAMES[experiment.design]
+    switch = frames // 2 if experiment.switch_frames else 0
+    return replace(
+        experiment,
+        protocol=protocol,
+        frames=frames,
+        evaluate_every_frames=50_000,
+        switch_frames=switch,
+    )
 
 
 def experiment_named(name: str) -> Experiment:
@@ -67,20 +115,30 @@ def run_seed(experiment: Experiment, seed: int, folder: Path) -> Path:
 
     A seed that reached its frames is not run again.
     """
-    arena, design = preset_named(experiment.preset), design_named(experiment.design)
-    protocol = protocol_named(experiment.protocol)
     curve = folder / "progress.csv"
-    if _frames_done(curve) >= experiment.frames:
-        return curve
+    switch = experiment.switch_frames
+    if switch and frames_done(curve) < switch:
+        _train_until(experiment, seed, folder, switch, "train")
+    if frames_done(curve) < experiment.frames:
+        _train_until(experiment, seed, folder, experiment.frames, "eval" if switch else "train")
+    return curve
+
+
+def _train_until(
+    experiment: Experiment, seed: int, folder: Path, frames: int, condition: str
+) -> None:
+    arena, design = preset_named(experiment.preset), design_named(experiment.design)
+    protocol = experiment.settings
     train(
         TrainConfig(
             out=folder,
             seed=seed,
-            frames=experiment.frames,
+            frames=frames,
             design=design.name,
             preset=arena.preset,
+            condition=condition,
             evaluate_every_frames=experiment.evaluate_every_frames,
-            checkpoint_every_frames=max(experiment.frames // 4, 1),
+            checkpoint_every_frames=min(50_000, max(experiment.frames // 4, 1)),
         ),
         protocol.network_config(design.vocabulary, experiment.network),
         replace(protocol.learner, near_threshold=arena.near_threshold_m),
@@ -90,7 +148,6 @@ def run_seed(experiment: Experiment, seed: int, folder: Path) -> Path:
         TrainingScores(arena, design, experiment.evaluation_episodes),
         resume=(folder / "checkpoint" / "LATEST").exists(),
     )
-    return curve
 
 
 def read_curve(path: Path) -> list[dict[str, float]]:
@@ -102,29 +159,39 @@ def read_curve(path: Path) -> list[dict[str, float]]:
         raise CheckpointError(f"curve: {path}: {error!r}") from error
 
 
-def _frames_done(path: Path) -> float:
+def frames_done(path: Path) -> float:
+    """Frames that a progress.csv has reached; 0 if there is none."""
     rows = read_curve(path) if path.exists() else []
     return rows[-1]["frames"] if rows else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class SeedSummary:
-    """When one seed's held-out score reached SOLVED to stay; NaN if it did not."""
+    """What became of one seed; frames and seconds are NaN if its score never came to stay."""
 
     seed: int
-    frames_to_solve: float
+    frames: float  # reached
+    frames_to_solve: float  # when the held-out score reached SOLVED to stay
     wall_s_to_solve: float
-    held_out_at_end: float  # normalized
+    held_out_at_end: float  # normalized, on the episodes of the curve
     train_at_end: float  # normalized
+    final_held_out: float  # normalized, on episodes used for nothing else; NaN: not scored
+    final_train: float
 
     @property
     def solved(self) -> bool:
-        """Whether the held-out score is at least SOLVED at the end."""
-        return self.held_out_at_end >= SOLVED
+        """Whether the held-out score is at least SOLVED at the end, on fresh episodes if scored."""
+        final = self.final_held_out
+        return (self.held_out_at_end if math.isnan(final) else final) >= SOLVED
 
 
-def summarize(seed: int, rows: Sequence[dict[str, float]]) -> SeedSummary:
-    """`rows` of one curve, in order; designs that hold nothing out are judged in training."""
+def summarize(
+    seed: int, rows: Sequence[dict[str, float]], final: tuple[float, float] = (math.nan, math.nan)
+) -> SeedSummary:
+    """`rows` of one curve, in order, and its final scores, held out and in training.
+
+    Designs that hold nothing out are judged in training.
+    """
     column = "eval_greedy.normalized"
     if column not in rows[-1]:
         column = "train_greedy.normalized"
@@ -133,36 +200,97 @@ def summarize(seed: int, rows: Sequence[dict[str, float]]) -> SeedSummary:
         if row[column] < SOLVED:
             break
         first = row
-    nan = float("nan")
     return SeedSummary(
         seed,
-        first["frames"] if first else nan,
-        first["wall_s"] if first else nan,
+        rows[-1]["frames"],
+        first["frames"] if first else math.nan,
+        first["wall_s"] if first else math.nan,
         rows[-1][column],
         rows[-1]["train_greedy.normalized"],
+        *final,
     )
 
 
+def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> tuple[float, float]:
+    """Normalized scores, held out and in training, of a run's last checkpoint on fresh episodes."""
+    agent = load_agent(folder)
+    scorer = Scorer(Benchmark(agent.design, agent.arena, episodes), cache)
+
+    def score(condition: str) -> float:
+        low, high, own = (
+            float(rewards(scores).mean())
+            for scores in (
+                scorer.reference("random", condition),
+                scorer.reference("scripted", condition),
+                scorer.agent(agent, condition),
+            )
+        )
+        return normalized(own, low, high)
+
+    trained_on = score("train")
+    return (score("eval") if agent.design.held_out else trained_on), trained_on
+
+
 def write_table(
-    path: Path, experiment: Experiment, curves: dict[int, list[dict[str, float]]]
-) -> None:
-    """All curves as one CSV with a `seed` column, and the setting as JSON beside it."""
+    folder: Path,
+    experiment: Experiment,
+    curves: dict[int, list[dict[str, float]]],
+    summaries: Sequence[SeedSummary],
+) -> Path:
+    """All curves as one CSV with a `seed` column; beside it a row per seed, and the setting."""
+    path = folder / f"{experiment.label}.csv"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
         names = ["seed", *next(iter(curves.values()))[0]]
-        writer = csv.DictWriter(file, names)
+        writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()
         for seed, rows in curves.items():
             for row in rows:
                 cells = {name: f"{value:.6g}" for name, value in row.items()}
                 writer.writerow({"seed": seed, **cells})
-    protocol = protocol_named(experiment.protocol)
+    write_rows(seeds_table(path), summaries)
+    protocol = experiment.settings
+    arena, design = preset_named(experiment.preset), design_named(experiment.design)
     setting = {
         **asdict(experiment),
-        "learner": asdict(protocol.learner),
+        "learner": asdict(replace(protocol.learner, near_threshold=arena.near_threshold_m)),
         "network_options": dict(protocol.network),
+        "shapes": design.vocabulary.shapes,
+        "colors": design.vocabulary.colors,
         "seeds": sorted(curves),
         "device": device(),
         "versions": versions(),
     }
     path.with_suffix(".json").write_text(json.dumps(setting, indent=1) + "\n")
+    return path
+
+
+def seeds_table(curves: Path) -> Path:
+    """The table of seeds that belongs to a table of curves."""
+    return curves.with_name(f"{curves.stem}-seeds.csv")
+
+
+def headline(folder: Path) -> Report:
+    """Seeds solved and median frames to solve of the tables in `folder`, by design and arm.
+
+    A seed that is not solved counts as infinitely many frames; a median of those is written "inf".
+    """
+    report: dict[str, float | int | str] = {}
+    for name, design in (("programmable-2L", "2-L"), ("programmable-3D", "3-D")):
+        for preset, suffix in (("fast", ""), ("paper", ".paper-arm")):
+            label = replace(EXPERIMENTS[name], preset=preset).label
+            path = seeds_table(folder / f"{label}.csv")
+            if not path.exists():
+                continue
+            seeds = read_rows(path, SeedSummary)
+            frames = [
+                math.inf if math.isnan(seed.frames_to_solve) else seed.frames_to_solve
+                for seed in seeds
+            ]
+            median = float(np.median(frames))
+            report[f"frames_to_solve.{design}{suffix}.median"] = (
+                median if math.isfinite(median) else "inf"
+            )
+            report[f"solved.{design}{suffix}"] = sum(seed.solved for seed in seeds)
+            report[f"seeds.{design}{suffix}"] = len(seeds)
+    return report

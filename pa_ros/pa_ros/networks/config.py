@@ -31,9 +31,10 @@ class NetworkConfig:
     f and r the whole of ω.
 
     The other options from `actor_output_scale` on concern only the initial weights, which the
-    paper does not give for the programmable networks: all layers are uniform in ±1/√fan-in (torch's default for Linear), the
-    actor's last layer is uniform in ±`actor_output_scale`, and the critic's output bias starts
-    at `critic_output_bias`; −1/(1−γ) = −100 starts it at the value of never being rewarded.
+    paper does not give for the programmable networks: all layers are uniform in ±1/√fan-in
+    (torch's default for Linear), the actor's last layer is uniform in ±`actor_output_scale`, and
+    the critic's output bias starts at `critic_output_bias`; −1/(1−γ) = −100 starts it at the value
+    of never being rewarded.
     `detector_init_scale` multiplies the detectors' initial weights: at 0, the usual start of a
     logistic regression, every object has all properties of a group equally, wherever it is.
     """
