@@ -15,6 +15,8 @@ COMMANDS = {
     "program": ("pa_ros.cli.program", "check the text of a program"),
     "train": ("pa_ros.cli.train", "train in one process, without ROS"),
     "experiment": ("pa_ros.cli.experiment", "several seeds of one setting, as a table"),
+    "ship": ("pa_ros.cli.ship", "make a run's policy one of the package's own"),
+    "figures": ("pa_ros.cli.figures", "draw the pictures of the experiments' tables"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
     "bench": ("pa_ros.cli.bench", "measure codec, sim or graph"),
     "launch": ("pa_ros.cli.launch", "start the three nodes and show one live table"),

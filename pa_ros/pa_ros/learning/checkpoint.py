@@ -30,6 +30,8 @@ from pa_ros.networks.config import NetworkConfig
 FORMAT = 1
 LATEST = "LATEST"
 METADATA = "metadata.json"
+SHIPPED = Path(__file__).parents[1] / "shipped"
+SHIPPED_PREFIX = "shipped:"
 FREE_TO_CHANGE = ("backend", "device", "threads")  # on resuming; they say where, not what
 
 Arrays = dict[str, NDArray[Any]]
@@ -113,13 +115,42 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
 
 
 def find_checkpoint(path: Path) -> Path:
-    """The checkpoint directory that `path` is, or that its LATEST names."""
+    """The checkpoint directory that `path` is, or that its LATEST names.
+
+    "shipped:NAME" is a policy that comes with the package.
+    """
+    if str(path).startswith(SHIPPED_PREFIX):
+        return _shipped(str(path).removeprefix(SHIPPED_PREFIX))
     if (path / METADATA).is_file():
         return path
     name = _latest_name(path)
     if name is None or Path(name).name != name or not (path / name / METADATA).is_file():
         raise CheckpointError(f"checkpoint: expected one at {path}, found none")
     return path / name
+
+
+def _shipped(name: str) -> Path:
+    names = sorted(card.parent.name for card in SHIPPED.glob(f"*/{METADATA}"))
+    if name not in names:
+        raise CheckpointError(f"checkpoint: expected shipped: and one of {names}, got {name!r}")
+    return SHIPPED / name
+
+
+def ship(run: Path, name: str, card: dict[str, Any], folder: Path = SHIPPED) -> Path:
+    """Keep what acting needs of a checkpoint as the shipped policy `name`; its directory.
+
+    `card` joins the metadata's `extra`: where the policy comes from and how it scores.
+    """
+    directory, values = find_checkpoint(run), read_metadata(run)
+    policy = _load_policies(directory, values)[-1]
+    values["published"] = [policy.version]
+    values["extra"] = values["extra"] | card
+    tensors = {f"{policy.version}/{k}": tensor for k, tensor in policy.tensors.items()}
+    out = folder / name
+    out.mkdir(parents=True, exist_ok=True)
+    _write_file(out / METADATA, (json.dumps(values, indent=1) + "\n").encode())
+    _write_file(out / "policies.safetensors", _save_arrays(tensors))
+    return out
 
 
 def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:

@@ -1,0 +1,34 @@
+"""`pa_ros figures`: draw the pictures of tables that experiments left."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pa_ros.core.errors import ConfigError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros figures`."""
+    parser.add_argument("names", nargs="*", metavar="NAME", help="tables (default: all)")
+    parser.add_argument(
+        "--results", type=Path, default=Path("docs/results"), help="folder of the tables"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw each table's picture beside it, and print the path."""
+    from pa_ros.evaluation.figures_learning import is_curves, learning_figure
+    from pa_ros.evaluation.zero_shot import redraw_generalization
+
+    draw = {}
+    for table in sorted(options.results.glob("*.csv")):
+        if is_curves(table):
+            draw[table.stem] = learning_figure
+        elif table.stem.split(".")[0] == "generalization":
+            draw[table.stem] = redraw_generalization
+    if unknown := sorted(set(options.names) - draw.keys()):
+        raise ConfigError(f"figures: expected tables of {sorted(draw)}, got {unknown}")
+    for name in options.names or draw:
+        print(draw[name](options.results / f"{name}.csv"))
+    return 0

@@ -1,0 +1,38 @@
+"""`pa_ros ship RUN NAME`: make a run's policy one of the package's own."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros ship`."""
+    parser.add_argument("run", type=Path, help="folder that a training run left")
+    parser.add_argument("name", help="shipped:NAME is what it will be called")
+    parser.add_argument("--scores", type=Path, default=Path("runs/experiments/scores"))
+
+
+def run_card(run: Path, cache: Path) -> dict[str, object]:
+    """Scores on fresh episodes and versions, for the policy's metadata."""
+    from pa_ros.core.report import device, versions
+    from pa_ros.evaluation.experiments import FINAL_EPISODES, final_scores
+
+    held_out, trained = final_scores(run, cache)
+    return {
+        "episodes": FINAL_EPISODES,
+        "held_out.normalized": held_out,
+        "train.normalized": trained,
+        "versions": versions(),
+        "device": device(),
+    }
+
+
+def run(options: argparse.Namespace) -> int:
+    """Score the policy, then write it with its card; prints the folder."""
+    from pa_ros.evaluation.agents import trained
+    from pa_ros.learning.checkpoint import ship
+
+    card = run_card(options.run, options.scores)
+    print(ship(trained(options.run), options.name, card))
+    return 0

@@ -1,0 +1,45 @@
+"""Learning curves from tables: drawn, with the switch of programs, or refused."""
+
+import json
+
+import pytest
+
+from pa_ros.cli.main import main
+from pa_ros.evaluation.experiments import experiment_named, summarize, write_table
+from pa_ros.evaluation.figures_learning import is_curves, learning_figure
+from pa_ros.evaluation.tables import TableError
+
+
+def rows(*scores):
+    names = ("train_greedy.normalized", "eval_greedy.normalized")
+    return [
+        {"frames": 1000.0 * i, "wall_s": float(i)} | dict.fromkeys(names, score)
+        for i, score in enumerate(scores, start=1)
+    ]
+
+
+@pytest.mark.parametrize("name", ["programmable-2L", "forgetting"])
+def test_every_seed_is_drawn_also_one_that_stopped_early(tmp_path, name):
+    curves = {0: rows(0.1, 0.5, 0.9), 4: rows(0.2, 0.3)}
+    summaries = [summarize(seed, own) for seed, own in curves.items()]
+    table = write_table(tmp_path, experiment_named(name), curves, summaries)
+    assert is_curves(table) and not is_curves(tmp_path / f"{name}-seeds.csv")
+    picture = learning_figure(table)
+    assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size < 100_000
+
+
+def test_the_command_draws_what_is_there_and_names_it(tmp_path, capsys):
+    curves = {0: rows(0.1, 0.95)}
+    write_table(tmp_path, experiment_named("canonical-2C"), curves, [summarize(0, curves[0])])
+    assert main(["figures", "--results", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.strip().endswith("canonical-2C.png")
+    assert main(["figures", "absent", "--results", str(tmp_path)]) == 2
+    assert "canonical-2C" in capsys.readouterr().err
+
+
+def test_a_table_without_rows_is_refused(tmp_path):
+    table = tmp_path / "empty.csv"
+    table.write_text("seed,frames,wall_s\n")
+    table.with_suffix(".json").write_text(json.dumps({}))
+    with pytest.raises(TableError, match="at least one row"):
+        learning_figure(table)

@@ -1,0 +1,39 @@
+"""Policies that come with the package: found by name, whole, and as good as their cards say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pa_ros.evaluation.agents import load_agent
+from pa_ros.evaluation.benchmark import Benchmark, Scorer
+from pa_ros.evaluation.scores import rewards
+from pa_ros.learning.checkpoint import SHIPPED, load_policy, read_metadata, ship
+from pa_ros.learning.errors import CheckpointError
+
+NAMES = ("2-L", "3-D")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_shipped_policy_reaches_held_out_targets(name, tmp_path):
+    agent = load_agent(Path(f"shipped:{name}"))
+    card = read_metadata(Path(f"shipped:{name}"))["extra"]
+    assert agent.design.name == name == card["design"] and "versions" in card
+    scorer = Scorer(Benchmark(agent.design, agent.arena, episodes=10), tmp_path)
+    own = rewards(scorer.agent(agent, "eval")).mean()
+    assert own > 0.5 > 0.0 > rewards(scorer.reference("random", "eval")).mean()
+
+
+def test_an_unknown_one_is_refused_with_the_names():
+    with pytest.raises(CheckpointError, match=r"\['2-L', '3-D'\], got '9-Z'"):
+        load_policy(Path("shipped:9-Z"))
+
+
+def test_shipping_keeps_the_policy_and_little_else(tmp_path):
+    source = Path("shipped:2-L")
+    out = ship(source, "again", {"note": 1}, tmp_path)
+    first, second = load_policy(source), load_policy(out)
+    assert first.version == second.version
+    assert all(np.array_equal(first.tensors[k], second.tensors[k]) for k in first.tensors)
+    assert read_metadata(out)["extra"]["note"] == 1
+    assert sum(file.stat().st_size for file in SHIPPED.rglob("*")) < 5_000_000
