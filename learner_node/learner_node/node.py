@@ -22,6 +22,13 @@ from pa_ros.wire.errors import VocabularyError
 from pa_ros.wire.records import ArenaDescription, PublishedPolicy
 
 WATCH_S = 0.5
+EARLY_STRETCHES = 1000  # kept until an arena describes itself
+
+
+class EarlyStretchError(PaError):
+    """More experience than is kept while no arena has described itself."""
+
+    code = "learner.early"
 
 
 class LearnerNode(Node):
@@ -35,17 +42,18 @@ class LearnerNode(Node):
         if self.config.resume:
             find_checkpoint(Path(self.config.out) / "checkpoint")
         self._failure: BaseException | None = None
+        self._early: list[Any] = []  # transitions that came before arena_info
+        self._take = self.refusals.guard(topics.TRANSITIONS.name, self._on_transitions)
         self._rate = (time.monotonic(), 0.0, 0.0)  # since when, frames and updates then
         weights = topics.POLICY_WEIGHTS
         self._weights = self.create_publisher(weights.type, weights.name, weights.writer)
         account = topics.PROVENANCE
         self._provenance = self.create_publisher(account.type, account.name, account.writer)
         for topic, callback in (
-            (topics.ARENA_INFO, self._on_arena),
-            (topics.TRANSITIONS, self._on_transitions),
+            (topics.ARENA_INFO, self.refusals.guard(topics.ARENA_INFO.name, self._on_arena)),
+            (topics.TRANSITIONS, self._take),
         ):
-            guarded = self.refusals.guard(topic.name, callback)
-            self.create_subscription(topic.type, topic.name, guarded, topic.reader)
+            self.create_subscription(topic.type, topic.name, callback, topic.reader)
         HealthReporter(self, self.refusals, self._collect)
         steady_timer(self, WATCH_S, self._watch)
 
@@ -72,12 +80,21 @@ class LearnerNode(Node):
         origin = self.worker.origin(self.get_fully_qualified_name())
         self._provenance.publish(codec.encode_provenance(origin))
         self.worker.start()
+        early, self._early = self._early, []
+        for message in early:
+            self._take(message)
 
     def _on_transitions(self, message: Any) -> None:
-        digest = self.worker.vocabulary.digest if self.worker else None
-        stretch = codec.decode_transitions(message, digest)
-        if self.worker is not None:
-            self.worker.submit(stretch)
+        if self.worker is None:  # the arena's own description may come later than experience
+            if len(self._early) == EARLY_STRETCHES:
+                raise EarlyStretchError(
+                    f"transitions: expected arena_info first, got {EARLY_STRETCHES} stretches "
+                    "without it, and keep no more"
+                )
+            self._early.append(message)
+            return
+        stretch = codec.decode_transitions(message, self.worker.vocabulary.digest)
+        self.worker.submit(stretch)
 
     def _publish(self, policy: PublishedPolicy) -> None:
         self._weights.publish(codec.encode_weights(policy))
