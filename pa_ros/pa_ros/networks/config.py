@@ -27,8 +27,11 @@ class NetworkConfig:
 
     With `relations_see_properties` false, f, r and the neighbourhood attention have zero weights
     for the one-hots of shape and color, and keep them: what an object is reaches the action only
-    through p, so nothing else can come to rely on the properties seen in training. The paper gives
-    f and r the whole of ω.
+    through p, so nothing else can come to rely on the properties seen in training. With
+    `detectors_see_geometry` false, the detectors have zero weights for everything but those
+    one-hots, and no bias: what an object is cannot come to depend on where it is, and an object of
+    properties never seen has all words of a group equally. The paper gives all of them the whole
+    of ω.
 
     The other options from `actor_output_scale` on concern only the initial weights, which the
     paper does not give for the programmable networks: all layers are uniform in ±1/√fan-in
@@ -49,6 +52,7 @@ class NetworkConfig:
     critic_output_bias: float = 0.0
     detector_init_scale: float = 1.0
     relations_see_properties: bool = True
+    detectors_see_geometry: bool = True
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
