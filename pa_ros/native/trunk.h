@@ -4,6 +4,8 @@
 // sample whatever K. In sums over pairs j (sender) is the row and i (receiver) the lane.
 // Included inside a namespace of its own per instruction-set level.
 
+constexpr float kNothing = 1e-30f;  // at least this is divided by
+
 struct StartMass {  // row m starts from Σp · (local.1.bias + message.1.bias)
     const float *mass, *bias;
     int64_t hidden;
@@ -62,9 +64,12 @@ static void attend(const Net& net, Work& w, int64_t s) {
         for (int j = 0; j < n; j++)
             store(out + j * w.lanes + o, exponential(loadu(w.sums + j * n + o) - most));
     }
+    if (net.shape->no_self_messages)
+        for (int i = 0; i < n; i++) out[i * w.lanes + i] = 0.0f;
 }
 
-// α_ij and p_i α_ij of one program; lanes without an object get 0.
+// α_ij and p_i α_ij of one program; lanes without an object get 0, and where nothing is relevant
+// to a receiver, it hears nothing.
 static void weigh(Work& w, int64_t s, int64_t sk) {
     const int n = w.objects;
     const float *p = w.relevant + sk * w.lanes, *e = w.attend + s * n * w.lanes;
@@ -72,6 +77,7 @@ static void weigh(Work& w, int64_t s, int64_t sk) {
     for (int o = 0; o < w.lanes; o += W) {
         vf total{};
         for (int j = 0; j < n; j++) total += p[j] * load(e + j * w.lanes + o);
+        total = total > kNothing ? total : vf{} + kNothing;
         const vf inverse = load(w.mask + o) > 0.0f ? 1.0f / total : vf{};
         const vf receiver = load(p + o);
         for (int j = 0; j < n; j++) {

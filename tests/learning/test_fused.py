@@ -147,8 +147,11 @@ class Reference:
         p = relevant_objects(phi, HAND_INDEX, *(code[program] for code in self.codes))  # [B, K, N]
         q, c = _linear(t, "query", columns), _linear(t, "context", columns)
         scores = torch.tanh(q[:, :, None] + c[:, None, :]) @ t["attention.weight"]  # [B, i, j]
-        alpha = p[:, :, None, :] * torch.exp(scores)[:, None]  # [B, K, i, j]
-        alpha = alpha / alpha.sum(-1, keepdim=True)
+        heard = torch.exp(scores)
+        if not self.made.network.self_messages:
+            heard = heard * (1 - torch.eye(n, dtype=torch.float64))
+        alpha = p[:, :, None, :] * heard[:, None]  # [B, K, i, j]
+        alpha = alpha / alpha.sum(-1, keepdim=True).clamp_min(1e-30)
         pairs = torch.cat(
             [
                 columns[:, :, None].expand(batch, n, n, 34),
@@ -159,6 +162,8 @@ class Reference:
         r = _linear(t, "message.1", torch.tanh(_linear(t, "message.0", pairs)))  # [B, i, j, H]
         f = _linear(t, "local.1", torch.tanh(_linear(t, "local.0", columns)))  # [B, i, H]
         omega = f[:, None] + torch.einsum("bkij,bijh->bkih", alpha, r)
+        # of an r that hears nothing, its last bias remains
+        omega = omega + (1 - alpha.sum(-1, keepdim=True)) * t["message.1.bias"]
         return torch.einsum("bki,bkih->bkh", p, omega)
 
     def phi(self, t: Named, objects: Tensor, columns: Tensor) -> Tensor:
@@ -279,6 +284,13 @@ def test_gradients_for_every_number_of_objects(kind: str, objects: int) -> None:
 def test_gradients_for_every_number_of_programs(programs: int) -> None:
     made = setting()
     check_gradients(made, make_batch(np.random.default_rng(programs), 9, 5, programs, 6))
+
+
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic"])
+@pytest.mark.parametrize(("objects", "programs"), [(2, 1), (3, 2), (5, 1), (9, 4)])
+def test_gradients_without_self_messages(kind: str, objects: int, programs: int) -> None:
+    made = setting(kind, self_messages=False)
+    check_gradients(made, make_batch(np.random.default_rng(objects), 8, objects, programs, 6))
 
 
 @pytest.mark.parametrize("row", range(len(PROGRAMS)))
@@ -470,9 +482,9 @@ def test_nan_is_not_hidden() -> None:
 
 
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
-@pytest.mark.parametrize("hand", [0, 2])
-def test_actor_equals_the_formulas(kind: str, hand: int) -> None:
-    made = setting(kind)
+@pytest.mark.parametrize(("hand", "self_messages"), [(0, True), (2, True), (2, False)])
+def test_actor_equals_the_formulas(kind: str, hand: int, self_messages: bool) -> None:
+    made = setting(kind, self_messages=self_messages)
     actor, reference = FusedActor(made.network, made.actor), Reference(made)
     for objects in (5, 3):
         batch = make_batch(np.random.default_rng(objects), 1, objects, 1, 6)

@@ -16,6 +16,7 @@ from torch.nn import functional as F
 from pa_ros.learning.backend import HAND_INDEX
 from pa_ros.learning.dpg import Inputs, TorchBackend
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import NOTHING
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs, Trunk
 
 
@@ -29,8 +30,9 @@ class _Formulas(Trunk):
         columns = columns * self.seen
         queries, contexts = self.query(columns)[:, :, None], self.context(columns)[:, None]
         scores = torch.tanh(queries + contexts) @ self.attention.weight  # [B, N, N]
-        weights = p[:, :, None, :] * torch.exp(scores)[:, None]  # [B, K, N, N]
-        alpha = weights / weights.sum(-1, keepdim=True)
+        exponentials = torch.exp(scores) * self.senders(n)
+        weights = p[:, :, None, :] * exponentials[:, None]  # [B, K, N, N]
+        alpha = weights / weights.sum(-1, keepdim=True).clamp_min(NOTHING)
         receivers = columns[:, :, None].expand(-1, -1, n, -1)
         senders = columns[:, None].expand(-1, n, -1, -1)
         r = _mlp(self.message, torch.cat([receivers, senders], -1))  # [B, N, N, H]

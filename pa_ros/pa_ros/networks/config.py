@@ -33,6 +33,11 @@ class NetworkConfig:
     properties never seen has all words of a group equally. The paper gives all of them the whole
     of ω.
 
+    With `self_messages` false, the sums over j and k in the paper's eq. message-passing and in α
+    leave out i: objects send messages to each other alone, and what of the hand's messages comes
+    from which block depends on p's ratios, no longer on how small p is beside the hand's 1. The
+    paper does not say whether i is among them.
+
     The other options from `actor_output_scale` on concern only the initial weights, which the
     paper does not give for the programmable networks: all layers are uniform in ±1/√fan-in
     (torch's default for Linear), the actor's last layer is uniform in ±`actor_output_scale`, and
@@ -53,6 +58,7 @@ class NetworkConfig:
     detector_init_scale: float = 1.0
     relations_see_properties: bool = True
     detectors_see_geometry: bool = True
+    self_messages: bool = True
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -86,6 +92,8 @@ class NetworkConfig:
         sizes: dict[str, Any] = {"hidden": self.canonical_hidden}
         if self.kind != "canonical":
             sizes = {"hidden": self.hidden, "attention": self.attention}
+            if not self.self_messages:
+                sizes["self_messages"] = False
         return _canonical_json(
             {
                 **sizes,
@@ -130,6 +138,7 @@ def actor_config(architecture: str) -> NetworkConfig:
             kind=values["actor"],
             position_scale=values["position_scale"],
             attention=values.get("attention", 64),
+            self_messages=values.get("self_messages", True),
             **{size: values["hidden"]},
         )
     except (ValueError, TypeError, KeyError) as error:

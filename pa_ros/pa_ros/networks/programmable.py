@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import COLUMN_FEATURES, properties_seen, truth_matrix
+from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING, properties_seen, truth_matrix
 from pa_ros.networks.programs import relevant_objects
 
 
@@ -56,6 +56,7 @@ class Trunk(nn.Module):
         super().__init__()
         self._group_sizes = config.vocabulary.group_sizes
         self._learned = learned_detectors
+        self._self_messages = config.self_messages
         if learned_detectors:
             self.detectors = nn.Linear(COLUMN_FEATURES, len(config.vocabulary.words))
         self.query = nn.Linear(COLUMN_FEATURES, config.attention)
@@ -108,12 +109,20 @@ class Trunk(nn.Module):
         return f @ local_last.weight.T + r @ message_last.weight.T + bias
 
     def _attention(self, columns: Tensor, p: Tensor) -> Tensor:
-        """α, [B, K, N, N]: α_ij ∝ p_j exp(w·tanh(q_i + c_j)), each row summing to one."""
+        """α, [B, K, N, N]: α_ij ∝ p_j exp(w·tanh(q_i + c_j)), each row summing to one.
+
+        Where no other object is relevant at all, a row is 0: that object hears nothing.
+        """
         pairs = self.query(columns)[:, :, None] + self.context(columns)[:, None]
         scores = torch.tanh(pairs) @ self.attention.weight  # [B, N, N]
         scores = torch.exp(scores - scores.detach().amax(-1, keepdim=True))
-        weights = p[:, :, None, :] * scores[:, None]  # [B, K, N, N]
-        return weights / weights.sum(-1, keepdim=True)
+        weights = p[:, :, None, :] * (scores * self.senders(p.shape[-1]))[:, None]  # [B, K, N, N]
+        return weights / weights.sum(-1, keepdim=True).clamp_min(NOTHING)
+
+    def senders(self, n: int) -> Tensor:
+        """[N, N]: 1 where object i (row) may hear object j."""
+        ones = torch.ones(n, n, dtype=self.seen.dtype, device=self.seen.device)
+        return ones if self._self_messages else ones.fill_diagonal_(0.0)
 
     def _messages(self, columns: Tensor) -> Tensor:
         """First layer of r on every pair (receiver i, sender j): [B, N, N, H]."""
