@@ -1,4 +1,4 @@
-"""`pa_ros demo` (`make run`): a graph learns from scratch, then executes what was never trained."""
+"""`pa_ros demo` (`make run`): a shipped agent executes programs; then one learns from scratch."""
 
 from __future__ import annotations
 
@@ -58,27 +58,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--minutes", type=float, default=20.0, help="give up learning after these (%(default)s)"
     )
+    parser.add_argument(
+        "--no-shipped", dest="shipped", action="store_false",
+        help="begin with learning: leave out the shipped agent's programs",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="(default: runs/demo-<time>)")
     parser.add_argument(
         "--domain-id", type=int, metavar="N", help="ROS domain (default: an unused one)"
     )
     parser.epilog = (
-        "exit status: 0 if the held-out program and at least five of the six were executed, "
-        "1 if not, 130 if interrupted"
+        "exit status: 0 if the held-out program and at least five of the six were executed by "
+        "each agent, 1 if not, 130 if interrupted"
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Learn, execute, leave checkpoint, pictures, bag and demo.json."""
+    """Execute, learn, execute; leave checkpoint, pictures, bags and demo.json."""
     folder = options.out or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
     design, arena = design_named(options.design), preset_named(options.preset)
     config = DemoConfig(design, arena, options.seed, options.minutes, folder)
-    programs = demo_programs(design)
     domain_id = use_domain(options.domain_id)
-    outcome = Outcome()
     with signals_noted() as interrupted:
         try:
-            return _run(config, programs, outcome, domain_id, interrupted)
+            return _run(config, options.shipped, domain_id, interrupted)
         except KeyboardInterrupt:
             print("interrupted; every process was stopped")
             return EXIT_INTERRUPTED
@@ -87,37 +89,59 @@ def run(options: argparse.Namespace) -> int:
             return EXIT_FAILED
 
 
-def _run(
-    config: DemoConfig,
-    programs: list[DemoProgram],
-    outcome: Outcome,
-    domain_id: int,
-    interrupted: Interrupted,
-) -> int:
-    _introduce(config, domain_id)
-    scenes = [
-        find_scene(config.arena, config.design, config.scene_seed, program)
-        for program in programs
-    ]
-    target = _measure_target(config)
+def _run(config: DemoConfig, show_shipped: bool, domain_id: int, interrupted: Interrupted) -> int:
+    print(f"ROS domain {domain_id}; everything is left in {config.folder}/\n")
+    outcome, shipped = Outcome(), Outcome()
     with client_node("demo") as node:
+        if show_shipped:
+            _show_shipped(node, config.of_shipped(), shipped, interrupted)
+        _introduce(config)
+        asked = _asked(config)
+        target = _measure_target(config)
         _learn(node, config, target, outcome, interrupted)
-        _draw(config, target, outcome, programs[1], scenes[1])
+        held_out, scene = asked[1]
+        _draw(config, target, outcome, held_out, scene)
         if outcome.reached:
-            _execute(node, config, list(zip(programs, scenes, strict=True)), outcome, interrupted)
-    write_report(config, target, outcome)
+            print("Now what was learned is executed, as the shipped agent was.\n")
+            _execute(node, config, asked, outcome, interrupted)
+    write_report(config, target, outcome, shipped)
     conclude(config, target, outcome)
-    return 0 if outcome.success else EXIT_FAILED
+    return 0 if outcome.success and (shipped.executed or not show_shipped) else EXIT_FAILED
 
 
-def _introduce(config: DemoConfig, domain_id: int) -> None:
-    held_out = [f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in config.design.held_out]
+def _asked(config: DemoConfig) -> list[tuple[DemoProgram, Scene]]:
+    """The programs, each with the scene that it is sent in."""
+    return [
+        (program, find_scene(config.arena, config.design, config.scene_seed, program))
+        for program in demo_programs(config.design)
+    ]
+
+
+def _show_shipped(
+    node: Node, config: DemoConfig, outcome: Outcome, interrupted: Interrupted
+) -> None:
+    """First: what an agent that comes with the package does at once."""
     print(
-        "Three ROS 2 processes start from random weights: sim_node (a robot arm among blocks),\n"
-        "agent_node (moves the arm) and learner_node (learns from what happens).\n"
-        f"They learn these programs: {', '.join(training_programs(config.design))}\n"
-        f"and are never trained on:  {', '.join(held_out)} (\"zero-shot\")\n"
-        f"ROS domain {domain_id}; everything is left in {config.folder}/\n"
+        f"An agent that learned design {config.design.name} executes programs: sim_node (a robot arm among\n"
+        f"blocks) and agent_node (moves the arm, weights {config.policy}). It was trained on\n"
+        f"{_listed(training_programs(config.design))}\nand on nothing else.\n"
+    )
+    _execute(node, config, _asked(config), outcome, interrupted)
+    print(f"\n{outcome.satisfied} of {len(outcome.executions)} programs executed.\n")
+
+
+def _listed(programs: list[str]) -> str:
+    """Their targets alone, which are shorter."""
+    return ", ".join(program.removeprefix("NEAR(HAND, ")[:-1] for program in programs)
+
+
+def _introduce(config: DemoConfig) -> None:
+    held_out = [f"AND({kind.color}, {kind.shape})" for kind in config.design.held_out]
+    print(
+        f"Now an agent learns design {config.design.name} from scratch: sim_node, agent_node and learner_node (learns\n"
+        "from what happens) start from random weights, faster than real time.\n"
+        f"Trained on:       {_listed(training_programs(config.design))}\n"
+        f"Never trained on: {', '.join(held_out)} (\"zero-shot\")\n"
     )
 
 
@@ -143,7 +167,7 @@ def _learn(
     outcome: Outcome,
     interrupted: Interrupted,
 ) -> None:
-    """First phase: the graph in lockstep until the target is reached or the time is up."""
+    """The graph in lockstep until the target is reached or the time is up."""
     figures, started = GraphFigures(), time.monotonic()
     watch_diagnostics(node, figures)
     hear_verdicts(node, lambda verdict, evaluation: outcome.tally.observe(verdict, evaluation))
@@ -237,11 +261,10 @@ def _execute(
     outcome: Outcome,
     interrupted: Interrupted,
 ) -> None:
-    """Second phase: programs by topic, each in a scene of its own, recorded in a bag."""
+    """Programs by topic, each in a scene of its own, recorded in a bag."""
     print(
-        f"Now the arena runs in real time ({config.real_time_factor:g}x) and the agent acts on\n"
-        f"what it learned. Each program is sent on the topic `program` and has {WINDOW_S:g} s;\n"
-        f"satisfied is to be near for {HOLD_S:g} s without a break, or at the end.\n"
+        f"The arena runs in real time ({config.real_time_factor:g}x). Each program is sent on the topic `program`\n"
+        f"and has {WINDOW_S:g} s; satisfied is to be near for {HOLD_S:g} s without a break, or at the end.\n"
     )
     figures = GraphFigures()
     watch_diagnostics(node, figures)

@@ -32,10 +32,15 @@ class Outcome:
         return sum(execution.satisfied for _, _, execution in self.executions)
 
     @property
-    def success(self) -> bool:
+    def executed(self) -> bool:
         """The held-out program and at least NEEDED of the six were satisfied."""
         held_out = any(e.satisfied for p, _, e in self.executions if p.kind == "held out")
-        return self.reached and held_out and self.satisfied >= NEEDED
+        return held_out and self.satisfied >= NEEDED
+
+    @property
+    def success(self) -> bool:
+        """The target was reached, and the programs were executed."""
+        return self.reached and self.executed
 
 
 def execution_row(program: DemoProgram, scene: Scene, execution: Execution) -> str:
@@ -52,7 +57,9 @@ def row(*cells: str) -> str:
     return " ".join(f"{cell:<{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
-def write_report(config: DemoConfig, target: HeldOutTarget, outcome: Outcome) -> None:
+def write_report(
+    config: DemoConfig, target: HeldOutTarget, outcome: Outcome, shipped: Outcome
+) -> None:
     """demo.json: flat, dotted names; what was not measured is left out."""
     score, success = target.score(outcome.tally)
     report: dict[str, float | int | str] = {
@@ -67,12 +74,21 @@ def write_report(config: DemoConfig, target: HeldOutTarget, outcome: Outcome) ->
         "demo.held_out_success_rate": success,
         "demo.random_reward_per_step": target.random,
         "demo.scripted_reward_per_step": target.scripted,
-        "demo.programs": len(outcome.executions),
-        "demo.satisfied": outcome.satisfied,
         "demo.success": int(outcome.success),
     }
+    report |= _executions("demo", outcome) | _executions("shipped", shipped)
+    report |= {"device": device(), "threads": 1, "versions": versions()}
+    finite = {k: v for k, v in report.items() if not isinstance(v, float) or np.isfinite(v)}
+    (config.folder / "demo.json").write_text(json.dumps(finite, indent=2) + "\n")
+
+
+def _executions(prefix: str, outcome: Outcome) -> dict[str, float | int | str]:
+    report: dict[str, float | int | str] = {
+        f"{prefix}.programs": len(outcome.executions),
+        f"{prefix}.satisfied": outcome.satisfied,
+    }
     for program, scene, execution in outcome.executions:
-        name = f"demo.{program.kind.lower().replace(' ', '_')}"
+        name = f"{prefix}.{program.kind.lower().replace(' ', '_')}"
         report |= {
             f"{name}.program": program.text,
             f"{name}.satisfied": int(execution.satisfied),
@@ -81,9 +97,7 @@ def write_report(config: DemoConfig, target: HeldOutTarget, outcome: Outcome) ->
         }
         if execution.reached_s is not None:
             report[f"{name}.reached_s"] = execution.reached_s
-    report |= {"device": device(), "threads": 1, "versions": versions()}
-    finite = {k: v for k, v in report.items() if not isinstance(v, float) or np.isfinite(v)}
-    (config.folder / "demo.json").write_text(json.dumps(finite, indent=2) + "\n")
+    return report
 
 
 def conclude(config: DemoConfig, target: HeldOutTarget, outcome: Outcome) -> None:
@@ -102,6 +116,7 @@ def conclude(config: DemoConfig, target: HeldOutTarget, outcome: Outcome) -> Non
         ("learning-curve.png", "reward per step, trained and zero-shot"),
         ("phi.png", "what the learned detectors see in one scene"),
         ("programs/", "the execution as an MCAP bag"),
+        ("shipped/", "the same for the shipped agent"),
         ("demo.json", "these figures"),
         ("log/", "what each process wrote, and its parameters"),
     ):

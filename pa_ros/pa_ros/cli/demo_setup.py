@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pa_ros.arena import ArenaConfig, Design
+from pa_ros.arena import ArenaConfig, Design, design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.demo_report import FEWER, FULL
 from pa_ros.ros.launch_params import Parameters, load_parameters, merged, packaged
@@ -22,6 +22,7 @@ class DemoConfig:
     minutes: float
     folder: Path  # new or empty; everything is left in it
     real_time_factor: float = 2.0  # of the execution
+    policy: str = ""  # that is executed, as a checkpoint is named; empty: what was learned here
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -62,6 +63,11 @@ class DemoConfig:
             "eval_condition": FEWER,
             "real_time_factor": self.real_time_factor,
         }
-        weights = {"checkpoint": str(self.checkpoint.resolve())}
+        weights = {"checkpoint": self.policy or str(self.checkpoint.resolve())}
         changes: dict[str, dict[str, Any]] = {"sim_node": arena, "agent_node": weights}
-        return merged(load_parameters(packaged("execute_2l")), changes)
+        return merged(load_parameters(packaged("execute_3d")), changes)
+
+    def of_shipped(self) -> DemoConfig:
+        """The same for the policy that comes with the package, in a folder of its own."""
+        design, folder = design_named("3-D"), self.folder / "shipped"
+        return replace(self, design=design, folder=folder, policy=f"shipped:{design.name}")

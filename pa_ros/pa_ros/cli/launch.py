@@ -9,21 +9,21 @@ from pathlib import Path
 
 from pa_ros.ros.client import client_node
 from pa_ros.ros.graph import refuse_occupied, signals_noted, start_nodes, watch
-from pa_ros.ros.launch_params import load_parameters, packaged
+from pa_ros.ros.launch_params import chosen, load_parameters, packaged_names
 from pa_ros.ros.launcher import ChildError, Supervisor
 from pa_ros.ros.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.ros.record import RECORDER, start_recorder
 
-DEFAULT = "train_2l"
+DEFAULT = "execute_3d"
 EXIT_FAILED = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros launch`."""
     parser.add_argument(
-        "--params", type=Path, metavar="FILE",
-        help="ROS parameters; each node that it names is started "
-        "(default: learn design 2-L, as packaged)",
+        "--params", default=DEFAULT, metavar="FILE",
+        help="ROS parameters; each node that it names is started. Or one that is packaged: "
+        f"{', '.join(packaged_names())} (default: execute programs with the shipped 3-D agent)",
     )  # fmt: skip
     parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
     parser.add_argument(
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Launch, and show figures until a signal comes or a node ends by itself."""
-    parameters = load_parameters(options.params or packaged(DEFAULT))
+    parameters = load_parameters(chosen(options.params))
     folder = options.out or Path("runs") / f"launch-{time.strftime('%Y%m%d-%H%M%S')}"
     figures = GraphFigures()
     with signals_noted() as interrupted, client_node("launcher", options.namespace) as node:

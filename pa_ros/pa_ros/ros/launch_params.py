@@ -23,9 +23,18 @@ def packaged(name: str) -> Path:
     """A parameters file that comes with the package, by its name without ending."""
     path = CONFIG / f"{name}.yaml"
     if not path.is_file():
-        known = sorted(found.stem for found in CONFIG.glob("*.yaml"))
-        raise ConfigError(f"parameters: expected one of {known}, got {name!r}")
+        raise ConfigError(f"parameters: expected one of {packaged_names()}, got {name!r}")
     return path
+
+
+def packaged_names() -> list[str]:
+    """Names of the parameters files that come with the package."""
+    return sorted(found.stem for found in CONFIG.glob("*.yaml"))
+
+
+def chosen(named: str) -> Path:
+    """A file's path, or that of the packaged file of this name."""
+    return packaged(named) if named in packaged_names() else Path(named)
 
 
 def load_parameters(path: Path) -> Parameters:
