@@ -170,16 +170,12 @@ def dpg_gradients(
 
 
 class Adam:
-    """Kingma and Ba 2015, algorithm 1, in NumPy.
-
-    Detectors step `detector_gain` times as far, and decay as in Loshchilov and Hutter 2019.
-    """
+    """Kingma and Ba 2015, algorithm 1, in NumPy; detectors step `detector_gain` times as far."""
 
     beta1, beta2, eps = 0.9, 0.999, 1e-8
 
-    def __init__(self, rate: float, detector_gain: float, detector_decay: float) -> None:
+    def __init__(self, rate: float, detector_gain: float) -> None:
         self.rate, self.detector_gain = rate, detector_gain
-        self.detector_decay = detector_decay
         self.step = 0
         self.m: dict[str, np.ndarray] = {}
         self.v: dict[str, np.ndarray] = {}
@@ -191,7 +187,5 @@ class Adam:
             self.v[name] = self.beta2 * self.v.get(name, 0.0) + (1 - self.beta2) * g * g
             m = self.m[name] / (1 - self.beta1**self.step)
             v = self.v[name] / (1 - self.beta2**self.step)
-            detects = name.startswith("detectors.")
-            rate = self.rate * (self.detector_gain if detects else 1.0)
-            decayed = (1 - rate * self.detector_decay * detects) * values[name]
-            values[name] = decayed - rate * m / (np.sqrt(v) + self.eps)
+            rate = self.rate * (self.detector_gain if name.startswith("detectors.") else 1.0)
+            values[name] = values[name] - rate * m / (np.sqrt(v) + self.eps)

@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 9;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 10;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -29,8 +29,7 @@ struct Network {
     int32_t group_size[kMaxGroups];
     int32_t detectors;
     int32_t hide_properties;  // f, r and α̃ have zero weights for the one-hots, and keep them
-    int32_t hide_geometry;    // so have the detectors for all but the one-hots, the bias included
-    int32_t no_self_messages; // j ≠ i in the sums of α and of messages
+    int32_t no_self_messages;  // j ≠ i in the sums of α and of messages
     int32_t critic;  // 1: reads an action, writes one number; 0: writes kActions
     int32_t truth[kMaxWords];
     float position_scale;
@@ -101,7 +100,6 @@ struct Tensors {
 
 struct Settings {
     double actor_rate, critic_rate, beta1, beta2, epsilon, clip, action_l2, detector_gain;
-    double detector_decay;
 };
 
 // B transitions of N objects × K programs, and the table they point into (see docs/DESIGN.md). For

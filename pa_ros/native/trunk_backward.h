@@ -167,12 +167,6 @@ static void backward(const Net& net, Work& w, const int32_t* programs, int count
         gradient[l.second_bias + h + i] = gradient[l.second_bias + i];
         first[kBiasRow * c + l.sender + i] = 0.0f;
     }
-    for (int row = 0; row < kColumnRows; row++) {
-        const bool property = row >= kProperty && row < kProperty + kProperties;
-        if (property && net.shape->hide_properties)
-            __builtin_memset(first + row * c, 0, l.detectors * sizeof(float));
-        if (!property && net.shape->hide_geometry)
-            __builtin_memset(first + row * c + l.detectors, 0,
-                             (l.columns - l.detectors) * sizeof(float));
-    }
+    for (int row = kProperty; net.shape->hide_properties && row < kProperty + kProperties; row++)
+        __builtin_memset(first + row * c, 0, l.detectors * sizeof(float));
 }

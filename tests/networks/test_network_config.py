@@ -133,19 +133,6 @@ def test_relations_that_do_not_see_properties() -> None:
     assert hidden.architecture == NetworkConfig(WORDS).architecture
 
 
-def test_detectors_that_do_not_see_geometry() -> None:
-    blind = NetworkConfig(WORDS, detectors_see_geometry=False)
-    for make in (initial_actor, initial_critic):
-        tensors = make(blind, np.random.default_rng(5))
-        default = make(NetworkConfig(WORDS), np.random.default_rng(5))
-        weight, seen = tensors["detectors.weight"], default["detectors.weight"]
-        assert np.array_equal(weight[:, 7:16], seen[:, 7:16])
-        assert not np.delete(weight, np.r_[7:16], 1).any() and not tensors["detectors.bias"].any()
-        others = tensors.keys() - {"detectors.weight", "detectors.bias"}
-        assert all(np.array_equal(tensors[name], default[name]) for name in others)
-    assert blind.architecture == NetworkConfig(WORDS).architecture
-
-
 def test_true_properties_of_words() -> None:
     matrix = truth_matrix(WORDS)
     expected = {"CUBE": "shape_cube", "SPHERE": "shape_sphere", "BLUE": "color_blue"}

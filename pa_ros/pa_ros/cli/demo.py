@@ -122,9 +122,9 @@ def _show_shipped(
 ) -> None:
     """First: what an agent that comes with the package does at once."""
     print(
-        f"An agent that learned design {config.design.name} executes programs: sim_node (a robot arm among\n"
-        f"blocks) and agent_node (moves the arm, weights {config.policy}). It was trained on\n"
-        f"{_listed(training_programs(config.design))}\nand on nothing else.\n"
+        f"First, an agent that learned design {config.design.name} executes programs: sim_node (a\n"
+        f"robot arm among blocks) and agent_node (moves the arm; weights {config.policy}).\n"
+        f"Trained on: {_listed(training_programs(config.design))}\n"
     )
     _execute(node, config, _asked(config), outcome, interrupted)
     print(f"\n{outcome.satisfied} of {len(outcome.executions)} programs executed.\n")
@@ -138,8 +138,8 @@ def _listed(programs: list[str]) -> str:
 def _introduce(config: DemoConfig) -> None:
     held_out = [f"AND({kind.color}, {kind.shape})" for kind in config.design.held_out]
     print(
-        f"Now an agent learns design {config.design.name} from scratch: sim_node, agent_node and learner_node (learns\n"
-        "from what happens) start from random weights, faster than real time.\n"
+        f"Now an agent learns design {config.design.name} from random weights: sim_node,\n"
+        "agent_node and learner_node (learns from what happens), faster than real time.\n"
         f"Trained on:       {_listed(training_programs(config.design))}\n"
         f"Never trained on: {', '.join(held_out)} (\"zero-shot\")\n"
     )
@@ -263,8 +263,9 @@ def _execute(
 ) -> None:
     """Programs by topic, each in a scene of its own, recorded in a bag."""
     print(
-        f"The arena runs in real time ({config.real_time_factor:g}x). Each program is sent on the topic `program`\n"
-        f"and has {WINDOW_S:g} s; satisfied is to be near for {HOLD_S:g} s without a break, or at the end.\n"
+        f"The arena runs in real time ({config.real_time_factor:g}x). Each program is sent on the\n"
+        f"topic `program` and has {WINDOW_S:g} s; satisfied is to be near for {HOLD_S:g} s\n"
+        "without a break, or at the end.\n"
     )
     figures = GraphFigures()
     watch_diagnostics(node, figures)

@@ -33,7 +33,6 @@ class LearnerConfig:
     actor_rate: float = 1e-4  # not stated; Adam's, as in Lillicrap et al.
     critic_rate: float = 3e-4  # not stated; 1e-3 lets the critic forget the action
     detector_gain: float = 1.0  # of both rates, for the detectors' weights
-    detector_decay: float = 0.0  # of the detectors' weights per unit of rate, as AdamW's
     adam_beta1: float = 0.9
     adam_beta2: float = 0.999
     adam_epsilon: float = 1e-8
@@ -121,8 +120,7 @@ def _check_integers(config: LearnerConfig) -> None:
 def _check_numbers(config: LearnerConfig) -> None:
     positive = ["action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"]
     positive += ["detector_gain", "near_threshold", "noise_dt", "reward_scale"]
-    others = ["action_l2", "detector_decay", "updates_per_frame", "noise_sigma", "noise_damping"]
-    others += ["reward_shift"]
+    others = ("action_l2", "updates_per_frame", "noise_sigma", "noise_damping", "reward_shift")
     for name in (*positive, *others):
         value = getattr(config, name)
         if not (isinstance(value, (int, float)) and math.isfinite(value)):

@@ -212,11 +212,10 @@ class TorchBackend:
         others = [p for name, p in module.named_parameters() if not name.startswith("detectors.")]
         groups: list[dict[str, Any]] = [{"params": others}]
         if detectors:
-            rate_there, decay = rate * config.detector_gain, config.detector_decay
-            groups.append({"params": detectors, "lr": rate_there, "weight_decay": decay})
-        adam = torch.optim.AdamW(
+            groups.append({"params": detectors, "lr": rate * config.detector_gain})
+        adam = torch.optim.Adam(
             groups,
-            lr=rate, betas=betas, eps=config.adam_epsilon, weight_decay=0.0, fused=True,
+            lr=rate, betas=betas, eps=config.adam_epsilon, fused=True,
             capturable=self._device.type == "cuda",
         )  # fmt: skip
         for parameter in module.parameters():  # else made by the first step, too late to load

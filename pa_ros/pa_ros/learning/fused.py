@@ -129,7 +129,6 @@ class FusedBackend:
             config.action_gradient_clip,
             config.action_l2,
             config.detector_gain,
-            config.detector_decay,
         )
         self._trained = {
             "actor": _Trained(FlatNetwork(describe(network, critic=False)), actor),

@@ -27,11 +27,8 @@ class NetworkConfig:
 
     With `relations_see_properties` false, f, r and the neighbourhood attention have zero weights
     for the one-hots of shape and color, and keep them: what an object is reaches the action only
-    through p, so nothing else can come to rely on the properties seen in training. With
-    `detectors_see_geometry` false, the detectors have zero weights for everything but those
-    one-hots, and no bias: what an object is cannot come to depend on where it is, and an object of
-    properties never seen has all words of a group equally. The paper gives all of them the whole
-    of ω.
+    through p, so nothing else can come to rely on the properties seen in training. The paper gives
+    f and r the whole of ω.
 
     With `self_messages` false, the sums over j and k in the paper's eq. message-passing and in α
     leave out i: objects send messages to each other alone, and what of the hand's messages comes
@@ -57,7 +54,6 @@ class NetworkConfig:
     critic_output_bias: float = 0.0
     detector_init_scale: float = 1.0
     relations_see_properties: bool = True
-    detectors_see_geometry: bool = True
     self_messages: bool = True
 
     def __post_init__(self) -> None:

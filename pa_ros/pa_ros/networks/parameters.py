@@ -100,13 +100,6 @@ def truth_matrix(vocabulary: Vocabulary) -> Float32:
     return matrix
 
 
-def properties_seen() -> Float32:
-    """[34]: 1 for the one-hots of a column of Ω, else 0."""
-    seen = np.zeros(COLUMN_FEATURES, np.float32)
-    seen[PROPERTIES] = 1.0
-    return seen
-
-
 def slot_words(vocabulary: Vocabulary) -> list[tuple[str, str]]:
     """(shape, color) of each block slot of the canonical networks' flattened Ω, in order."""
     shapes = [word for word in vocabulary.shapes if word in SHAPES]
@@ -157,8 +150,7 @@ def _initial(
         if layer == "detectors":
             bound *= config.detector_init_scale
         tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
-        if layer in RELATIONS and not config.relations_see_properties and len(shape) == 2:
+        hidden = layer in RELATIONS and not config.relations_see_properties
+        if hidden and name.endswith(".weight"):
             tensors[name].reshape(shape[0], -1, COLUMN_FEATURES)[..., PROPERTIES] = 0.0
-        if layer == "detectors" and not config.detectors_see_geometry:
-            tensors[name] *= properties_seen() if len(shape) == 2 else np.float32(0.0)
     return tensors

@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING, properties_seen, truth_matrix
+from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING, PROPERTIES, truth_matrix
 from pa_ros.networks.programs import relevant_objects
 
 
@@ -50,7 +50,6 @@ class Trunk(nn.Module):
     position_scale: Tensor  # [16]
     truth: Tensor  # [16, V]
     seen: Tensor  # [34]: 1 for what f, r and α see of a column, else 0
-    detected: Tensor  # [35]: 1 for what the detectors see of a column, and for their bias, else 0
 
     def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
         super().__init__()
@@ -72,22 +71,16 @@ class Trunk(nn.Module):
         scale[:3] = config.position_scale
         self.register_buffer("truth", truth, persistent=False)
         self.register_buffer("position_scale", scale, persistent=False)
-        properties = torch.from_numpy(properties_seen())
-        seen, detected = torch.ones(COLUMN_FEATURES), torch.ones(COLUMN_FEATURES + 1)
+        seen = torch.ones(COLUMN_FEATURES)
         if not config.relations_see_properties:
-            seen = 1.0 - properties
-        if not config.detectors_see_geometry:
-            detected = torch.cat([properties, torch.zeros(1)])
+            seen[PROPERTIES] = 0.0
         self.register_buffer("seen", seen, persistent=False)
-        self.register_buffer("detected", detected, persistent=False)
 
     def properties(self, objects: Tensor, columns: Tensor) -> Tensor:
         """Φ, [B, V, N]: learned from `columns` [B, N, 34], or true to `objects` [B, N, 16]."""
         if not self._learned:
             return (objects @ self.truth).transpose(1, 2)
-        weight, bias = self.detectors.weight, self.detectors.bias * self.detected[-1]
-        logits = F.linear(columns * self.detected[:-1], weight, bias)
-        groups = torch.split(logits, list(self._group_sizes), dim=-1)
+        groups = self.detectors(columns).split(self._group_sizes, dim=-1)
         return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
 
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
