@@ -83,6 +83,7 @@ _SHAPES_2, _COLORS_2 = ("CUBE", "SPHERE"), ("RED", "BLUE")
 _SHAPES_3, _COLORS_3 = ("CUBE", "SPHERE", "CYLINDER"), ("RED", "GREEN", "BLUE")
 _WORDS_2 = Vocabulary(_SHAPES_2, _COLORS_2)
 _WORDS_3 = Vocabulary((*_SHAPES_3, "C"), (*_COLORS_3, "A", "B"))
+_WORDS_3_EXACT = Vocabulary(_SHAPES_3, _COLORS_3)  # without words for what is not there yet
 _ALL_2, _ALL_3 = kinds(_COLORS_2, _SHAPES_2), kinds(_COLORS_3, _SHAPES_3)
 _CORNER = Kind("BLUE", "SPHERE")
 _DIAGONAL = tuple(Kind(color, shape) for color, shape in zip(_COLORS_3, _SHAPES_3, strict=True))
@@ -105,6 +106,14 @@ DESIGNS = {
             _SHAPES_3,
             _COLORS_3,
             _WORDS_3,
+            tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL),
+            _DIAGONAL,
+        ),
+        Design(
+            "3-D-exact",
+            _SHAPES_3,
+            _COLORS_3,
+            _WORDS_3_EXACT,
             tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL),
             _DIAGONAL,
         ),

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--checkpoint", type=Path, help="folder that a training run left")
     source.add_argument("--policy", choices=REFERENCES, help="a reference policy")
-    parser.add_argument("--design", help="2-C, 2-L, 3-C or 3-D (default: the checkpoint's, or 2-L)")
+    parser.add_argument("--design", help="2-C, 2-L, 3-C, 3-D or 3-D-exact (default: the checkpoint's, or 2-L)")
     parser.add_argument(
         "--preset", help="arena: fast or paper (default: the checkpoint's, or fast)"
     )

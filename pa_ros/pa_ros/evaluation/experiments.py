@@ -37,7 +37,7 @@ class Experiment:
     network: str = "programmable"
     protocol: str = "ours"
     preset: str = "fast"
-    evaluate_every_frames: int = 5_000
+    evaluate_every_frames: int = 2_500
     evaluation_episodes: int = 50
     options: tuple[str, ...] = ()  # of the protocol, as `pa_ros train --set` takes them
     tag: str = ""  # names what `options` changed
@@ -70,29 +70,30 @@ EXPERIMENTS = {
     experiment.name: experiment
     for experiment in (
         Experiment("programmable-2L", "2-L", 50_000),
-        Experiment("programmable-3D", "3-D", 70_000),
+        Experiment("programmable-3D", "3-D", 50_000),
+        Experiment("programmable-3D-exact", "3-D-exact", 50_000),
         Experiment("distilled-2L", "2-L", 50_000, network="distilled-critic"),
-        Experiment("distilled-3D", "3-D", 70_000, network="distilled-critic"),
+        Experiment("distilled-3D", "3-D", 50_000, network="distilled-critic"),
         Experiment("canonical-2C", "2-C", 100_000, network="canonical"),
         Experiment("canonical-2L", "2-L", 100_000, network="canonical"),
         Experiment("canonical-3C", "3-C", 100_000, network="canonical"),
         Experiment(
             "forgetting",
             "3-D",
-            400_000,
-            options=("learner.relabel=none", "learner.replay_frames=100000"),
-            switch_frames=200_000,
+            200_000,
+            options=("learner.relabel=none", "learner.replay_frames=50000"),
+            switch_frames=100_000,
         ),
     )
 }
-PAPER_FRAMES = {"2-C": 2_000_000, "2-L": 2_000_000, "3-C": 5_000_000, "3-D": 5_000_000}
+PAPER_FRAMES = {"2": 2_000_000, "3": 5_000_000}  # by the number of shapes and colors
 
 
 def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
     """The experiment under another protocol; under `paper`, for as many frames as there."""
     if protocol != "paper":
         return replace(experiment, protocol=protocol)
-    frames = PAPER_FRAMES[experiment.design]
+    frames = PAPER_FRAMES[experiment.design[0]]
     switch = frames // 2 if experiment.switch_frames else 0
     return replace(
         experiment,
