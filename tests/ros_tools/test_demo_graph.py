@@ -14,7 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from pa_ros.arena import design_named, preset_named
 from pa_ros.cli import demo
-from pa_ros.cli.demo_results import Outcome
+from pa_ros.cli.demo_results import Outcome, write_report
 from pa_ros.cli.demo_setup import DemoConfig
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.demo_report import demo_programs, find_scene
@@ -53,7 +53,7 @@ def processes_of(folder: Path) -> list[Path]:
 
 def test_too_little_time_is_said_and_leaves_what_was_learned(tmp_path):
     folder = tmp_path / "demo"
-    with start(folder, "--minutes", "0.2", "--seed", "5") as process:
+    with start(folder, "--no-shipped", "--minutes", "0.2", "--seed", "5") as process:
         out, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 1, err
     assert "Target NOT reached" in out and "No success within 0.2 minutes" in out
@@ -82,7 +82,7 @@ def test_an_attempt_without_hope_is_followed_by_another_and_counted(tmp_path, mo
 
 def test_ctrl_c_stops_everything_promptly(tmp_path):
     folder = tmp_path / "demo"
-    with start(folder) as process:
+    with start(folder, "--no-shipped") as process:
         try:
             deadline = time.monotonic() + DEADLINE_S
             while len(processes_of(tmp_path)) < 3:
@@ -120,6 +120,22 @@ def test_programs_are_executed_on_the_graph_and_recorded(tmp_path, monkeypatch):
     assert not outcome.success
     assert sent_programs(config.folder / "programs") == [program.text for program in programs]
     assert not processes_of(tmp_path)
+
+
+def test_the_shipped_agent_executes_in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "80")
+    config = DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo", real_time_factor=5.0)
+    shipped, outcome = config.of_shipped(), Outcome()
+    with client_node("test") as node:
+        demo._show_shipped(node, shipped, outcome, lambda: False)
+    assert shipped.folder == config.folder / "shipped" and shipped.design.name == "3-D"
+    assert outcome.executed, [e for _, _, e in outcome.executions]
+    assert len(sent_programs(shipped.folder / "programs")) == 6
+    target = HeldOutTarget(-0.97, 0.88)
+    write_report(config, target, Outcome(), outcome)
+    report = json.loads((config.folder / "demo.json").read_text())
+    assert report["shipped.programs"] == 6 and report["shipped.held_out.satisfied"] == 1
+    assert report["demo.programs"] == 0 and not processes_of(tmp_path)
 
 
 def sent_programs(bag: Path) -> list[str]:

@@ -3,8 +3,16 @@
 import pytest
 import yaml
 
+from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.launch_params import load_parameters, merged, packaged, write_parameters
+from pa_ros.ros.launch_params import (
+    chosen,
+    load_parameters,
+    merged,
+    packaged,
+    packaged_names,
+    write_parameters,
+)
 
 GOOD = """
 /**:
@@ -78,6 +86,13 @@ def test_what_is_written_is_read_back_and_bears_full_names(tmp_path):
 def test_an_unknown_packaged_file_names_the_known_ones():
     with pytest.raises(ConfigError, match="train_2l"):
         packaged("absent")
+
+
+def test_a_packaged_file_is_chosen_by_name_and_any_other_by_its_path(tmp_path):
+    assert chosen("train_2l") == packaged("train_2l")
+    assert chosen(str(tmp_path / "my.yaml")) == tmp_path / "my.yaml"
+    assert load_parameters(chosen(DEFAULT))["agent_node"]["checkpoint"] == "shipped:3-D"
+    assert all(load_parameters(packaged(name)) for name in packaged_names())
 
 
 def test_a_list_used_twice_is_written_twice_since_rcl_refuses_aliases(tmp_path):

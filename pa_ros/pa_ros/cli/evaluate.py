@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
+from pa_ros.arena import DESIGNS, ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, device, versions, write_report
 from pa_ros.evaluation.agents import TrainedAgent, load_agent, without_training
@@ -34,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--checkpoint", type=Path, help="folder that a training run left")
     source.add_argument("--policy", choices=REFERENCES, help="a reference policy")
-    parser.add_argument("--design", help="2-C, 2-L, 3-C, 3-D or 3-D-exact (default: the checkpoint's, or 2-L)")
+    parser.add_argument(
+        "--design", help=f"{', '.join(DESIGNS)} (default: the checkpoint's, or 2-L)"
+    )
     parser.add_argument(
         "--preset", help="arena: fast or paper (default: the checkpoint's, or fast)"
     )

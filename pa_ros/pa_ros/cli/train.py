@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import ArenaConfig, Design, ReachTask, design_named, preset_named
+from pa_ros.arena import DESIGNS, ArenaConfig, Design, ReachTask, design_named, preset_named
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.evaluation.training import TrainingScores, training_programs
@@ -23,7 +23,7 @@ EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
-    parser.add_argument("--design", default="2-L", help="2-C, 2-L, 3-C, 3-D or 3-D-exact (%(default)s)")
+    parser.add_argument("--design", default="2-L", help=f"{', '.join(DESIGNS)} (%(default)s)")
     parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
     parser.add_argument("--protocol", default="ours", help=f"{sorted(PROTOCOLS)} (%(default)s)")
     parser.add_argument("--network", default="programmable", help=f"{KINDS} (%(default)s)")
