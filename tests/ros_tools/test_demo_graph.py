@@ -25,7 +25,6 @@ from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.ros.client import client_node
 from pa_ros.ros.execution import Execution
-from pa_ros.ros.launch_params import load_parameters
 
 DEADLINE_S = 90.0
 DESIGN, ARENA = design_named("2-L"), preset_named("fast")
@@ -63,21 +62,6 @@ def test_too_little_time_is_said_and_leaves_what_was_learned(tmp_path):
     assert report["demo.frames"] > 100 and report["demo.train_wall_s"] >= 12
     assert (folder / "learning-curve.png").exists() and (folder / "phi.png").exists()
     assert not processes_of(tmp_path)
-
-
-def test_an_attempt_without_hope_is_followed_by_another_and_counted(tmp_path, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", "78")
-    monkeypatch.setattr(demo, "ATTEMPT_FRAMES", 300)
-    config = DemoConfig(DESIGN, ARENA, 4, 0.25, tmp_path / "demo")
-    outcome = Outcome()
-    with client_node("test") as node:
-        demo._learn(node, config, HeldOutTarget(-0.97, 0.88), outcome, lambda: False)
-    assert outcome.attempts >= 2 and not outcome.reached and not processes_of(tmp_path)
-    seeds = [config.training(attempt)["learner_node"]["seed"] for attempt in (1, 2)]
-    assert seeds == [4, 5]
-    for attempt in (1, 2):
-        given = load_parameters(config.folder / "log" / f"learn-{attempt}" / "params.yaml")
-        assert {values["seed"] for values in given.values()} == {3 + attempt}
 
 
 def test_ctrl_c_stops_everything_promptly(tmp_path):

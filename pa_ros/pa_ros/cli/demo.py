@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -27,7 +26,7 @@ from pa_ros.evaluation.demo_report import (
 )
 from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
-from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
+from pa_ros.evaluation.tally import HeldOutTarget
 from pa_ros.evaluation.training import training_programs
 from pa_ros.ros.client import Node, client_node
 from pa_ros.ros.demonstration import Executor, hear_verdicts
@@ -40,12 +39,6 @@ from pa_ros.wire.records import ResetRequest
 
 EXIT_FAILED, EXIT_INTERRUPTED = 1, 130
 REFERENCE_EPISODES = 50
-# Learning can settle where only the trained programs are told apart, and then stays there. So an
-# attempt whose zero-shot score is still below HOPEFUL after this many control steps is given up,
-# and another begins from scratch with the next seed, as long as there is time. (Attempts that
-# succeed take 50,000 to 80,000.)
-ATTEMPT_FRAMES = 120_000
-HOPEFUL = 0.5
 
 Interrupted = Callable[[], bool]
 
@@ -168,42 +161,12 @@ def _learn(
     interrupted: Interrupted,
 ) -> None:
     """The graph in lockstep until the target is reached or the time is up."""
-    figures, started = GraphFigures(), time.monotonic()
+    figures, started, tally = GraphFigures(), time.monotonic(), outcome.tally
     watch_diagnostics(node, figures)
-    hear_verdicts(node, lambda verdict, evaluation: outcome.tally.observe(verdict, evaluation))
+    hear_verdicts(node, tally.observe)
 
     def elapsed_s() -> float:
         return time.monotonic() - started
-
-    while True:
-        _attempt(node, config, target, outcome, figures, elapsed_s, interrupted)
-        outcome.train_wall_s = elapsed_s()
-        verdict = "reached" if outcome.reached else "NOT reached"
-        print(f"\nTarget {verdict} after {elapsed_s():.0f} s; {outcome.tally.frames} control steps "
-              "since the last start from scratch.\n")  # fmt: skip
-        if outcome.reached or elapsed_s() >= config.minutes * 60:
-            return
-        outcome.attempts += 1
-        outcome.tally = EpisodeTally()
-        shutil.rmtree(config.checkpoint)
-        print(f"The trained programs alone were learned. Attempt {outcome.attempts}, from scratch, "
-              "with the next seed.\n")  # fmt: skip
-
-
-def _attempt(
-    node: Node,
-    config: DemoConfig,
-    target: HeldOutTarget,
-    outcome: Outcome,
-    figures: GraphFigures,
-    elapsed_s: Callable[[], float],
-    interrupted: Interrupted,
-) -> None:
-    """Learn from scratch; ends at the target, without hope, or with the time."""
-    tally = outcome.tally
-
-    def hopeless() -> bool:
-        return tally.frames >= ATTEMPT_FRAMES and target.score(tally)[0] < HOPEFUL
 
     def rows() -> list[tuple[str, str]]:
         score, success = target.score(tally)
@@ -219,23 +182,26 @@ def _attempt(
         score, success = target.score(tally)
         return f"zero-shot score {score:.2f}  success {success:.0%}  {figures.line()}"
 
-    folder = config.folder / "log" / f"learn-{outcome.attempts}"
+    folder = config.folder / "log" / "learn"
     with Supervisor(folder) as supervisor:
-        start_nodes(supervisor, config.training(outcome.attempts), folder)
+        start_nodes(supervisor, config.training(), folder)
         with Display("Learning (Ctrl-C stops everything)", rows, line) as display:
             watch(
                 node,
                 supervisor,
                 display.refresh,
-                lambda: interrupted() or target.reached(tally) or hopeless(),
-                max(0.0, config.minutes * 60 - elapsed_s()),
+                lambda: interrupted() or target.reached(tally),
+                config.minutes * 60,
             )
-        outcome.reached = target.reached(tally)
+        outcome.reached, outcome.train_wall_s = target.reached(tally), elapsed_s()
         statuses = supervisor.stop()
     if interrupted():
         raise KeyboardInterrupt
     if statuses["learner_node"] != 0:
         raise PaError(f"learner_node did not stop cleanly: exit status {statuses['learner_node']}")
+    verdict = "reached" if outcome.reached else "NOT reached"
+    took = f"{outcome.train_wall_s:.0f} s and {tally.frames} control steps"
+    print(f"\nTarget {verdict} after {took}.\n")
 
 
 def _draw(
@@ -245,8 +211,7 @@ def _draw(
     program: DemoProgram,
     scene: Scene,
 ) -> None:
-    seed = config.seed + outcome.attempts - 1
-    title = f"design {config.design.name}, seed {seed}, over the graph"
+    title = f"design {config.design.name}, seed {config.seed}, over the graph"
     if outcome.tally.episodes:
         curve = config.folder / "learning-curve.png"
         draw_learning_curve(curve, outcome.tally, target, title)

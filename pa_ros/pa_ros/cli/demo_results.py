@@ -20,9 +20,8 @@ NEEDED = 5  # programs of the six, the held-out one among them
 class Outcome:
     """What a demonstration found; becomes demo.json."""
 
-    tally: EpisodeTally = field(default_factory=EpisodeTally)  # of the last attempt
-    attempts: int = 1
-    train_wall_s: float = 0.0  # of all attempts
+    tally: EpisodeTally = field(default_factory=EpisodeTally)
+    train_wall_s: float = 0.0
     reached: bool = False
     executions: list[tuple[DemoProgram, Scene, Execution]] = field(default_factory=list)
 
@@ -65,8 +64,7 @@ def write_report(
     report: dict[str, float | int | str] = {
         "demo.design": config.design.name,
         "demo.preset": config.arena.preset,
-        "demo.seed": config.seed + outcome.attempts - 1,
-        "demo.attempts": outcome.attempts,
+        "demo.seed": config.seed,
         "demo.reached": int(outcome.reached),
         "demo.train_wall_s": outcome.train_wall_s,
         "demo.frames": outcome.tally.frames,

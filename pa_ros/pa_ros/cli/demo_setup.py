@@ -42,9 +42,9 @@ class DemoConfig:
         """Where the learner leaves what it learned."""
         return self.folder / "checkpoint"
 
-    def training(self, attempt: int) -> Parameters:
-        """Parameters of the three nodes that learn; attempts 1, 2, … have seeds of their own."""
-        seed = self.seed + attempt - 1
+    def training(self) -> Parameters:
+        """Parameters of the three nodes that learn."""
+        seed = self.seed
         arena = {"design": self.design.name, "preset": self.arena.preset, "seed": seed}
         changes: dict[str, dict[str, Any]] = {
             "sim_node": arena,
