@@ -17,6 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--network", default="programmable", help="learner, train: kind of networks (%(default)s)"
     )
     parser.add_argument(
+        "--graph", action="store_true", help="train: the three nodes as processes instead"
+    )
+    parser.add_argument(
         "--growth", action="store_true",
         help="learner: time of an update against blocks, batch and programs; "
         "with --json a picture beside it",
@@ -48,9 +51,9 @@ def _learner(options: argparse.Namespace) -> Report:
 
 
 def _train(options: argparse.Namespace) -> Report:
-    from pa_ros.cli.bench_learner import bench_loop
+    from pa_ros.cli.bench_learner import bench_graph_loop, bench_loop
 
-    return bench_loop(options)
+    return bench_graph_loop(options) if options.graph else bench_loop(options)
 
 
 BENCHMARKS = {

@@ -16,15 +16,17 @@ from pa_ros.arena.gym_env import ENV_ID
 from pa_ros.cli.growth_figure import growth_figure
 from pa_ros.core.report import Report
 from pa_ros.evaluation.training import training_programs
-from pa_ros.learning.bench import bench_learner
-from pa_ros.learning.bench_rounds import Contender
+from pa_ros.learning.bench import backend_of, bench_learner, random_learner, repeated
+from pa_ros.learning.bench_rounds import Contender, measure
 from pa_ros.learning.bench_train import bench_train
 from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.cost import Sizes
 from pa_ros.learning.growth import bench_growth, markdown_table
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig
 
 DESIGN = "2-L"
+BARE_S = 2.0  # of bare updates between graphs
 
 
 def bench(options: argparse.Namespace) -> Report:
@@ -49,6 +51,24 @@ def bench_loop(options: argparse.Namespace) -> Report:
         np.array(arena.joint_speed_limits),
     )
     return {**report, "train.network": options.network, "train.design": DESIGN}
+
+
+def bench_graph_loop(options: argparse.Namespace) -> Report:
+    """`pa_ros bench train --graph`: the same over the graph, three processes."""
+    from pa_ros.ros.bench_learning import bench_learning_graph
+
+    design, protocol = design_named(DESIGN), protocol_named("ours")
+    network = protocol.network_config(design.vocabulary, options.network)
+    sizes = Sizes(protocol.learner.batch_size, 5, protocol.learner.programs_per_transition)
+    idle = random_learner(network, protocol.learner, training_programs(design), sizes)
+    bare = Contender("bare", repeated(backend_of(idle), list(idle.batches(16))), wall=True)
+
+    def updates_per_s() -> float:
+        measure([bare], 1, BARE_S)
+        part = bare.slices[-1]
+        return part.calls / part.wall_s
+
+    return {**bench_learning_graph(updates_per_s), "graph.design": DESIGN}
 
 
 def _peers() -> tuple[list[Contender], dict[str, str]]:
