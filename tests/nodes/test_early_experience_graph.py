@@ -1,0 +1,33 @@
+"""Experience that reaches a learner before an arena has described itself."""
+
+from __future__ import annotations
+
+import pytest
+from graph import graph
+from test_learner_worker import ARENA, stretch
+
+from learner_node import node
+from learner_node.node import LearnerNode
+from pa_ros.ros import topics
+from pa_ros.wire import codec
+
+
+def test_it_is_kept_in_order_up_to_a_bound_and_beyond_it_refused(
+    tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(node, "EARLY_STRETCHES", 3)
+    with graph(LearnerNode, learner_node__out=tmp_path / "run") as probe:
+        learner = probe.nodes[0]
+        sent = probe.speaker(topics.TRANSITIONS)
+        for number in range(5):
+            sent.publish(codec.encode_transitions(stretch(number)))
+        assert probe.until(lambda: learner.refusals.counts["learner.early"] == 2)
+        assert learner.refusals.total == 2 and learner.worker is None
+        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(ARENA))
+        frames = 3 * 10
+        assert probe.until(
+            lambda: learner.worker is not None and learner.worker.metrics["frames"] == frames
+        )
+        assert learner.refusals.total == 2
+        sent.publish(codec.encode_transitions(stretch(3)))  # sent again, it is taken
+        assert probe.until(lambda: learner.worker.metrics["frames"] == frames + 10)
