@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros experiment`."""
     from pa_ros.evaluation.experiments import EXPERIMENTS
 
-    parser.add_argument("name", help=", ".join([*EXPERIMENTS, *STUDIES, "summary"]))
+    parser.add_argument("name", help=", ".join([*EXPERIMENTS, *STUDIES, "variants", "summary"]))
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="(%(default)s)")
     parser.add_argument("--first-seed", type=int, default=0, metavar="S", help="(%(default)s)")
     parser.add_argument("--frames", type=int, help="of each seed (default: the experiment's)")
@@ -53,6 +53,8 @@ def run(options: argparse.Namespace) -> int:
 
         write_report(options.json, headline(options.results))
         return 0
+    if options.name == "variants":
+        return _compare(options.results)
     if options.seeds < 1 or options.first_seed < 0 or options.jobs < 1:
         raise ConfigError(
             "experiment: expected --seeds and --jobs of at least 1 and --first-seed of at least "
@@ -70,6 +72,16 @@ def run(options: argparse.Namespace) -> int:
         _train(experiment, seeds, folder, options.jobs)
     finally:
         _tabulate(experiment, seeds, folder, options)
+    return 0
+
+
+def _compare(results: Path) -> int:
+    """Every programmable experiment beside its variants that have tables."""
+    from pa_ros.evaluation.variants import write_variants
+
+    for name in ("programmable-2L", "programmable-3D"):
+        if any(results.glob(f"{name}.*.csv")):
+            print(write_variants(name, results))
     return 0
 
 

@@ -1,0 +1,126 @@
+"""Variants of one experiment beside each other: what each ingredient of a protocol is worth."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from pa_ros.evaluation.experiments import SOLVED, SeedSummary, read_curve, summarize
+from pa_ros.evaluation.figures import save
+from pa_ros.evaluation.scores import mean_interval
+from pa_ros.evaluation.tables import TableError, write_rows
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One setting, judged by its curves up to `frames`; held-out scores are normalized."""
+
+    label: str
+    changed: str  # of the protocol; empty for the protocol itself
+    seeds: int
+    frames: float
+    solved: int  # seeds whose held-out score is at least SOLVED there
+    frames_to_solve: float  # median over seeds, the unsolved counted as infinite
+    wall_s_to_solve: float  # the same
+    held_out: float  # mean over seeds, there
+    low: float  # 95 % bootstrap interval over seeds
+    high: float
+
+
+def compare(name: str, results: Path) -> tuple[list[Variant], dict[str, list[SeedSummary]]]:
+    """The table `name` in `results` and those with a tag behind it, all cut to the shortest.
+
+    Also each one's seeds. Raises TableError where there is no table of that name or no variant.
+    """
+    tables = sorted(
+        table
+        for table in results.glob(f"{name}*.csv")
+        if table.stem.split(".")[0] == name and table.with_suffix(".json").exists()
+    )
+    settings = {table: json.loads(table.with_suffix(".json").read_text()) for table in tables}
+    own = settings.get(results / f"{name}.csv", {})
+    chosen = [
+        table
+        for table, setting in settings.items()
+        if all(setting[key] == own.get(key) for key in ("preset", "protocol"))
+    ]
+    if len(chosen) < 2:
+        raise TableError(f"variants: expected {name} and a variant of it in {results}")
+    curves = {table: _curves(table) for table in chosen}
+    frames = min(min(rows[-1]["frames"] for rows in seeds.values()) for seeds in curves.values())
+    rows, seeds_of = [], {}
+    for table in chosen:
+        seeds = [
+            summarize(seed, [row for row in rows_ if row["frames"] <= frames])
+            for seed, rows_ in curves[table].items()
+        ]
+        seeds_of[table.stem] = seeds
+        rows.append(_variant(table.stem, settings[table]["options"], seeds, frames))
+    return rows, seeds_of
+
+
+def write_variants(name: str, results: Path) -> Path:
+    """`NAME-variants.csv` in `results`, and its picture; the table's path."""
+    rows, seeds = compare(name, results)
+    path = results / f"{name}-variants.csv"
+    write_rows(path, rows)
+    _picture(rows, seeds, path.with_suffix(".png"))
+    return path
+
+
+def _curves(table: Path) -> dict[int, list[dict[str, float]]]:
+    by_seed: dict[int, list[dict[str, float]]] = {}
+    for row in read_curve(table):
+        by_seed.setdefault(int(row["seed"]), []).append(row)
+    return by_seed
+
+
+def _variant(
+    label: str, options: Sequence[str], seeds: Sequence[SeedSummary], frames: float
+) -> Variant:
+    interval = mean_interval(np.array([seed.held_out_at_end for seed in seeds]))
+    return Variant(
+        label,
+        " ".join(options),
+        len(seeds),
+        frames,
+        sum(seed.solved for seed in seeds),
+        _median([seed.frames_to_solve for seed in seeds]),
+        _median([seed.wall_s_to_solve for seed in seeds]),
+        interval.mean,
+        interval.low,
+        interval.high,
+    )
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median([math.inf if math.isnan(value) else value for value in values]))
+
+
+def _picture(rows: list[Variant], seeds: dict[str, list[SeedSummary]], path: Path) -> None:
+    figure, (scores, frames) = plt.subplots(
+        1, 2, figsize=(9, 1 + 0.32 * len(rows)), sharey=True, layout="constrained"
+    )
+    for y, row in enumerate(reversed(rows)):
+        color = "#d33682" if row.changed else "#268bd2"
+        own = seeds[row.label]
+        scores.plot([s.held_out_at_end for s in own], [y] * len(own), "o", color=color, alpha=0.6)
+        scores.plot([row.low, row.high], [y, y], color=color, linewidth=1)
+        solved = [s.frames_to_solve for s in own if not math.isnan(s.frames_to_solve)]
+        frames.plot(solved, [y] * len(solved), "o", color=color, alpha=0.6)
+        if missing := len(own) - len(solved):
+            frames.text(1.0, y, f"{missing} never ", transform=frames.get_yaxis_transform(),
+                        ha="right", va="center", fontsize=8)  # fmt: skip
+    names = [row.label.partition(".")[2] or "as it is" for row in reversed(rows)]
+    scores.set_yticks(range(len(rows)), names)
+    scores.axvline(SOLVED, color="grey", linestyle=":", linewidth=1)
+    scores.set(xlabel=f"held-out score after {rows[0].frames:g} frames", xlim=(-0.1, 1.05))
+    frames.set(xlabel=f"frames to {SOLVED} to stay", xlim=(0, 1.25 * rows[0].frames))
+    figure.suptitle(f"{rows[0].label.partition('.')[0]}: each dot is a seed", fontsize=11)
+    save(figure, path)

@@ -1,0 +1,55 @@
+"""Variants of an experiment: cut to what all of them have, judged there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pa_ros.evaluation.experiments import EXPERIMENTS, Experiment, summarize, write_table
+from pa_ros.evaluation.tables import TableError, read_rows
+from pa_ros.evaluation.variants import Variant, write_variants
+
+BASE = EXPERIMENTS["programmable-2L"]
+
+
+def table(results: Path, experiment: Experiment, scores: dict[int, list[float]]) -> None:
+    """Held-out scores by seed, one each 2,500 frames."""
+    curves = {
+        seed: [
+            {
+                "frames": 2500.0 * (i + 1),
+                "wall_s": 2.0 * (i + 1),
+                "train_greedy.normalized": 1.0,
+                "eval_greedy.normalized": score,
+            }
+            for i, score in enumerate(values)
+        ]
+        for seed, values in scores.items()
+    }
+    summaries = [summarize(seed, rows) for seed, rows in curves.items()]
+    write_table(results, experiment, curves, summaries)
+
+
+def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
+    table(tmp_path, BASE, {0: [0.1, 0.95, 0.96, 0.2], 1: [0.92, 0.93, 0.94, 0.95]})
+    changed = replace(BASE, tag="free", options=("learner.action_l2=0",))
+    table(tmp_path, changed, {0: [0.1, 0.2, 0.5], 1: [0.1, 0.91, 0.93]})
+    table(tmp_path, replace(BASE, preset="paper"), {0: [0.0]})  # another arm: no variant
+    path = write_variants("programmable-2L", tmp_path)
+    ours, free = read_rows(path, Variant)
+    assert (ours.label, ours.changed, ours.frames) == ("programmable-2L", "", 7500)
+    assert (ours.seeds, ours.solved, ours.frames_to_solve) == (2, 2, 3750)
+    assert ours.wall_s_to_solve == 3.0 and ours.held_out == pytest.approx(0.95)
+    assert (free.label, free.changed) == ("programmable-2L.free", "learner.action_l2=0")
+    assert (free.solved, free.frames_to_solve) == (1, math.inf)
+    assert free.low == pytest.approx(0.5) and free.high == pytest.approx(0.93)
+    assert path.with_suffix(".png").stat().st_size > 5000
+
+
+def test_nothing_to_compare_is_refused(tmp_path: Path) -> None:
+    table(tmp_path, BASE, {0: [0.1]})
+    with pytest.raises(TableError, match="expected programmable-2L and a variant"):
+        write_variants("programmable-2L", tmp_path)
