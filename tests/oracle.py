@@ -29,7 +29,7 @@ class Scene(NamedTuple):
     vocabulary: Vocabulary
     hand_index: int = 0
     position_scale: float = 5.0
-    self_messages: bool = True
+    self_weight: float = 1.0
 
 
 def parameters(tensors: Mapping[str, np.ndarray]) -> Named:
@@ -97,7 +97,7 @@ def relevance(named: Named, scene: Scene, i: int) -> Tensor:
 def trunk(named: Named, scene: Scene) -> Tensor:
     """h = Σ p_i ω'_i, ω'_i = f(ω_i) + Σ_j α_ij r(ω_i, ω_j) (eq. message-passing).
 
-    Without self-messages j and k are not i; of an r that hears nothing, its last bias remains.
+    exp α̃_ii is multiplied by `self_weight`; of an r that hears nothing, its last bias remains.
     """
     n = range(len(scene.objects))
     w = [column(scene, i) for i in n]
@@ -105,17 +105,18 @@ def trunk(named: Named, scene: Scene) -> Tensor:
     h = torch.zeros_like(named["local.1.bias"])
     for i in n:
         q = linear(named, "query", w[i])
-        senders = [j for j in n if j != i or scene.self_messages]
+        weight = [scene.self_weight if j == i else 1.0 for j in n]
+        senders = [j for j in n if weight[j] > 0]
         scores = [
             named["attention.weight"] @ torch.tanh(q + linear(named, "context", w[j])) for j in n
         ]
-        total = sum(p[k] * torch.exp(scores[k]) for k in senders)
+        total = sum(p[k] * weight[k] * torch.exp(scores[k]) for k in senders)
         new = mlp(named, "local", w[i])
         if total == 0:
             new = new + named["message.1.bias"]
             senders = []
         for j in senders:
-            alpha = p[j] * torch.exp(scores[j]) / total
+            alpha = p[j] * weight[j] * torch.exp(scores[j]) / total
             new = new + alpha * mlp(named, "message", torch.cat([w[i], w[j]]))
         h = h + p[i] * new
     return h

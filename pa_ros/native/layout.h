@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 10;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 15;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -29,10 +29,10 @@ struct Network {
     int32_t group_size[kMaxGroups];
     int32_t detectors;
     int32_t hide_properties;  // f, r and α̃ have zero weights for the one-hots, and keep them
-    int32_t no_self_messages;  // j ≠ i in the sums of α and of messages
     int32_t critic;  // 1: reads an action, writes one number; 0: writes kActions
     int32_t truth[kMaxWords];
     float position_scale;
+    float self_weight;  // multiplies exp α̃_ii
     int32_t canonical;  // 1: an MLP of the flattened Ω; attention and detectors are 0
     int32_t slots;      // of that: slot i is of the objects with these two one-hot features
     int32_t slot_shape[kMaxSlots], slot_color[kMaxSlots];

@@ -64,8 +64,7 @@ static void attend(const Net& net, Work& w, int64_t s) {
         for (int j = 0; j < n; j++)
             store(out + j * w.lanes + o, exponential(loadu(w.sums + j * n + o) - most));
     }
-    if (net.shape->no_self_messages)
-        for (int i = 0; i < n; i++) out[i * w.lanes + i] = 0.0f;
+    for (int i = 0; i < n; i++) out[i * w.lanes + i] *= net.shape->self_weight;
 }
 
 // α_ij and p_i α_ij of one program; lanes without an object get 0, and where nothing is relevant

@@ -63,7 +63,7 @@ def setting(
     kind: str = "programmable",
     scale: float = 1.0,
     vocabulary: Vocabulary = VOCABULARY,
-    **sizes: int,
+    **sizes: float,
 ) -> Setting:
     """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1."""
     network = NetworkConfig(vocabulary, kind=kind, actor_output_scale=0.3, **sizes)  # type: ignore[arg-type]
@@ -145,8 +145,8 @@ class Reference:
         q, c = _linear(t, "query", columns), _linear(t, "context", columns)
         scores = torch.tanh(q[:, :, None] + c[:, None, :]) @ t["attention.weight"]  # [B, i, j]
         heard = torch.exp(scores)
-        if not self.made.network.self_messages:
-            heard = heard * (1 - torch.eye(n, dtype=torch.float64))
+        own = torch.eye(n, dtype=torch.float64)
+        heard = heard * (1 - own * (1 - self.made.network.self_weight))
         alpha = p[:, :, None, :] * heard[:, None]  # [B, K, i, j]
         alpha = alpha / alpha.sum(-1, keepdim=True).clamp_min(1e-30)
         pairs = torch.cat(
@@ -284,9 +284,12 @@ def test_gradients_for_every_number_of_programs(programs: int) -> None:
 
 
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic"])
+@pytest.mark.parametrize("weight", [0.0, 0.3])
 @pytest.mark.parametrize(("objects", "programs"), [(2, 1), (3, 2), (5, 1), (9, 4)])
-def test_gradients_without_self_messages(kind: str, objects: int, programs: int) -> None:
-    made = setting(kind, self_messages=False)
+def test_gradients_of_little_attention_to_oneself(
+    kind: str, weight: float, objects: int, programs: int
+) -> None:
+    made = setting(kind, self_weight=weight)
     check_gradients(made, make_batch(np.random.default_rng(objects), 8, objects, programs, 6))
 
 
@@ -471,9 +474,9 @@ def test_nan_is_not_hidden() -> None:
 
 
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
-@pytest.mark.parametrize(("hand", "self_messages"), [(0, True), (2, True), (2, False)])
-def test_actor_equals_the_formulas(kind: str, hand: int, self_messages: bool) -> None:
-    made = setting(kind, self_messages=self_messages)
+@pytest.mark.parametrize(("hand", "self_weight"), [(0, 1.0), (2, 0.3), (2, 0.0)])
+def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float) -> None:
+    made = setting(kind, self_weight=self_weight)
     actor, reference = FusedActor(made.network, made.actor), Reference(made)
     for objects in (5, 3):
         batch = make_batch(np.random.default_rng(objects), 1, objects, 1, 6)

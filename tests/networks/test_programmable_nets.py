@@ -44,9 +44,9 @@ def random_objects(rng: np.random.Generator, batch: int, n: int) -> np.ndarray:
     return objects
 
 
-def network(kind: str = "programmable", self_messages: bool = True) -> NetworkConfig:
+def network(kind: str = "programmable", self_weight: float = 1.0) -> NetworkConfig:
     return NetworkConfig(
-        WORDS, kind, hidden=12, attention=7, actor_output_scale=0.5, self_messages=self_messages
+        WORDS, kind, hidden=12, attention=7, actor_output_scale=0.5, self_weight=self_weight
     )
 
 
@@ -73,13 +73,13 @@ def programs(rows: np.ndarray) -> Programs:
     return Programs(*(tensor[torch.from_numpy(rows)] for tensor in table.tensors()))
 
 
-def scenes(objects, arm, rows, hand_index: int, self_messages: bool):
+def scenes(objects, arm, rows, hand_index: int, self_weight: float):
     """One oracle scene per transition and program."""
     return [
         [
             oracle.Scene(
                 torch.from_numpy(objects[b]), torch.from_numpy(arm[b]), parse(TEXTS[row], WORDS),
-                WORDS, hand_index, self_messages=self_messages,
+                WORDS, hand_index, self_weight=self_weight,
             )
             for row in rows[b]
         ]
@@ -88,14 +88,14 @@ def scenes(objects, arm, rows, hand_index: int, self_messages: bool):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("self_messages", [True, False])
+@pytest.mark.parametrize("self_weight", [1.0, 0.3, 0.0])
 @pytest.mark.parametrize(("n", "k", "hand_index"), [(5, 1, 0), (2, 3, 1), (7, 4, 3), (1, 2, 0)])
 @pytest.mark.parametrize(
     ("dtype", "tolerance"), [(torch.float64, 1e-11), (torch.float32, 1e-5)]
 )
-def test_agree_with_the_oracle(kind, self_messages, n, k, hand_index, dtype, tolerance) -> None:
+def test_agree_with_the_oracle(kind, self_weight, n, k, hand_index, dtype, tolerance) -> None:
     rng = np.random.default_rng(n)
-    config = network(kind, self_messages)
+    config = network(kind, self_weight)
     actor_tensors, critic_tensors = tensors_of(config)
     objects = random_objects(rng, 3, n).astype(np.float32).astype(np.float64)
     arm = rng.normal(size=(3, 18)).astype(np.float32).astype(np.float64)
@@ -112,7 +112,7 @@ def test_agree_with_the_oracle(kind, self_messages, n, k, hand_index, dtype, tol
 
     actor_named = oracle.parameters(actor_tensors)
     critic_named = oracle.parameters(critic_tensors)
-    expected = scenes(objects, arm, rows, hand_index, self_messages)
+    expected = scenes(objects, arm, rows, hand_index, self_weight)
     expected_a = torch.stack(
         [torch.stack([oracle.actor(actor_named, s) for s in per]) for per in expected]
     )
@@ -183,11 +183,11 @@ def test_irrelevant_objects_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
-@pytest.mark.parametrize("self_messages", [True, False])
+@pytest.mark.parametrize("self_weight", [1.0, 0.3, 0.0])
 @pytest.mark.parametrize(("n", "hand_index"), [(5, 0), (3, 2), (1, 0)])
-def test_numpy_inference_equals_torch(kind, self_messages, n, hand_index) -> None:
+def test_numpy_inference_equals_torch(kind, self_weight, n, hand_index) -> None:
     rng = np.random.default_rng(n)
-    config = network(kind, self_messages)
+    config = network(kind, self_weight)
     tensors = tensors_of(config)[0]
     actor = module(ProgrammableActor, config, tensors, torch.float64)
     inference = make_inference(config, tensors)

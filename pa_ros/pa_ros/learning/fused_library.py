@@ -11,7 +11,7 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 10  # of native/layout.h
+INTERFACE = 15  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS, MAX_SLOTS = 128, 64, 64, 8, 32
 LARGEST_PART = 43.6
 
@@ -30,10 +30,10 @@ class Network(ctypes.Structure):
         ("group_size", c_int32 * MAX_GROUPS),
         ("detectors", c_int32),
         ("hide_properties", c_int32),
-        ("no_self_messages", c_int32),
         ("critic", c_int32),
         ("truth", c_int32 * MAX_WORDS),
         ("position_scale", c_float),
+        ("self_weight", c_float),
         ("canonical", c_int32),
         ("slots", c_int32),
         ("slot_shape", c_int32 * MAX_SLOTS),

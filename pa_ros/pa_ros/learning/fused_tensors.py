@@ -26,9 +26,9 @@ def describe(network: NetworkConfig, critic: bool) -> fused_library.Network:
         groups=len(sizes),
         detectors=network.kind == "programmable" or (not critic and _actor_detects(network)),
         hide_properties=not network.relations_see_properties,
-        no_self_messages=not network.self_messages,
         critic=critic,
         position_scale=network.position_scale,
+        self_weight=network.self_weight,
     )
     described.group_size[: len(sizes)] = sizes
     truth = truth_matrix(network.vocabulary)  # [16, V]

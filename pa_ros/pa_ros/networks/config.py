@@ -30,10 +30,11 @@ class NetworkConfig:
     through p, so nothing else can come to rely on the properties seen in training. The paper gives
     f and r the whole of ω.
 
-    With `self_messages` false, the sums over j and k in the paper's eq. message-passing and in α
-    leave out i: objects send messages to each other alone, and what of the hand's messages comes
-    from which block depends on p's ratios, no longer on how small p is beside the hand's 1. The
-    paper does not say whether i is among them.
+    `self_weight` multiplies exp α̃_ii, the attention that an object pays to itself: 1 is the paper's
+    formula as it stands, at 0 the sums over j and k in eq. message-passing and α leave out i. The
+    hand's relevance is 1 and a block's at first far less, so that with 1 hardly anything of the
+    blocks reaches h; with 0 only the ratios of p count, and nothing keeps the detectors' degrees
+    from drifting into words that no program uses.
 
     The other options from `actor_output_scale` on concern only the initial weights, which the
     paper does not give for the programmable networks: all layers are uniform in ±1/√fan-in
@@ -54,7 +55,7 @@ class NetworkConfig:
     critic_output_bias: float = 0.0
     detector_init_scale: float = 1.0
     relations_see_properties: bool = True
-    self_messages: bool = True
+    self_weight: float = 1.0
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -67,11 +68,10 @@ class NetworkConfig:
             scale = getattr(self, name)
             if not (math.isfinite(scale) and scale > 0):
                 raise ConfigError(f"network {name}: expected a positive number, got {scale!r}")
-        if not (math.isfinite(self.detector_init_scale) and self.detector_init_scale >= 0):
-            raise ConfigError(
-                "network detector_init_scale: expected at least 0, "
-                f"got {self.detector_init_scale!r}"
-            )
+        for name in ("detector_init_scale", "self_weight"):
+            scale = getattr(self, name)
+            if not (math.isfinite(scale) and scale >= 0):
+                raise ConfigError(f"network {name}: expected at least 0, got {scale!r}")
         if not math.isfinite(self.critic_output_bias):
             raise ConfigError(
                 f"network critic_output_bias: expected a number, got {self.critic_output_bias!r}"
@@ -88,8 +88,8 @@ class NetworkConfig:
         sizes: dict[str, Any] = {"hidden": self.canonical_hidden}
         if self.kind != "canonical":
             sizes = {"hidden": self.hidden, "attention": self.attention}
-            if not self.self_messages:
-                sizes["self_messages"] = False
+            if self.self_weight != 1.0:
+                sizes["self_weight"] = float(self.self_weight)
         return _canonical_json(
             {
                 **sizes,
@@ -134,7 +134,7 @@ def actor_config(architecture: str) -> NetworkConfig:
             kind=values["actor"],
             position_scale=values["position_scale"],
             attention=values.get("attention", 64),
-            self_messages=values.get("self_messages", True),
+            self_weight=values.get("self_weight", 1.0),
             **{size: values["hidden"]},
         )
     except (ValueError, TypeError, KeyError) as error:

@@ -45,7 +45,7 @@ class ProgrammableInference:
 
     def __init__(self, config: NetworkConfig, tensors: Tensors) -> None:
         self._vocabulary = config.vocabulary
-        self._self_messages = config.self_messages
+        self._self_weight = config.self_weight
         receiver, sender = np.hsplit(tensors["message.0.weight"], [COLUMN_FEATURES])
         weights = [tensors[f"{name}.weight"] for name in ("local.0", "query", "context")]
         biases = [tensors[f"{name}.bias"] for name in ("local.0", "query", "context", "message.0")]
@@ -82,8 +82,7 @@ class ProgrammableInference:
         p = _relevant(phi, compile_program(program, self._vocabulary), hand_index)  # [N]
         scores = np.tanh(query[:, None] + context) @ self._attention  # [N, N]
         alpha = p * np.exp(scores - scores.max(1, keepdims=True))
-        if not self._self_messages:
-            np.fill_diagonal(alpha, 0.0)
+        alpha.ravel()[:: len(alpha) + 1] *= self._self_weight
         weights = (p / np.maximum(alpha.sum(1), NOTHING))[:, None] * alpha  # p_i α_ij
         messages = np.tanh(receiver[:, None] + sender)  # [N, N, H]
         f, r = p @ np.tanh(local), weights.ravel() @ messages.reshape(weights.size, -1)

@@ -55,7 +55,7 @@ class Trunk(nn.Module):
         super().__init__()
         self._group_sizes = config.vocabulary.group_sizes
         self._learned = learned_detectors
-        self._self_messages = config.self_messages
+        self._self_weight = config.self_weight
         if learned_detectors:
             self.detectors = nn.Linear(COLUMN_FEATURES, len(config.vocabulary.words))
         self.query = nn.Linear(COLUMN_FEATURES, config.attention)
@@ -113,9 +113,9 @@ class Trunk(nn.Module):
         return weights / weights.sum(-1, keepdim=True).clamp_min(NOTHING)
 
     def senders(self, n: int) -> Tensor:
-        """[N, N]: 1 where object i (row) may hear object j."""
+        """[N, N]: the weight of each object j (column) to object i, 1 but for itself."""
         ones = torch.ones(n, n, dtype=self.seen.dtype, device=self.seen.device)
-        return ones if self._self_messages else ones.fill_diagonal_(0.0)
+        return ones.fill_diagonal_(self._self_weight)
 
     def _messages(self, columns: Tensor) -> Tensor:
         """First layer of r on every pair (receiver i, sender j): [B, N, N, H]."""
