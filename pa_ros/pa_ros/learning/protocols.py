@@ -67,17 +67,19 @@ PROTOCOLS = {
         LearnerConfig(stretch_steps=1, policy_lag=0),
         (("critic_output_bias", -100.0), ("detector_init_scale", 0.0)),
     ),
-    # What makes learning fast and reliable: all-goals relabeling with the training programs; a
-    # hand that attends to itself about as little as to a block of undecided properties; a horizon
-    # of a second, so that what the critic makes up early does not drown the reward; rewards scaled
-    # so that Q is of order one, and a critic that starts at the value of never being rewarded;
-    # detectors that start undecided and learn faster than the rest; an actor that pays for large
-    # actions, so that the critic's first errors don't saturate it; f, r and the attention that see
-    # properties only through p; and about three times the paper's exploration noise.
+    # What makes learning fast and reliable: each transition is learned from under two training
+    # programs, whichever acted; a hand that attends to itself about as little as to a block of
+    # undecided properties; a horizon of a second, so that what the critic makes up early does not
+    # drown the reward; rewards scaled so that Q is of order one, and a critic that starts at the
+    # value of never being rewarded; detectors that start undecided and learn faster than the rest;
+    # an actor that pays for large actions, so that the critic's first errors don't saturate it; f,
+    # r and the attention that see properties only through p; and about three times the paper's
+    # exploration noise.
     "ours": Protocol(
         "ours",
         LearnerConfig(
             relabel="all-goals",
+            programs_per_transition=2,
             discount=0.9,
             reward_scale=0.5,
             action_l2=0.01,
