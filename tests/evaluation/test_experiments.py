@@ -109,7 +109,8 @@ def test_forgetting_trains_on_held_out_programs_after_the_switch(tmp_path, monke
         return train(config, *rest, **options)
 
     monkeypatch.setattr(experiments, "train", spy)
-    small = replace(SMALL, design="3-D", switch_frames=300, options=("learner.relabel=none",))
+    options = EXPERIMENTS["forgetting"].options
+    small = replace(SMALL, design="3-D", switch_frames=300, options=options)
     curve = run_seed(small, 0, tmp_path)
     assert told == [("train", 300, False), ("eval", 600, True)]
     assert [row["frames"] for row in read_curve(curve)] == [300.0, 600.0]

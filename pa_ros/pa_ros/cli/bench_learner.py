@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -30,13 +31,14 @@ BARE_S = 2.0  # of bare updates between graphs
 
 
 def bench(options: argparse.Namespace) -> Report:
-    """One run of everything, one thread unless a name says otherwise."""
+    """One run of everything, one thread unless a name says otherwise; one program a transition."""
     design, protocol = design_named(DESIGN), protocol_named("ours")
     network = protocol.network_config(design.vocabulary, options.network)
+    config = replace(protocol.learner, programs_per_transition=1)
     if options.growth:
-        return _growth(network, protocol.learner, training_programs(design), options.json)
+        return _growth(network, config, training_programs(design), options.json)
     peers, facts = _peers()
-    report = bench_learner(network, protocol.learner, training_programs(design), others=peers)
+    report = bench_learner(network, config, training_programs(design), others=peers)
     return {**report, **facts}
 
 

@@ -81,7 +81,11 @@ EXPERIMENTS = {
             "forgetting",
             "3-D",
             200_000,
-            options=("learner.relabel=none", "learner.replay_frames=50000"),
+            options=(
+                "learner.relabel=none",
+                "learner.programs_per_transition=1",
+                "learner.replay_frames=50000",
+            ),
             switch_frames=100_000,
         ),
     )
