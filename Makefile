@@ -35,7 +35,7 @@ run: install
 	$(BIN)/pa_ros demo
 
 train: install
-	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 200000 --out runs/train
+	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out runs/train
 
 lint: install-dev
 	$(BIN)/ruff check .

@@ -92,10 +92,13 @@ def test_one_altered_transition_is_found_and_named(
     assert "1 stretches are not what the arena gives" in out and "\nEQUAL" not in out
 
 
+ALONE = ("--set=learner.relabel=none", "--set=learner.programs_per_transition=1")
+
+
 def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(recorded, tmp_path):
     """Without relabeling, which asks the verifier instead of the recorded reward."""
     run = tmp_path / "run"
-    assert train(run, "--record", run / "bag", "--set=learner.relabel=none", frames=FRAMES) == 0
+    assert train(run, "--record", run / "bag", *ALONE, frames=FRAMES) == 0
     alter = altered("rewards", 2, 42, lambda reward: -reward)
     found = verified(rewritten(run / "bag", tmp_path / "copy", alter))
     version = found.compared  # versions 0 to n - 1 are equal, so n is the first that is not
