@@ -171,12 +171,17 @@ def dpg_gradients(
 
 
 class Adam:
-    """Kingma and Ba 2015, algorithm 1, in NumPy; detectors step `detector_gain` times as far."""
+    """Kingma and Ba 2015, algorithm 1, in NumPy.
+
+    Detectors step `detector_gain` times as far, and their weights decay as in Loshchilov and
+    Hutter 2019, by `decay` at first and by nothing after `updates`.
+    """
 
     beta1, beta2, eps = 0.9, 0.999, 1e-8
 
-    def __init__(self, rate: float, detector_gain: float) -> None:
+    def __init__(self, rate: float, detector_gain: float, decay: float, updates: int) -> None:
         self.rate, self.detector_gain = rate, detector_gain
+        self.decay, self.updates = decay, updates
         self.step = 0
         self.m: dict[str, np.ndarray] = {}
         self.v: dict[str, np.ndarray] = {}
@@ -189,4 +194,6 @@ class Adam:
             m = self.m[name] / (1 - self.beta1**self.step)
             v = self.v[name] / (1 - self.beta2**self.step)
             rate = self.rate * (self.detector_gain if name.startswith("detectors.") else 1.0)
-            values[name] = values[name] - rate * m / (np.sqrt(v) + self.eps)
+            left = max(0.0, 1.0 - (self.step - 1) / self.updates)
+            decay = self.decay * left if name == "detectors.weight" else 0.0
+            values[name] = (1 - rate * decay) * values[name] - rate * m / (np.sqrt(v) + self.eps)

@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 15;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 17;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -100,6 +100,7 @@ struct Tensors {
 
 struct Settings {
     double actor_rate, critic_rate, beta1, beta2, epsilon, clip, action_l2, detector_gain;
+    double detector_decay, detector_decay_updates;
 };
 
 // B transitions of N objects × K programs, and the table they point into (see docs/DESIGN.md). For

@@ -137,7 +137,8 @@ static void gradients(Learner& g, const Batch& b, int index) {
 }
 
 // Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters. The
-// detectors' steps are `detector_gain` times as long.
+// detectors' steps are `detector_gain` times as long, and their weights, not their biases, decay
+// apart from them (Loshchilov & Hutter 2019), less and less until `detector_decay_updates`.
 static double adam(const Learner& g, const Tensors& t, const Layout& l, double rate, int64_t step,
                    int index, bool of_actor) {
     const Settings& s = g.settings;
@@ -148,6 +149,11 @@ static double adam(const Learner& g, const Tensors& t, const Layout& l, double r
     const float root = (float)(1.0 / __builtin_sqrt(correction2));
     const float keep1 = (float)s.beta1, take1 = (float)(1.0 - s.beta1);
     const float keep2 = (float)s.beta2, take2 = (float)(1.0 - s.beta2);
+    const int64_t biases = l.first + kBiasRow * l.columns;  // of the first layers
+    const double spent = (double)(step - 1) / s.detector_decay_updates;
+    const double decay = spent < 1.0 ? s.detector_decay * (1.0 - spent) : 0.0;
+    const float gain = (float)s.detector_gain;
+    const float kept = (float)(1.0 - rate * s.detector_gain * decay);
     const int64_t part = padded((size + g.threads - 1) / g.threads), begin = index * part;
     const int64_t end = begin + part < size ? begin + part : size;
     vf squares{};
@@ -162,9 +168,10 @@ static double adam(const Learner& g, const Tensors& t, const Layout& l, double r
         store(t.first_moment + i, m);
         store(t.second_moment + i, v);
         const bool detects = i < first_end && (i - l.first) % l.columns >= l.detectors;
-        const float length = detects ? (float)s.detector_gain * rate_now : rate_now;
-        store(t.parameters + i,
-              load(t.parameters + i) - length * m / (square_root(v) * root + epsilon));
+        const float length = detects ? gain * rate_now : rate_now;
+        const bool decays = detects && i < biases;
+        const vf from = decays ? kept * load(t.parameters + i) : load(t.parameters + i);
+        store(t.parameters + i, from - length * m / (square_root(v) * root + epsilon));
     }
     float sum[W];
     sum_lanes(&squares, 1, sum);

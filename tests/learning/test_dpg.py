@@ -21,6 +21,7 @@ TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HA
 CLIP = 0.02  # small, so that some of ∂Q/∂a is clipped and some is not
 L2 = 0.03
 GAIN = 3.0
+DECAY, DECAYS_FOR = 0.5, 3  # updates
 CONFIG = LearnerConfig(
     backend="torch",
     dtype="float64",
@@ -29,6 +30,8 @@ CONFIG = LearnerConfig(
     action_gradient_clip=CLIP,
     action_l2=L2,
     detector_gain=GAIN,
+    detector_decay=DECAY,
+    detector_decay_updates=DECAYS_FOR,
 )
 
 
@@ -82,7 +85,10 @@ def test_updates_agree_with_the_oracle(kind) -> None:
     backend = TorchBackend(network, CONFIG, table(), actor, critic)
     values = {"actor": as_float64(actor), "critic": as_float64(critic)}
     values |= {f"target_{name}": dict(tensors) for name, tensors in values.items()}
-    adam = {"actor": oracle.Adam(1e-3, GAIN), "critic": oracle.Adam(2e-3, GAIN)}
+    adam = {
+        name: oracle.Adam(rate, GAIN, DECAY, DECAYS_FOR)
+        for name, rate in (("actor", 1e-3), ("critic", 2e-3))
+    }
     rng = np.random.default_rng(1)
     for update in range(5):
         if update == 3:

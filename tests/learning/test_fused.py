@@ -78,7 +78,10 @@ def setting(
     for tensors in (actor, critic):
         if "detectors.weight" in tensors:
             tensors["detectors.weight"] *= scale
-    return Setting(network, LearnerConfig(action_l2=0.02, detector_gain=3.0), table, actor, critic)
+    config = LearnerConfig(
+        action_l2=0.02, detector_gain=3.0, detector_decay=0.5, detector_decay_updates=900
+    )
+    return Setting(network, config, table, actor, critic)
 
 
 def make_batch(
@@ -123,7 +126,7 @@ class Reference:
         self.codes = made.table.tensors()
         self.truth = torch.tensor(truth_matrix(made.network.vocabulary), dtype=torch.float64)
         rates = ((self.actor, made.config.actor_rate), (self.critic, made.config.critic_rate))
-        gain = made.config.detector_gain
+        gain, self.updates = made.config.detector_gain, 0
         self.adams = [
             torch.optim.Adam(
                 [
@@ -209,8 +212,18 @@ class Reference:
 
     def update(self, batch: Batch) -> None:
         self.gradients(batch)
+        self.decay()
         for adam in self.adams:
             adam.step()
+        self.updates += 1
+
+    def decay(self) -> None:
+        c = self.made.config
+        left = max(0.0, 1.0 - self.updates / c.detector_decay_updates)
+        for named, rate in ((self.actor, c.actor_rate), (self.critic, c.critic_rate)):
+            if "detectors.weight" in named:
+                kept = 1.0 - rate * c.detector_gain * c.detector_decay * left
+                named["detectors.weight"].data.mul_(kept)
 
     def copy_targets(self) -> None:
         for own, target in ((self.actor, self.target_actor), (self.critic, self.target_critic)):

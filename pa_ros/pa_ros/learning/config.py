@@ -33,6 +33,8 @@ class LearnerConfig:
     actor_rate: float = 1e-4  # not stated; Adam's, as in Lillicrap et al.
     critic_rate: float = 3e-4  # not stated; 1e-3 lets the critic forget the action
     detector_gain: float = 1.0  # of both rates, for the detectors' weights
+    detector_decay: float = 0.0  # of their weights per unit of rate, as AdamW's, falling to 0 …
+    detector_decay_updates: int = 20_000  # … after so many updates
     adam_beta1: float = 0.9
     adam_beta2: float = 0.999
     adam_epsilon: float = 1e-8
@@ -101,6 +103,7 @@ def _check_choices(config: LearnerConfig) -> None:
 def _check_integers(config: LearnerConfig) -> None:
     least = {
         "batch_size": 1,
+        "detector_decay_updates": 1,
         "replay_frames": 2,
         "warmup_frames": 0,
         "programs_per_transition": 1,
@@ -120,7 +123,8 @@ def _check_integers(config: LearnerConfig) -> None:
 def _check_numbers(config: LearnerConfig) -> None:
     positive = ["action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"]
     positive += ["detector_gain", "near_threshold", "noise_dt", "reward_scale"]
-    others = ("action_l2", "updates_per_frame", "noise_sigma", "noise_damping", "reward_shift")
+    others = ["action_l2", "detector_decay", "updates_per_frame", "noise_sigma", "noise_damping"]
+    others += ["reward_shift"]
     for name in (*positive, *others):
         value = getattr(config, name)
         if not (isinstance(value, (int, float)) and math.isfinite(value)):

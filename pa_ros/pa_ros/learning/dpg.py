@@ -124,8 +124,22 @@ class TorchBackend:
         torch.autograd.backward(loss)
         self._actor_adam.zero_grad()
         torch.autograd.backward(action, action_gradient)
+        self._decay(self._critic, self._critic_adam, self._config.critic_rate)
+        self._decay(self._actor, self._actor_adam, self._config.actor_rate)
         self._critic_adam.step()
         self._actor_adam.step()
+
+    def _decay(self, module: nn.Module, adam: torch.optim.Adam, rate: float) -> None:
+        """Of the detectors' weights, apart from the gradient (Loshchilov & Hutter 2019)."""
+        config = self._config
+        if not config.detector_decay:
+            return
+        for name, parameter in module.named_parameters():
+            if name == "detectors.weight":
+                spent = adam.state[parameter]["step"].double() / config.detector_decay_updates
+                decay = config.detector_decay * (1.0 - spent).clamp_min(0.0)
+                with torch.no_grad():
+                    parameter.mul_(1.0 - rate * config.detector_gain * decay)
 
     def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
         """∂/∂a of the actor's objective at its action: ∂Q/∂a clipped, less λa, [B, K, 6]."""

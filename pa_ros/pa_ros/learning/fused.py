@@ -129,6 +129,8 @@ class FusedBackend:
             config.action_gradient_clip,
             config.action_l2,
             config.detector_gain,
+            config.detector_decay,
+            config.detector_decay_updates,
         )
         self._trained = {
             "actor": _Trained(FlatNetwork(describe(network, critic=False)), actor),

@@ -11,7 +11,7 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 15  # of native/layout.h
+INTERFACE = 17  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS, MAX_SLOTS = 128, 64, 64, 8, 32
 LARGEST_PART = 43.6
 
@@ -90,6 +90,7 @@ class Settings(ctypes.Structure):
         for name in (
             *("actor_rate", "critic_rate", "beta1", "beta2", "epsilon"),
             *("clip", "action_l2", "detector_gain"),
+            *("detector_decay", "detector_decay_updates"),
         )
     ]
 

@@ -71,10 +71,10 @@ PROTOCOLS = {
     # programs, whichever acted; a hand that attends to itself about as little as to a block of
     # undecided properties; a horizon of a second, so that what the critic makes up early does not
     # drown the reward; rewards scaled so that Q is of order one, and a critic that starts at the
-    # value of never being rewarded; detectors that start undecided and learn faster than the rest;
-    # an actor that pays for large actions, so that the critic's first errors don't saturate it; f,
-    # r and the attention that see properties only through p; and about three times the paper's
-    # exploration noise.
+    # value of never being rewarded; detectors that start undecided, learn faster than the rest and
+    # at first forget what is not confirmed; an actor that pays for large actions, so that the
+    # critic's first errors don't saturate it; f, r and the attention that see properties only
+    # through p; and about three times the paper's exploration noise.
     "ours": Protocol(
         "ours",
         LearnerConfig(
@@ -84,6 +84,7 @@ PROTOCOLS = {
             reward_scale=0.5,
             action_l2=0.01,
             detector_gain=3.0,
+            detector_decay=0.5,
             noise_sigma=1.0,
         ),
         (
