@@ -69,14 +69,14 @@ class Experiment:
 EXPERIMENTS = {
     experiment.name: experiment
     for experiment in (
-        Experiment("programmable-2L", "2-L", 50_000),
-        Experiment("programmable-3D", "3-D", 50_000),
-        Experiment("programmable-3D-exact", "3-D-exact", 50_000),
-        Experiment("distilled-2L", "2-L", 50_000, network="distilled-critic"),
-        Experiment("distilled-3D", "3-D", 50_000, network="distilled-critic"),
-        Experiment("canonical-2C", "2-C", 100_000, network="canonical"),
-        Experiment("canonical-2L", "2-L", 100_000, network="canonical"),
-        Experiment("canonical-3C", "3-C", 100_000, network="canonical"),
+        Experiment("programmable-2L", "2-L", 30_000),
+        Experiment("programmable-3D", "3-D", 40_000),
+        Experiment("programmable-3D-exact", "3-D-exact", 30_000),
+        Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
+        Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),
+        Experiment("canonical-2C", "2-C", 40_000, network="canonical"),
+        Experiment("canonical-2L", "2-L", 40_000, network="canonical"),
+        Experiment("canonical-3C", "3-C", 40_000, network="canonical"),
         Experiment(
             "forgetting",
             "3-D",
