@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from uuid import uuid4
 
 from learner_node.config import LearnerNodeConfig
@@ -16,7 +16,8 @@ from pa_ros.bags.origins import learner_origin
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot, Stretch
 from pa_ros.language import Vocabulary
-from pa_ros.learning.checkpoint import restore, save_checkpoint
+from pa_ros.learning.checkpoint import claim, restore, save_checkpoint
+from pa_ros.learning.errors import CheckpointError, FolderInUseError
 from pa_ros.learning.learner import Learner
 from pa_ros.wire.records import ArenaDescription, Origin, PublishedPolicy
 
@@ -41,6 +42,7 @@ class LearnerWorker:
         self.failure: BaseException | None = None  # a bug; the node must not go on
         self.rejected = 0  # stretches that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
+        self._folder = _claimed(config.out)
         self._learner = _make_learner(config, arena, self.vocabulary)
         extra = restore(Path(config.out) / "checkpoint", self._learner) if config.resume else {}
         self.run_id = str(extra.get("run_id") or uuid4().hex)
@@ -88,6 +90,8 @@ class LearnerWorker:
             self._thread.join()
         if self.failure is None:
             self._save()
+        if self._folder is not None:
+            self._folder.close()
 
     def _run(self) -> None:
         try:
@@ -134,6 +138,16 @@ class LearnerWorker:
             save_checkpoint(Path(self._config.out) / "checkpoint", self._learner, extra)
         except PaError as error:  # a full disk: the one before is still whole
             self._sinks.refuse("checkpoint", error)
+
+
+def _claimed(out: str) -> IO[bytes] | None:
+    """The folder, kept from other runs; None where nothing can be written: saving will say so."""
+    try:
+        return claim(Path(out)) if out else None
+    except FolderInUseError:
+        raise
+    except CheckpointError:
+        return None
 
 
 def _make_learner(

@@ -16,6 +16,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Stretch
 from pa_ros.learning.actor import Actor
 from pa_ros.learning.checkpoint import (
+    claim,
     find_checkpoint,
     load_configs,
     load_policy,
@@ -24,7 +25,7 @@ from pa_ros.learning.checkpoint import (
     save_checkpoint,
 )
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.errors import CheckpointError, PolicyError
+from pa_ros.learning.errors import CheckpointError, FolderInUseError, PolicyError
 from pa_ros.learning.learner import ConsumeReport, Learner
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.schedule import Schedule
@@ -168,6 +169,13 @@ def test_another_runs_checkpoint_is_refused(tmp_path, field, value) -> None:
     run(tmp_path, 20)
     with pytest.raises(CheckpointError, match=f"{field}: expected '{value}'"):
         run(tmp_path, 40, resume=True, **{field: value})
+
+
+def test_a_folder_that_another_run_writes_into_is_refused(tmp_path) -> None:
+    with claim(tmp_path), pytest.raises(FolderInUseError, match="another run writes into"):
+        run(tmp_path, 20)
+    assert not (tmp_path / "progress.csv").exists()
+    run(tmp_path, 20)
 
 
 def test_another_curve_is_refused(tmp_path) -> None:

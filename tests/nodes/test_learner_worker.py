@@ -15,6 +15,7 @@ from pa_ros.arena import design_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Stretch
 from pa_ros.evaluation.training import training_programs
+from pa_ros.learning.errors import FolderInUseError
 from pa_ros.wire.records import ArenaDescription, Mode, PublishedPolicy
 
 DESIGN = design_named("2-L")
@@ -132,6 +133,14 @@ def test_a_learner_resumes_where_it_stopped(tmp_path: Path):
     assert last.snapshot.version == 5
     for name, tensor in unbroken.published[-1].snapshot.tensors.items():
         assert np.array_equal(last.snapshot.tensors[name], tensor), name
+
+
+def test_a_folder_that_another_run_writes_into_is_refused(tmp_path: Path):
+    bench = Bench(out=str(tmp_path))
+    with pytest.raises(FolderInUseError, match="another run writes into"):
+        Bench(out=str(tmp_path))
+    bench.worker.close()
+    Bench(out=str(tmp_path)).worker.close()
 
 
 def test_a_checkpoint_that_cannot_be_written_is_refused_and_learning_goes_on(tmp_path: Path):

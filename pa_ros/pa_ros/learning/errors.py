@@ -51,3 +51,10 @@ class CheckpointError(PaError):
     """A checkpoint that is missing, damaged, or of other networks or settings."""
 
     code = "learning.checkpoint"
+
+
+class FolderInUseError(CheckpointError):
+    """A run's folder that another run writes into."""
+
+    code = "learning.in_use"
+

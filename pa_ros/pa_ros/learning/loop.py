@@ -20,7 +20,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot, Stretch, Verdict
 from pa_ros.learning.actor import Actor
 from pa_ros.learning.agent import LearningAgent
-from pa_ros.learning.checkpoint import restore, save_checkpoint
+from pa_ros.learning.checkpoint import claim, restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.learner import Learner
@@ -97,18 +97,20 @@ def train(
 
     `max_speed` is [6] rad/s: a velocity command is the action times it. Leaves progress.csv and
     `checkpoint/` under `config.out`. With `resume`, goes on from the checkpoint there (raises
-    CheckpointError if there is none that fits), and ends where an unbroken run would have.
+    CheckpointError if there is none that fits), and ends where an unbroken run would have. Raises
+    FolderInUseError if another run writes into `config.out`.
     """
-    learner = Learner(network, learner_config, training_programs, config.seed)
-    wall_s = 0.0
-    if resume:
-        wall_s = _resume(config, learner)
-    if run_log is not None:
-        run_log.begin(learner)
-    run = _Run(config, learner, environment, max_speed, evaluate, wall_s, resume, run_log)
-    with run:
-        run.until(config.frames)
-    return learner
+    with claim(config.out):
+        learner = Learner(network, learner_config, training_programs, config.seed)
+        wall_s = 0.0
+        if resume:
+            wall_s = _resume(config, learner)
+        if run_log is not None:
+            run_log.begin(learner)
+        run = _Run(config, learner, environment, max_speed, evaluate, wall_s, resume, run_log)
+        with run:
+            run.until(config.frames)
+        return learner
 
 
 def _resume(config: TrainConfig, learner: Learner) -> float:
