@@ -31,7 +31,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pa_ros(*arguments, domain=DOMAIN) as process:
         try:
             storage = folder / "bag" / "bag.mcap"
-            wait_for(lambda: storage.exists() and storage.stat().st_size > 500_000, "recording")
+            wait_for(lambda: storage.exists() and storage.stat().st_size > 800_000, "recording")
             process.send_signal(signal.SIGINT)
             out, err = process.communicate(timeout=DEADLINE_S)
         finally:

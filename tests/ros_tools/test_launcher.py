@@ -12,13 +12,16 @@ import pytest
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.launcher import ChildError, Patience, Supervisor, node_command, tail
 
-OBEDIENT = "import time; print('up', flush=True)\ntime.sleep(60)"
+OBEDIENT = (  # also where the tests were started with SIGINT ignored, as a shell's `&` does
+    "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
+    "print('up', flush=True)\ntime.sleep(60)"
+)
 DEAF = (
     "import signal, time\n"
     "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SIG_IGN)\n"
     "print('up', flush=True)\ntime.sleep(60)"
 )
-QUICK = Patience(interrupt_s=2.0, terminate_s=0.3, kill_s=5.0)  # a busy machine starts slowly
+QUICK = Patience(interrupt_s=0.3, terminate_s=0.3, kill_s=5.0)
 DEADLINE_S = 20.0
 
 

@@ -85,9 +85,11 @@ def run(options: argparse.Namespace) -> int:
 def _run(config: DemoConfig, show_shipped: bool, domain_id: int, interrupted: Interrupted) -> int:
     print(f"ROS domain {domain_id}; everything is left in {config.folder}/\n")
     outcome, shipped = Outcome(), Outcome()
-    with client_node("demo") as node:
-        if show_shipped:
+    if show_shipped:
+        # A node of its own: its last program is latched, and would be executed by those that learn.
+        with client_node("demo") as node:
             _show_shipped(node, config.of_shipped(), shipped, interrupted)
+    with client_node("demo") as node:
         _introduce(config)
         asked = _asked(config)
         target = _measure_target(config)
