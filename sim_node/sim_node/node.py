@@ -149,6 +149,7 @@ class SimNode(Node):
     def _on_program(self, request: ProgramRequest) -> None:
         if request.program_id.startswith(f"{self.session.arena_id}/"):
             return  # our own
+        self._announce()  # what the standing frame is under, before it is replaced
         idle = self.session.program is None
         stamp_ns = self.session.frame.observation.stamp_ns
         judgement = judge(
