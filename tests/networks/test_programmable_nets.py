@@ -90,9 +90,7 @@ def scenes(objects, arm, rows, hand_index: int, self_weight: float):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("self_weight", [1.0, 0.3, 0.0])
 @pytest.mark.parametrize(("n", "k", "hand_index"), [(5, 1, 0), (2, 3, 1), (7, 4, 3), (1, 2, 0)])
-@pytest.mark.parametrize(
-    ("dtype", "tolerance"), [(torch.float64, 1e-11), (torch.float32, 1e-5)]
-)
+@pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-11), (torch.float32, 1e-5)])
 def test_agree_with_the_oracle(kind, self_weight, n, k, hand_index, dtype, tolerance) -> None:
     rng = np.random.default_rng(n)
     config = network(kind, self_weight)

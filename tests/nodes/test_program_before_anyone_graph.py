@@ -14,7 +14,9 @@ from sim_node.node import SimNode
 def test_the_first_steps_own_program_is_announced_though_a_users_replaces_it() -> None:
     """Else the agent waits for it for ever, and a lockstep arena for the agent."""
     with graph(SimNode, agent_node__weights="random") as probe:
-        text = "NEAR(HAND, OR(AND(RED, CUBE), AND(RED, SPHERE), AND(BLUE, CUBE), AND(BLUE, SPHERE)))"
+        text = (
+            "NEAR(HAND, OR(AND(RED, CUBE), AND(RED, SPHERE), AND(BLUE, CUBE), AND(BLUE, SPHERE)))"
+        )
         request = ProgramRequest("user/1", text)
         speaker = probe.speaker(topics.PROGRAM)
         speaker.publish(codec.encode_program(request))

@@ -172,7 +172,5 @@ def test_nobody_there_times_out():
     ],
 )
 def test_options_that_cannot_be_are_refused(arguments, reason):
-    result = subprocess.run(
-        command(*arguments), capture_output=True, text=True, timeout=DEADLINE_S
-    )
+    result = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=DEADLINE_S)
     assert result.returncode == 2 and reason in result.stderr

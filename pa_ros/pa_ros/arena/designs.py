@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -88,6 +88,15 @@ _ALL_2, _ALL_3 = kinds(_COLORS_2, _SHAPES_2), kinds(_COLORS_3, _SHAPES_3)
 _CORNER = Kind("BLUE", "SPHERE")
 _DIAGONAL = tuple(Kind(color, shape) for color, shape in zip(_COLORS_3, _SHAPES_3, strict=True))
 
+_THREE_D = Design(
+    "3-D",
+    _SHAPES_3,
+    _COLORS_3,
+    _WORDS_3,
+    tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL),
+    _DIAGONAL,
+)
+
 DESIGNS = {
     design.name: design
     for design in (
@@ -101,22 +110,8 @@ DESIGNS = {
             (_CORNER,),
         ),
         Design("3-C", _SHAPES_3, _COLORS_3, _WORDS_3, _ALL_3),
-        Design(
-            "3-D",
-            _SHAPES_3,
-            _COLORS_3,
-            _WORDS_3,
-            tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL),
-            _DIAGONAL,
-        ),
-        Design(
-            "3-D-exact",
-            _SHAPES_3,
-            _COLORS_3,
-            _WORDS_3_EXACT,
-            tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL),
-            _DIAGONAL,
-        ),
+        _THREE_D,
+        replace(_THREE_D, name="3-D-exact", vocabulary=_WORDS_3_EXACT),
     )
 }
 

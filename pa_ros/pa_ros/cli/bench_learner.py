@@ -17,11 +17,10 @@ from pa_ros.arena.gym_env import ENV_ID
 from pa_ros.cli.growth_figure import growth_figure
 from pa_ros.core.report import Report
 from pa_ros.evaluation.training import training_programs
-from pa_ros.learning.bench import backend_of, bench_learner, random_learner, repeated
+from pa_ros.learning.bench import bare_updates, bench_learner
 from pa_ros.learning.bench_rounds import Contender, measure
 from pa_ros.learning.bench_train import bench_train
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.cost import Sizes
 from pa_ros.learning.growth import bench_growth, markdown_table
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig
@@ -61,9 +60,7 @@ def bench_graph_loop(options: argparse.Namespace) -> Report:
 
     design, protocol = design_named(DESIGN), protocol_named("ours")
     network = protocol.network_config(design.vocabulary, options.network)
-    sizes = Sizes(protocol.learner.batch_size, 5, protocol.learner.programs_per_transition)
-    idle = random_learner(network, protocol.learner, training_programs(design), sizes)
-    bare = Contender("bare", repeated(backend_of(idle), list(idle.batches(16))), wall=True)
+    bare = bare_updates(network, protocol.learner, training_programs(design))
 
     def updates_per_s() -> float:
         measure([bare], 1, BARE_S)

@@ -52,7 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--minutes", type=float, default=20.0, help="give up learning after these (%(default)s)"
     )
     parser.add_argument(
-        "--no-shipped", dest="shipped", action="store_false",
+        "--no-shipped",
+        dest="shipped",
+        action="store_false",
         help="begin with learning: leave out the shipped agent's programs",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="(default: runs/demo-<time>)")
@@ -136,7 +138,7 @@ def _introduce(config: DemoConfig) -> None:
         f"Now an agent learns design {config.design.name} from random weights: sim_node,\n"
         "agent_node and learner_node (learns from what happens), faster than real time.\n"
         f"Trained on:       {_listed(training_programs(config.design))}\n"
-        f"Never trained on: {', '.join(held_out)} (\"zero-shot\")\n"
+        f'Never trained on: {", ".join(held_out)} ("zero-shot")\n'
     )
 
 

@@ -89,9 +89,7 @@ def evaluate(
         scores = references[policy]
     else:
         agent = policy
-        scores = tuple(
-            run_episodes(task, lambda o: agent(o, task.program), condition, episodes)
-        )
+        scores = tuple(run_episodes(task, lambda o: agent(o, task.program), condition, episodes))
     return Evaluation(condition, scores, references["random"], references["scripted"])
 
 

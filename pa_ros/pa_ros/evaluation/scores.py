@@ -67,8 +67,9 @@ def normalized_interval(
 ) -> Interval:
     """Normalized score with its interval; the three arrays [E] are paired by episode."""
 
-    def statistic(p: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64],
-                  axis: int = -1) -> NDArray[np.float64]:
+    def statistic(
+        p: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], axis: int = -1
+    ) -> NDArray[np.float64]:
         bottom = low.mean(axis=axis)
         score = (p.mean(axis=axis) - bottom) / (high.mean(axis=axis) - bottom)
         return np.asarray(score, dtype=np.float64)

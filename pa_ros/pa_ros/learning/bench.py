@@ -82,6 +82,15 @@ def random_learner(
     return learner
 
 
+def bare_updates(
+    network: NetworkConfig, config: LearnerConfig, programs: Sequence[str]
+) -> Contender:
+    """Updates by the clock, with the configuration's batch, of tables with four blocks."""
+    sizes = Sizes(config.batch_size, 5, config.programs_per_transition)
+    idle = random_learner(network, config, programs, sizes)
+    return Contender("bare", repeated(backend_of(idle), list(idle.batches(16))), wall=True)
+
+
 def repeated(backend: Backend, batches: Sequence[Batch]) -> Callable[[int], None]:
     """Updates with these batches in turn."""
     endless = cycle(batches)

@@ -12,10 +12,9 @@ from time import perf_counter
 from pa_ros.core.experience import Float64
 from pa_ros.core.report import Report
 from pa_ros.learning.actor import Actor
-from pa_ros.learning.bench import backend_of, random_learner, repeated
+from pa_ros.learning.bench import bare_updates
 from pa_ros.learning.bench_rounds import Contender, Slice, measure
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.cost import Sizes
 from pa_ros.learning.loop import Environment, TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 
@@ -48,9 +47,7 @@ def bench_train(
     slice_s: float = 0.5,
 ) -> Report:
     """Medians over `rounds` parts of `frames` frames, one update each, after one not counted."""
-    sizes = Sizes(config.batch_size, 5, config.programs_per_transition)
-    idle = random_learner(network, config, programs, sizes)
-    bare = Contender("bare", repeated(backend_of(idle), list(idle.batches(16))), wall=True)
+    bare = bare_updates(network, config, programs)
     alternation = _Alternation(bare, slice_s)
     with TemporaryDirectory() as folder:
         settings = TrainConfig(

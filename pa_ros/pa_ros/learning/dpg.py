@@ -132,14 +132,13 @@ class TorchBackend:
     def _decay(self, module: nn.Module, adam: torch.optim.Adam, rate: float) -> None:
         """Of the detectors' weights, apart from the gradient (Loshchilov & Hutter 2019)."""
         config = self._config
-        if not config.detector_decay:
+        if not config.detector_decay or not hasattr(module, "detectors"):
             return
-        for name, parameter in module.named_parameters():
-            if name == "detectors.weight":
-                spent = adam.state[parameter]["step"].double() / config.detector_decay_updates
-                decay = config.detector_decay * (1.0 - spent).clamp_min(0.0)
-                with torch.no_grad():
-                    parameter.mul_(1.0 - rate * config.detector_gain * decay)
+        weight = module.get_parameter("detectors.weight")
+        spent = adam.state[weight]["step"].double() / config.detector_decay_updates
+        decay = config.detector_decay * (1.0 - spent).clamp_min(0.0)
+        with torch.no_grad():
+            weight.mul_(1.0 - rate * config.detector_gain * decay)
 
     def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
         """∂/∂a of the actor's objective at its action: ∂Q/∂a clipped, less λa, [B, K, 6]."""

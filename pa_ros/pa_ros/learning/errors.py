@@ -57,4 +57,3 @@ class FolderInUseError(CheckpointError):
     """A run's folder that another run writes into."""
 
     code = "learning.in_use"
-

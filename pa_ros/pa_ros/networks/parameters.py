@@ -19,7 +19,7 @@ from pa_ros.networks.config import NetworkConfig
 COLUMN_FEATURES = OBJECT_FEATURES + ARM_FEATURES  # 34, one column ω of Ω (paper, appendix)
 PROPERTIES = slice(OBJECT_FEATURES - len(SHAPES) - len(COLORS), OBJECT_FEATURES)  # one-hots in ω
 RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
-NOTHING = np.float32(1e-30).item()  # α's sum of relevances is taken to be at least this
+NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
 
 Tensors = dict[str, Float32]
@@ -73,9 +73,7 @@ def check_tensors(tensors: Tensors, shapes: Shapes, whose: str) -> None:
             raise TensorError(f"{whose}: {name}: expected finite numbers")
 
 
-def check_shapes(
-    tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, whose: str
-) -> None:
+def check_shapes(tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, whose: str) -> None:
     """Raise TensorError unless `tensors` has exactly these names and shapes."""
     if tensors.keys() != shapes.keys():
         missing, extra = sorted(shapes.keys() - tensors), sorted(tensors.keys() - shapes)
