@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from worlds import KINDS, NEAR_M, PROGRAMS, WORDS, random_stretch
@@ -154,29 +152,6 @@ def test_batches_are_gathered_from_transitions() -> None:
             assert array.flags.c_contiguous
 
 
-def test_the_horizon_grows_and_q_keeps_its_bound() -> None:
-    config = LearnerConfig(
-        discount=0.9, reward_scale=0.5,
-        discount_rise=0.075, discount_rise_from=100, discount_rise_until=300,
-    )  # fmt: skip
-    assert [config.horizon(updates) for updates in (0, 99, 100)] == [(0.9, 0.5)] * 3
-    assert config.horizon(200) == pytest.approx((0.95, 0.25))
-    assert config.horizon(300) == config.horizon(9000) == pytest.approx((0.975, 0.125))
-    assert replace(config, discount_rise=0.0).horizon(200) == (0.9, 0.5)
-
-
-def test_batches_are_made_for_the_horizon_of_now() -> None:
-    one = learner(discount=0.9, discount_rise=0.09, discount_rise_from=4, discount_rise_until=8)
-    one.backend = recorder = Recorder(one.backend)
-    rng = np.random.default_rng(0)
-    for sequence in range(3):
-        one.consume(random_stretch(rng, 4, sequence=sequence))
-    for updates, discount in ((0, 0.9), (4, 0.9), (8, 0.99)):
-        batch = recorder.batches[updates]
-        np.testing.assert_allclose(batch.discount, discount, rtol=1e-6)
-        np.testing.assert_allclose(np.abs(batch.reward), 10 * (1 - discount), rtol=1e-5)
-
-
 def test_relabeled_rewards_are_those_of_the_next_row() -> None:
     rng = np.random.default_rng(0)
     one = learner(relabel="all-goals", programs_per_transition=2)
@@ -212,10 +187,6 @@ def test_one_seed_one_result() -> None:
     [
         ("batch_size", 0),
         ("discount", 1.0),
-        ("discount_rise", 0.01),
-        ("discount_rise", -0.01),
-        ("discount_rise_from", -1),
-        ("discount_rise_until", 40_000),
         ("replay_frames", 100),
         ("updates_per_frame", -1.0),
         ("actor_rate", 0.0),

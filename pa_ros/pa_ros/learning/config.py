@@ -26,9 +26,6 @@ class LearnerConfig:
 
     batch_size: int = 64
     discount: float = 0.99
-    discount_rise: float = 0.0  # what is added to it in time; rewards shrink as the horizon grows …
-    discount_rise_from: int = 40_000  # … from this many updates …
-    discount_rise_until: int = 100_000  # … to this many, evenly in the horizon's logarithm
     replay_frames: int = 1_000_000  # observations kept
     updates_per_frame: float = 1.0
     action_gradient_clip: float = 1.0  # per element of ∂Q/∂a
@@ -74,19 +71,6 @@ class LearnerConfig:
                 "with it, got 1, which would relabel nothing"
             )
 
-    def horizon(self, updates: int) -> tuple[float, float]:
-        """Discount γ and factor of the rewards after so many updates.
-
-        The factor keeps the bound of Q, which is the rewards' over 1 − γ, what it was at first.
-        """
-        span = self.discount_rise_until - self.discount_rise_from
-        spent = min(1.0, (updates - self.discount_rise_from) / span)
-        if spent <= 0 or not self.discount_rise:
-            return self.discount, self.reward_scale
-        at_first = 1 - self.discount
-        shrunk = (1 - self.discount_rise / at_first) ** spent
-        return 1 - at_first * shrunk, self.reward_scale * shrunk
-
     def to_json(self) -> str:
         """Canonical JSON of every field."""
         return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
@@ -120,8 +104,6 @@ def _check_integers(config: LearnerConfig) -> None:
     least = {
         "batch_size": 1,
         "detector_decay_updates": 1,
-        "discount_rise_from": 0,
-        "discount_rise_until": config.discount_rise_from + 1,
         "replay_frames": 2,
         "warmup_frames": 0,
         "programs_per_transition": 1,
@@ -139,14 +121,10 @@ def _check_integers(config: LearnerConfig) -> None:
 
 
 def _check_numbers(config: LearnerConfig) -> None:
-    positive = (
-        *("action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"),
-        *("detector_gain", "near_threshold", "noise_dt", "reward_scale"),
-    )
-    others = (
-        *("action_l2", "detector_decay", "discount_rise", "updates_per_frame"),
-        *("noise_sigma", "noise_damping", "reward_shift"),
-    )
+    positive = ["action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"]
+    positive += ["detector_gain", "near_threshold", "noise_dt", "reward_scale"]
+    others = ["action_l2", "detector_decay", "updates_per_frame", "noise_sigma", "noise_damping"]
+    others += ["reward_shift"]
     for name in (*positive, *others):
         value = getattr(config, name)
         if not (isinstance(value, (int, float)) and math.isfinite(value)):
@@ -156,6 +134,3 @@ def _check_numbers(config: LearnerConfig) -> None:
     for name in ("discount", "adam_beta1", "adam_beta2"):
         if not 0 <= getattr(config, name) < 1:
             _refuse(name, "a number in [0, 1)", getattr(config, name))
-    if config.discount + config.discount_rise >= 1:
-        _refuse("discount_rise", f"less than 1 − discount = {1 - config.discount:g}",
-                config.discount_rise)  # fmt: skip

@@ -109,13 +109,12 @@ class Learner:
             return
         index = self.replay.sample(self.rng, updates * size)
         following = self.replay.following(index)
-        discount, scale = self.config.horizon(self.counters.updates)
-        program, reward = self._programs(index, following, scale)
-        discounts = self._discounts(index, discount)
+        program, reward = self._programs(index, following)
+        discount = self._discount(index)
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
             yield self._batch(
-                index[part], following[part], program[part], reward[part], discounts[part]
+                index[part], following[part], program[part], reward[part], discount[part]
             )
 
     def snapshot(self, version: int | None = None) -> PolicySnapshot:
@@ -165,7 +164,7 @@ class Learner:
         total = self.counters.frames_due * self.config.updates_per_frame
         return math.floor(total + 1e-9) - self.counters.updates
 
-    def _programs(self, index: Int64, following: Int64, scale: float) -> tuple[Int32, Float32]:
+    def _programs(self, index: Int64, following: Int64) -> tuple[Int32, Float32]:
         """Programs [B, K] and their rewards [B, K], as the learner scales them, for rows [B]."""
         arrays, config = self.replay.arrays, self.config
         program, reward = arrays["program"][index], arrays["reward"][index]
@@ -175,12 +174,12 @@ class Learner:
             marks = arrays["satisfied"][following], arrays["present"][index]
             k, keep = config.programs_per_transition, config.relabel_keeps_original
             program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
-        scaled = (reward + np.float32(config.reward_shift)) * np.float32(scale)
-        return np.ascontiguousarray(program), np.ascontiguousarray(scaled)
+        shift, scale = map(np.float32, (config.reward_shift, config.reward_scale))
+        return np.ascontiguousarray(program), np.ascontiguousarray((reward + shift) * scale)
 
-    def _discounts(self, index: Int64, discount: float) -> Float32:
+    def _discount(self, index: Int64) -> Float32:
         terminal = self.replay.arrays["terminal"][index]
-        return np.where(terminal, 0.0, discount).astype(np.float32)
+        return np.where(terminal, 0.0, self.config.discount).astype(np.float32)
 
     def _batch(
         self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32
