@@ -22,6 +22,7 @@ from pa_ros.evaluation.experiments import (
 )
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.loop import train
+from pa_ros.learning.protocols import usual_protocol
 
 
 def rows(*scores: float, column: str = "eval_greedy.normalized"):
@@ -62,6 +63,9 @@ def test_labels_say_what_is_unusual():
     paper = under_protocol(replace(usual, preset="paper", tag="k4"), "paper")
     assert paper.label == "programmable-2L.paper-protocol.paper-arm.k4"
     assert (paper.frames, under_protocol(usual, "ours")) == (2_000_000, usual)
+    slow = replace(usual, preset="paper")
+    assert under_protocol(slow, usual_protocol("paper")).label == "programmable-2L.paper-arm"
+    assert slow.label == "programmable-2L.ours-protocol.paper-arm"
     assert under_protocol(experiment_named("forgetting"), "paper").switch_frames == 2_500_000
 
 

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="(%(default)s)")
     parser.add_argument("--first-seed", type=int, default=0, metavar="S", help="(%(default)s)")
     parser.add_argument("--frames", type=int, help="of each seed (default: the experiment's)")
-    parser.add_argument("--protocol", default="ours", help="ours or paper (%(default)s)")
+    parser.add_argument("--protocol", help="(ours, ours-slow for preset paper)")
     parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
@@ -93,8 +93,10 @@ def _compare(results: Path) -> int:
 
 def _experiment(options: argparse.Namespace) -> Experiment:
     from pa_ros.evaluation.experiments import experiment_named, under_protocol
+    from pa_ros.learning.protocols import usual_protocol
 
-    experiment = under_protocol(experiment_named(options.name), options.protocol)
+    protocol = options.protocol or usual_protocol(options.preset)
+    experiment = under_protocol(experiment_named(options.name), protocol)
     experiment = replace(
         experiment,
         preset=options.preset,

@@ -15,7 +15,7 @@ from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.evaluation.training import TrainingScores, training_programs
 from pa_ros.learning.loop import TrainConfig, train
-from pa_ros.learning.protocols import PROTOCOLS, protocol_named
+from pa_ros.learning.protocols import PROTOCOLS, protocol_named, usual_protocol
 from pa_ros.networks.config import KINDS
 
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
@@ -25,7 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
     parser.add_argument("--design", default="2-L", help=f"{', '.join(DESIGNS)} (%(default)s)")
     parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
-    parser.add_argument("--protocol", default="ours", help=f"{sorted(PROTOCOLS)} (%(default)s)")
+    parser.add_argument(
+        "--protocol", help=f"{sorted(PROTOCOLS)} (ours, ours-slow for preset paper)"
+    )
     parser.add_argument("--network", default="programmable", help=f"{KINDS} (%(default)s)")
     parser.add_argument("--seed", type=int, help="(0; with --from-bag, the recorded one)")
     parser.add_argument("--frames", type=int, default=100_000, help="(%(default)s)")
@@ -51,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Train to `--frames`; rows are logged as they are written to OUT/progress.csv."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
+    options.protocol = options.protocol or usual_protocol(options.preset)
     if options.from_bag:
         return from_bag.run(options)
     seed = options.seed or 0

@@ -21,7 +21,7 @@ from pa_ros.evaluation.tables import read_rows, write_rows
 from pa_ros.evaluation.training import TrainingScores, training_programs
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.loop import TrainConfig, train
-from pa_ros.learning.protocols import Protocol, protocol_named
+from pa_ros.learning.protocols import Protocol, protocol_named, usual_protocol
 
 SOLVED = 0.9  # held-out normalized score
 FINAL_EPISODES = 100
@@ -47,7 +47,7 @@ class Experiment:
     def label(self) -> str:
         """Name of its tables: the protocol, preset and tag are said where they are not usual."""
         parts = [self.name]
-        if self.protocol != "ours":
+        if self.protocol != usual_protocol(self.preset):
             parts.append(f"{self.protocol}-protocol")
         if self.preset != "fast":
             parts.append(f"{self.preset}-arm")

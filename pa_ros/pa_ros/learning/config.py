@@ -121,10 +121,14 @@ def _check_integers(config: LearnerConfig) -> None:
 
 
 def _check_numbers(config: LearnerConfig) -> None:
-    positive = ["action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"]
-    positive += ["detector_gain", "near_threshold", "noise_dt", "reward_scale"]
-    others = ["action_l2", "detector_decay", "updates_per_frame", "noise_sigma", "noise_damping"]
-    others += ["reward_shift"]
+    positive = (
+        *("action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"),
+        *("detector_gain", "near_threshold", "noise_dt", "reward_scale"),
+    )
+    others = (
+        *("action_l2", "detector_decay", "updates_per_frame"),
+        *("noise_sigma", "noise_damping", "reward_shift"),
+    )
     for name in (*positive, *others):
         value = getattr(config, name)
         if not (isinstance(value, (int, float)) and math.isfinite(value)):
