@@ -14,7 +14,7 @@ class LearnerNodeConfig:
     """One learner on the graph; what it learns about comes with arena_info."""
 
     seed: int = 0
-    protocol: str = "ours"
+    protocol: str = "ours"  # "ours-slow" for the preset `paper`
     options: tuple[str, ...] = ()  # "learner.NAME=VALUE" and "network.NAME=VALUE"
     network: str = "programmable"
     out: str = ""  # folder of the checkpoint; empty: none is written

@@ -158,3 +158,10 @@ def test_success_is_the_held_out_program_and_five_of_six(satisfied, reached, suc
 def test_options_that_cannot_be_are_refused(values, reason, tmp_path):
     with pytest.raises(ConfigError, match=reason):
         DemoConfig(DESIGN, ARENA, *values, tmp_path)
+
+
+@pytest.mark.parametrize(("preset", "protocol"), [("fast", "ours"), ("paper", "ours-slow")])
+def test_the_nodes_learn_as_is_usual_for_the_arm(preset, protocol, tmp_path):
+    training = DemoConfig(DESIGN, preset_named(preset), 0, 1.0, tmp_path).training()
+    assert training["sim_node"]["preset"] == preset
+    assert {training[name]["protocol"] for name in ("agent_node", "learner_node")} == {protocol}

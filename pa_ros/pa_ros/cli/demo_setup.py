@@ -9,6 +9,7 @@ from typing import Any
 from pa_ros.arena import ArenaConfig, Design, design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.demo_report import FEWER, FULL
+from pa_ros.learning.protocols import usual_protocol
 from pa_ros.ros.launch_params import Parameters, load_parameters, merged, packaged
 
 
@@ -44,12 +45,16 @@ class DemoConfig:
 
     def training(self) -> Parameters:
         """Parameters of the three nodes that learn."""
-        seed = self.seed
+        seed, protocol = self.seed, usual_protocol(self.arena.preset)
         arena = {"design": self.design.name, "preset": self.arena.preset, "seed": seed}
         changes: dict[str, dict[str, Any]] = {
             "sim_node": arena,
-            "agent_node": {"seed": seed},
-            "learner_node": {"seed": seed, "out": str(self.folder.resolve())},
+            "agent_node": {"seed": seed, "protocol": protocol},
+            "learner_node": {
+                "seed": seed,
+                "protocol": protocol,
+                "out": str(self.folder.resolve()),
+            },
         }
         return merged(load_parameters(packaged("train_2l")), changes)
 
