@@ -12,10 +12,10 @@ from pa_ros.language import parse
 from pa_ros.learning.backend import Batch, make_backend
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.dpg import TorchBackend
-from pa_ros.networks.canonical import slot_matrices, target_one_hots
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
 from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.slots import slot_matrices, target_one_hots
 
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, OR(RED, BLUE))")
 CLIP = 0.02  # small, so that some of ∂Q/∂a is clipped and some is not

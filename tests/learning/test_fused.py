@@ -29,7 +29,8 @@ from pa_ros.networks.parameters import (
     initial_critic,
     truth_matrix,
 )
-from pa_ros.networks.programs import ProgramTable, relevant_objects
+from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.relevance import program_tensors, relevant_objects
 
 PROGRAMS = (
     "NEAR(HAND, RED)",
@@ -123,7 +124,7 @@ class Reference:
         self.made = made
         self.actor, self.critic = _doubles(made.actor), _doubles(made.critic)
         self.target_actor, self.target_critic = _doubles(made.actor), _doubles(made.critic)
-        self.codes = made.table.tensors()
+        self.codes = program_tensors(made.table)
         self.truth = torch.tensor(truth_matrix(made.network.vocabulary), dtype=torch.float64)
         rates = ((self.actor, made.config.actor_rate), (self.critic, made.config.critic_rate))
         gain, self.updates = made.config.detector_gain, 0

@@ -14,10 +14,11 @@ from pa_ros.learning.backend import Batch, make_backend
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.dpg import TorchBackend
 from pa_ros.learning.fused import FusedActor, FusedBackend
-from pa_ros.networks.canonical import CanonicalActor, UnsupportedProgramError, target_one_hots
+from pa_ros.networks.canonical import CanonicalActor
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
 from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A"))
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")

@@ -12,8 +12,8 @@ from pa_ros.learning.backend import Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import NonFiniteError, PolicyError
 from pa_ros.learning.learner import Learner
-from pa_ros.networks.canonical import UnsupportedProgramError
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.slots import UnsupportedProgramError
 
 NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
 

@@ -8,12 +8,7 @@ import torch
 
 from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.language import Vocabulary, parse
-from pa_ros.networks.canonical import (
-    CanonicalActor,
-    CanonicalCritic,
-    UnsupportedProgramError,
-    target_one_hots,
-)
+from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.inference import make_inference
 from pa_ros.networks.parameters import (
@@ -24,6 +19,7 @@ from pa_ros.networks.parameters import (
     initial_critic,
     slot_words,
 )
+from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "BLUE"))
 CONFIG = NetworkConfig(WORDS, "canonical", canonical_hidden=9)

@@ -20,6 +20,7 @@ from pa_ros.networks.parameters import (
 )
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.relevance import program_tensors
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
 TEXTS = (
@@ -70,7 +71,7 @@ def programs(rows: np.ndarray) -> Programs:
     table = ProgramTable(WORDS)
     for text in TEXTS:
         table.add(parse(text, WORDS))
-    return Programs(*(tensor[torch.from_numpy(rows)] for tensor in table.tensors()))
+    return Programs(*(tensor[torch.from_numpy(rows)] for tensor in program_tensors(table)))
 
 
 def scenes(objects, arm, rows, hand_index: int, self_weight: float):

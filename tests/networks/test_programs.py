@@ -23,7 +23,8 @@ from pa_ros.language import (
     satisfying,
 )
 from pa_ros.language.flat import COPY
-from pa_ros.networks.programs import ProgramTable, crisp, relevant_objects
+from pa_ros.networks.programs import ProgramTable, crisp
+from pa_ros.networks.relevance import program_tensors, relevant_objects
 
 torch.set_num_threads(1)
 
@@ -60,7 +61,7 @@ def test_a_batch_of_different_programs_equals_each_alone(
 ) -> None:
     hand = data.draw(st.integers(0, objects - 1))
     table, rows = table_of(members)
-    op, a, b = (x[rows] for x in table.tensors())
+    op, a, b = (x[rows] for x in program_tensors(table))
     phi = random_phi(seed, len(members), objects=objects)
     p = relevant_objects(phi, hand, op, a, b)
     assert p.shape == (len(members), objects)
@@ -76,7 +77,7 @@ def test_several_programs_for_each_phi_equal_one_at_a_time(
 ) -> None:
     table, rows = table_of(members)
     batch = torch.tensor([rows, rows[::-1], rows])  # [B, K]
-    op, a, b = (x[batch] for x in table.tensors())
+    op, a, b = (x[batch] for x in program_tensors(table))
     phi = random_phi(seed, 3, objects=5)
     p = relevant_objects(phi, 0, op, a, b)
     assert p.shape == (3, len(rows), 5)
@@ -107,7 +108,7 @@ def test_crisp_equals_the_verifiers_answer(members: list[Program], seed: int, ha
 def test_crisp_equals_soft_on_zeros_and_ones(members: list[Program], seed: int) -> None:
     table, _ = table_of(members)
     phi = random_phi(seed, objects=5).round()
-    p = relevant_objects(phi.expand(len(table), -1, -1), 0, *table.tensors())
+    p = relevant_objects(phi.expand(len(table), -1, -1), 0, *program_tensors(table))
     named = torch.from_numpy(crisp(table.arrays(), phi.numpy(), 0))
     assert torch.equal(p[:, 1:], named[:, 1:].float())
     assert bool((p[:, 0] == 1).all()) and not named[:, 0].any()
@@ -120,7 +121,7 @@ def test_gradients_agree_with_finite_differences() -> None:
             for target in ("RED", "AND(RED, CUBE)", "OR(AND(NOT(RED), CUBE, CUBE), NOT(NOT(A)))")
         ]
     )
-    op, a, b = (x.unsqueeze(0).expand(2, -1, -1) for x in table.tensors())
+    op, a, b = (x.unsqueeze(0).expand(2, -1, -1) for x in program_tensors(table))
     phi = random_phi(3, 2, objects=3).double().requires_grad_()
     assert torch.autograd.gradcheck(lambda x: relevant_objects(x, 0, op, a, b), (phi,))
 
@@ -129,7 +130,7 @@ def test_every_word_of_a_program_gets_a_gradient_and_no_other_does() -> None:
     """The paper chose these operations because each has derivatives to all arguments."""
     table, _ = table_of([parse("NEAR(HAND, OR(AND(NOT(RED), CUBE), A))", VOCABULARY)])
     phi = random_phi(5, 1, objects=4).requires_grad_()
-    total = relevant_objects(phi, 0, *table.tensors()).sum()
+    total = relevant_objects(phi, 0, *program_tensors(table)).sum()
     (gradient,) = torch.autograd.grad(total, phi)
     named = [word in ("RED", "CUBE", "A") for word in VOCABULARY.words]
     blocks = gradient[0, :, 1:]
@@ -141,8 +142,8 @@ def test_acting_first_without_gradients_leaves_learning_possible() -> None:
     table, _ = table_of([parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)])
     phi = random_phi(7, 1, objects=3)
     with torch.inference_mode():
-        acting = relevant_objects(phi, 0, *table.tensors()).clone()
-    learning = relevant_objects(phi.requires_grad_(), 0, *table.tensors())
+        acting = relevant_objects(phi, 0, *program_tensors(table)).clone()
+    learning = relevant_objects(phi.requires_grad_(), 0, *program_tensors(table))
     assert torch.autograd.grad(learning.sum(), phi)[0].abs().sum() > 0
     assert torch.equal(acting, learning.detach())
 
@@ -150,7 +151,7 @@ def test_acting_first_without_gradients_leaves_learning_possible() -> None:
 def test_everything_is_computed_on_the_device_of_phi() -> None:
     """The meta device refuses to mix with another, as a GPU does, and is everywhere."""
     table, _ = table_of([parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)])
-    op, a, b = table.tensors("meta")
+    op, a, b = program_tensors(table, "meta")
     p = relevant_objects(torch.rand(1, WORDS, 5, device="meta"), 0, op, a, b)
     assert p.device.type == "meta" and p.shape == (1, 5)
 
@@ -184,6 +185,6 @@ def test_refusals() -> None:
     assert len(table) == 0
     table.add(parse("NEAR(HAND, RED)", VOCABULARY))
     with pytest.raises(ConfigError, match="one of 5 objects, got 5"):
-        relevant_objects(torch.rand(1, WORDS, 5), 5, *table.tensors())
+        relevant_objects(torch.rand(1, WORDS, 5), 5, *program_tensors(table))
     with pytest.raises(ConfigError, match="one of 5 objects, got -1"):
         crisp(table.arrays(), np.zeros((WORDS, 5)), -1)

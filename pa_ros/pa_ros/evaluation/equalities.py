@@ -22,7 +22,8 @@ from pa_ros.evaluation.benchmark import EPISODES_SEED
 from pa_ros.language import And, Expression, Not, Or, Program, Word, parse
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import ProgrammableInference
-from pa_ros.networks.programs import ProgramTable, relevant_objects
+from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.relevance import program_tensors, relevant_objects
 
 CONDITIONS = ("eval", "depth-3")
 """Of the scenes and of the programs that the laws are applied to."""
@@ -158,7 +159,7 @@ class _Comparison:
         for text in programs:
             table.add(parse(text, self._vocabulary))
         phi = np.stack([self._inference.properties(o.objects, o.arm) for o in seen])  # [T, V, N]
-        codes = (code.expand(len(seen), *code.shape) for code in table.tensors())
+        codes = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
         p = relevant_objects(torch.from_numpy(phi), seen[0].hand_index, *codes)
         return np.asarray(p.numpy())
 

@@ -18,7 +18,7 @@ from pa_ros.language import parse
 from pa_ros.learning.backend import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.device_steps import DeviceSteps
-from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic, target_one_hots
+from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
     Shapes,
@@ -30,6 +30,8 @@ from pa_ros.networks.parameters import (
 )
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.relevance import program_tensors
+from pa_ros.networks.slots import target_one_hots
 
 Arrays = dict[str, NDArray[np.generic]]
 
@@ -265,7 +267,9 @@ class _Goals:
     def refresh(self) -> None:
         """Bring rows that joined the table to the device."""
         if self.size != len(self._table):
-            self._rows = self._one_hots() if self._canonical else self._table.tensors(self._device)
+            self._rows = (
+                self._one_hots() if self._canonical else program_tensors(self._table, self._device)
+            )
             self.size = len(self._table)
 
     def of(self, program: Tensor) -> Programs | Tensor:

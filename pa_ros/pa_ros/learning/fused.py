@@ -23,7 +23,6 @@ from pa_ros.learning.backend import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.fused_library import FusedError
 from pa_ros.learning.fused_tensors import FlatNetwork, describe
-from pa_ros.networks.canonical import target_one_hots
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
     Shapes,
@@ -34,6 +33,7 @@ from pa_ros.networks.parameters import (
     critic_shapes,
 )
 from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.slots import target_one_hots
 
 Arrays = dict[str, NDArray[np.generic]]
 Int32 = NDArray[np.int32]

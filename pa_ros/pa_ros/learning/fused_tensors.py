@@ -7,9 +7,9 @@ import numpy as np
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
 from pa_ros.learning import fused_library
 from pa_ros.learning.fused_library import Layout
-from pa_ros.networks.canonical import slot_matrices
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors, truth_matrix
+from pa_ros.networks.slots import slot_matrices
 
 _LINE = 16  # floats in a cache line, to which the library aligns rows
 

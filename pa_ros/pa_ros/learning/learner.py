@@ -17,9 +17,9 @@ from pa_ros.learning.errors import PolicyError
 from pa_ros.learning.relabel import Int32, Relabeler
 from pa_ros.learning.replay import InsertReport, Int64, Replay
 from pa_ros.learning.schedule import Schedule
-from pa_ros.networks.canonical import target_one_hots
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.slots import target_one_hots
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
 

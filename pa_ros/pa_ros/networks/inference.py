@@ -9,7 +9,6 @@ import numpy as np
 from pa_ros.core.experience import OBJECT_FEATURES, Float32
 from pa_ros.language import Program, compile_program
 from pa_ros.language.flat import AND, COPY, NOT, FlatProgram
-from pa_ros.networks.canonical import slot_matrices, target_one_hots
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
     COLUMN_FEATURES,
@@ -19,6 +18,7 @@ from pa_ros.networks.parameters import (
     check_tensors,
     truth_matrix,
 )
+from pa_ros.networks.slots import slot_matrices, target_one_hots
 
 
 class Inference(Protocol):

@@ -17,7 +17,7 @@ from torch.nn import functional as F
 from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING, PROPERTIES, truth_matrix
-from pa_ros.networks.programs import relevant_objects
+from pa_ros.networks.relevance import relevant_objects
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,54 @@
+"""Batches of many different programs over soft Φ, evaluated in one vectorized pass of torch."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import torch
+from torch import Tensor
+
+from pa_ros.language.evaluate import check_hand
+from pa_ros.networks.programs import COEFFICIENTS, ProgramTable
+
+
+def program_tensors(
+    table: ProgramTable, device: torch.device | str = "cpu"
+) -> tuple[Tensor, Tensor, Tensor]:
+    """`op`, `a`, `b` of a table as new int64 tensors, each [P, L]; rows index a batch."""
+    op, a, b = (torch.tensor(x, dtype=torch.int64, device=device) for x in table.arrays())
+    return op, a, b
+
+
+def relevant_objects(phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Tensor) -> Tensor:
+    """Relevant objects vector p = OR(HAND, e) of each program (paper, eq. logic), differentiable.
+
+    `phi` is [B, V, N] in [0, 1]; `op`, `a`, `b` are flat programs, integers [B, L] for p [B, N] or
+    [B, K, L] for p [B, K, N], K programs for each Φ. Any number of leading dimensions will do, as
+    long as those of `phi` are the first of the programs'. p of the hand is 1, to rounding. All on
+    one device; no loop over samples, one step for each of the L instructions.
+    Raises ConfigError if `hand_index` is not one of the N objects.
+    """
+    lead, length = op.shape[:-1], op.shape[-1]
+    words, objects = phi.shape[-2:]
+    check_hand(hand_index, objects)
+    phi = phi.reshape(*phi.shape[:-2], *[1] * (len(lead) - phi.dim() + 2), words, objects)
+    hand = (torch.arange(objects, device=phi.device) == hand_index).to(phi)
+    registers = torch.cat(  # [B, K, V + 1, N], a row more after each instruction
+        (phi.expand(*lead, words, objects), hand.expand(*lead, 1, objects)), dim=-2
+    )
+    sources = torch.stack((a, b), dim=-1).long().unsqueeze(-1)
+    sources = sources.expand(*lead, length, 2, objects)  # [B, K, L, (a, b), N]
+    coefficients = _coefficients(phi.device, phi.dtype)[op.long()].unsqueeze(-1)  # [B, K, L, 4, 1]
+    for k in range(length):
+        x, y = registers.gather(-2, sources[..., k, :, :]).unbind(-2)  # [B, K, N] each
+        c0, c1, c2, c3 = coefficients[..., k, :, :].unbind(-2)  # [B, K, 1] each
+        written = (c0 + c1 * x + c2 * y + c3 * (x * y)).unsqueeze(-2)  # [B, K, 1, N]
+        registers = torch.cat((registers, written), dim=-2)
+    return registers[..., -1, :]
+
+
+@lru_cache
+def _coefficients(device: torch.device, dtype: torch.dtype) -> Tensor:
+    """Copied to a device once: a copy would hold up whoever queues work on it."""
+    with torch.inference_mode(False):
+        return torch.tensor(COEFFICIENTS, dtype=dtype, device=device)
