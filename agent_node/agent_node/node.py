@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from agent_node.config import AgentConfig
 from agent_node.drivers import Driver, GreedyDriver, LearningDriver, Step
-from agent_node.programs import ProgramBook, vocabulary_of
+from agent_node.programs import HeardByOthers, ProgramBook, vocabulary_of
 from agent_node.steps import StepMatcher
 from pa_ros.bags.origins import origin
 from pa_ros.core.experience import PolicySnapshot
@@ -43,6 +43,8 @@ class AgentNode(Node):
         self._arena: ArenaDescription | None = None
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
+        self._elsewhere = HeardByOthers()
+        self._recalled: tuple[str, str] | None = None  # id and text of the newest taken from there
         self._policy: PublishedPolicy | None = None  # the newest accepted
         self._unread: dict[str, Any] | None = None  # newest step whose program is not known yet
         self._handled = -1  # stamp of the newest step taken in
@@ -86,6 +88,7 @@ class AgentNode(Node):
             (topics.ARENA_INFO, self._on_arena),
             (topics.OBJECT_FEATURES, lambda m: self._on_part("features", m)),
             (topics.JOINT_STATES, lambda m: self._on_part("joints", m)),
+            (topics.PROGRAM_STATUS, self._on_judgement),
         ]
         if self.config.learning:
             callbacks.append((topics.VERDICT, lambda m: self._on_part("verdict", m)))
@@ -133,6 +136,8 @@ class AgentNode(Node):
         program = self._book.text_of(observation.program_id)
         if program is None or not self.driver.ready:
             self._unread = parts
+            if program is None:
+                self._recall(observation.program_id)
             return
         self._unread = None
         verdict = codec.decode_verdict(parts["verdict"]) if "verdict" in parts else None
@@ -193,9 +198,26 @@ class AgentNode(Node):
             return
         name, stamp_ns = self.get_fully_qualified_name(), max(self._handled, 0)
         judgement = judge(request, name, stamp_ns, self._book.accept, self.refusals)
+        if (judgement.program_id, judgement.canonical) == self._recalled:
+            return  # it was on its way all the same
         self._status_out.publish(codec.encode_program_status(judgement))
         if judgement.accepted:
             self._retry()
+
+    def _on_judgement(self, message: Any) -> None:
+        judgement = codec.decode_program_status(message)
+        if judgement.node == self.get_fully_qualified_name():
+            return
+        self._elsewhere.note(judgement)
+        if self._unread is not None:
+            self._retry()
+
+    def _recall(self, program_id: str) -> None:
+        """A program whose sender has gone: what the arena called it when it accepted it."""
+        request = self._elsewhere.take(program_id)
+        if request is not None:
+            self._on_program(request)
+            self._recalled = (request.program_id, request.text)
 
     def _on_policy(self, message: Any) -> None:
         known = self._policy.snapshot if self._policy else None

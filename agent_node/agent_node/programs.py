@@ -6,7 +6,7 @@ from collections import OrderedDict
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary, parse
-from pa_ros.wire.records import ArenaDescription, ProgramRequest
+from pa_ros.wire.records import ArenaDescription, ProgramJudgement, ProgramRequest
 
 REMEMBERED = 256
 
@@ -21,15 +21,36 @@ class ProgramBook:
     def accept(self, request: ProgramRequest) -> str:
         """Remember a program; its canonical text. Raises ProgramError if it isn't one."""
         text = str(parse(request.text, self.vocabulary))
-        self._texts[request.program_id] = text
-        self._texts.move_to_end(request.program_id)
-        while len(self._texts) > REMEMBERED:
-            self._texts.popitem(last=False)
+        _remember(self._texts, request.program_id, text)
         return text
 
     def text_of(self, program_id: str) -> str | None:
         """The text that an id stands for; None if it has not been heard of, or is empty."""
         return self._texts.get(program_id)
+
+
+class HeardByOthers:
+    """Programs that other nodes accepted, the newest REMEMBERED: their senders may be gone."""
+
+    def __init__(self) -> None:
+        self._texts: OrderedDict[str, str] = OrderedDict()
+
+    def note(self, judgement: ProgramJudgement) -> None:
+        """Remember a judgement's program if it was accepted."""
+        if judgement.accepted:
+            _remember(self._texts, judgement.program_id, judgement.canonical)
+
+    def take(self, program_id: str) -> ProgramRequest | None:
+        """The program of an id, once; None if nobody is known to have heard it."""
+        text = self._texts.pop(program_id, None)
+        return None if text is None else ProgramRequest(program_id, text)
+
+
+def _remember(texts: OrderedDict[str, str], program_id: str, text: str) -> None:
+    texts[program_id] = text
+    texts.move_to_end(program_id)
+    while len(texts) > REMEMBERED:
+        texts.popitem(last=False)
 
 
 def vocabulary_of(arena: ArenaDescription) -> Vocabulary:

@@ -34,6 +34,7 @@ class SimConfig:
     first_episode: int = 0  # number of the first training episode; a resumed run goes on
     eval_every_episodes: int = 0  # greedy episode after every so many training episodes; 0: none
     eval_condition: str = "eval"  # that those are drawn from
+    paused: bool = False  # from the start, until the service `pause` lets it go
     real_time_factor: float = 1.0
     command_timeout_s: float = 0.3  # of simulation time; then the arm holds (real time)
     resend_period_s: float = 1.0  # an observation left unanswered is sent again (lockstep)

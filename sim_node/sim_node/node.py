@@ -36,7 +36,7 @@ class SimNode(Node):
         self.session = Session(self.config, arena_id=uuid.uuid4().hex[:8])
         self.watchdog = Watchdog(self.session, self.config.command_timeout_s)
         self.refusals = Refusals(self.get_logger().warning)
-        self.paused = False
+        self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
         self._announced: ProgramRequest | None = None
         self._sent_at = -math.inf
@@ -50,7 +50,8 @@ class SimNode(Node):
         self.session.begin()  # sent as soon as someone listens
         period = self.session.arena.control_period_s / self.config.real_time_factor
         if self._real_time:
-            self._send(self.session.frame)
+            if not self.paused:
+                self._send(self.session.frame)
             self._ticker = steady_timer(self, period, self._tick)
         else:
             steady_timer(self, self.config.resend_period_s / 4, self._send_again)
@@ -188,6 +189,8 @@ class SimNode(Node):
 
     def _pause(self, message: Any) -> Outcome:
         self.paused = codec.decode_pause(message)
+        if not self.paused and self._real_time and self._sent_at == -math.inf:
+            self._send(self.session.frame)
         return self._outcome(True)
 
     def _speed(self, message: Any) -> Outcome:

@@ -12,7 +12,7 @@ from pa_ros.ros.graph import refuse_occupied, signals_noted, start_nodes, watch
 from pa_ros.ros.launch_params import chosen, load_parameters, packaged_names
 from pa_ros.ros.launcher import ChildError, Supervisor
 from pa_ros.ros.monitor import Display, GraphFigures, watch_diagnostics
-from pa_ros.ros.record import RECORDER, start_recorder
+from pa_ros.ros.record import RECORDER, start_recorded, start_recorder
 
 DEFAULT = "execute_3d"
 EXIT_FAILED = 1
@@ -44,9 +44,11 @@ def run(options: argparse.Namespace) -> int:
         watch_diagnostics(node, figures)
         with Supervisor(folder / "log") as supervisor:
             try:
-                if options.record is not None:
+                if options.record is None:
+                    start_nodes(supervisor, parameters, folder, options.namespace)
+                else:
                     start_recorder(supervisor, node, options.record, options.namespace)
-                start_nodes(supervisor, parameters, folder, options.namespace)
+                    start_recorded(supervisor, node, parameters, folder)
                 print(f"started {', '.join(supervisor.names)}; logs in {folder / 'log'}")
                 with Display("Graph (Ctrl-C stops it)", figures.rows, figures.line) as display:
                     watch(node, supervisor, display.refresh, interrupted)

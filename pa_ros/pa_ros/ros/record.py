@@ -31,8 +31,10 @@ from pa_ros.bags.provenance import LOST, as_custom_data
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
+from pa_ros.ros.arena_client import ArenaClient
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.graph import DISCOVERY_S, watch
+from pa_ros.ros.graph import DISCOVERY_S, start_nodes, watch
+from pa_ros.ros.launch_params import Parameters, merged
 from pa_ros.ros.launcher import Supervisor
 from pa_ros.ros.topics import Topic
 from pa_ros.wire import codec
@@ -305,3 +307,28 @@ def start_recorder(supervisor: Supervisor, node: Node, folder: Path, namespace: 
     node.destroy_publisher(probe)
     if not ready:
         raise BagError(f"record: expected the recorder to listen within {READY_S:g} s")
+
+
+def start_recorded(
+    supervisor: Supervisor, node: Node, parameters: Parameters, folder: Path
+) -> None:
+    """Start nodes, in the namespace of `node`, so that a recorder hears them from the first step.
+
+    Their arena stands still until everyone has found everyone, since what is sent to some is lost
+    to the others. Raises ChildError, or BagError if they are not all there in READY_S.
+    """
+    arena = parameters.get("sim_node")
+    held = arena is not None and not arena.get("paused", False)
+    changes = {"sim_node": {"paused": True}} if held else {}
+    namespace = node.get_namespace()
+    start_nodes(supervisor, merged(parameters, changes), folder, namespace)
+
+    def gathered() -> bool:
+        seen = node.get_node_names_and_namespaces()
+        return set(parameters) <= {name for name, where in seen if where == namespace}
+
+    if not watch(node, supervisor, lambda: None, gathered, READY_S):
+        raise BagError(f"record: expected {', '.join(parameters)} within {READY_S:g} s")
+    if held:
+        watch(node, supervisor, lambda: None, lambda: False, DISCOVERY_S)
+        ArenaClient(node).pause(False, READY_S)

@@ -1,0 +1,57 @@
+"""Nodes that start late: programs sent before an agent was there, an arena that waits."""
+
+from __future__ import annotations
+
+import pytest
+from graph import graph
+
+from agent_node.node import AgentNode
+from pa_ros.ros import topics
+from pa_ros.wire import codec
+from pa_ros.wire.records import ProgramRequest
+from sim_node.node import SimNode
+
+
+def test_the_first_steps_own_program_is_announced_though_a_users_replaces_it() -> None:
+    """Else the agent waits for it for ever, and a lockstep arena for the agent."""
+    with graph(SimNode, agent_node__weights="random") as probe:
+        text = (
+            "NEAR(HAND, OR(AND(RED, CUBE), AND(RED, SPHERE), AND(BLUE, CUBE), AND(BLUE, SPHERE)))"
+        )
+        request = ProgramRequest("user/1", text)
+        speaker = probe.speaker(topics.PROGRAM)
+        speaker.publish(codec.encode_program(request))
+        assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) > 0)
+        assert codec.decode_program_status(probe.last(topics.PROGRAM_STATUS)).accepted
+        probe.nodes.append(AgentNode())
+        assert probe.reaches(5)
+        assert probe.last(topics.OBJECT_FEATURES).program_id == "user/1"
+
+
+def test_a_program_outlives_its_sender() -> None:
+    """Published as `ros2 topic pub` does, for those who are there; then an agent comes."""
+    with graph(SimNode, agent_node__weights="random", sim_node__program_source="topic") as probe:
+        name, plain = topics.PROGRAM.name, topics.PROGRAM_LIVE.reader
+        sender = probe.create_publisher(topics.PROGRAM.type, name, plain)
+        assert probe.until(lambda: sender.get_subscription_count() >= 1)
+        request = ProgramRequest("user/1", "NEAR(HAND, OR(OR(RED, BLUE), CUBE))")
+        sender.publish(codec.encode_program(request))
+        assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) > 0)
+        probe.nodes.append(AgentNode())
+        assert probe.reaches(5)
+        assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 2)
+        assert codec.decode_program_status(probe.last(topics.PROGRAM_STATUS)).node == "/agent_node"
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "real_time"])
+def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go(mode) -> None:
+    with graph(
+        SimNode, AgentNode, agent_node__weights="random", sim_node__mode=mode, sim_node__paused=True
+    ) as probe:
+        assert probe.until(lambda: probe.message("sim_node") != "")
+        assert probe.until(lambda: probe.value("agent_node", "refused") != "")
+        assert probe.count(topics.ARENA_INFO) == 1 and probe.count(topics.OBJECT_FEATURES) == 0
+        assert probe.call(topics.PAUSE, codec.encode_pause(False)).success
+        assert probe.reaches(3)
+        assert [m.step for m in probe.heard["object_features"][:3]] == [0, 1, 2]
+        assert probe.value("sim_node", "refused") == "0"
