@@ -70,7 +70,7 @@ EXPERIMENTS = {
     experiment.name: experiment
     for experiment in (
         Experiment("programmable-2L", "2-L", 30_000),
-        Experiment("programmable-3D", "3-D", 40_000),
+        Experiment("programmable-3D", "3-D", 100_000),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),

@@ -41,7 +41,7 @@ def learning_figure(table: Path) -> Path:
         turnover = switch + setting["learner"]["replay_frames"]
         for x, text in ((switch, "programs switched"), (turnover, "replay turned over")):
             axes.axvline(x, color="#586e75", linestyle="--", linewidth=1)
-            axes.text(x, 0.02, f" {text}", fontsize=8, rotation=90, va="bottom", ha="right",
+            axes.text(x, 0.2, f" {text}", fontsize=8, rotation=90, va="bottom", ha="right",
                       transform=axes.get_xaxis_transform())  # fmt: skip
     axes.set(
         xlabel="frames (control steps)",
