@@ -99,9 +99,14 @@ def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_pat
     assert float(written[1]["frames"]) == 600
     setting = json.loads(table.with_suffix(".json").read_text())
     assert setting["seeds"] == [0, 3] and setting["learner"]["relabel"] == "all-goals"
-    report = headline(tmp_path / "tables")
-    assert report == {
+    slow = replace(SMALL, preset="paper", protocol=usual_protocol("paper"))
+    write_table(tmp_path / "tables", slow, {3: first}, [summarize(3, rows(0.95))])
+    other = replace(slow, protocol="ours")
+    write_table(tmp_path / "tables", other, {4: first}, [summarize(4, first)])
+    assert headline(tmp_path / "tables") == {
         "frames_to_solve.2-L.median": "inf", "solved.2-L": 0, "seeds.2-L": 2,
+        "frames_to_solve.2-L.paper-arm.median": 1000.0,
+        "solved.2-L.paper-arm": 1, "seeds.2-L.paper-arm": 1,
     }  # fmt: skip
 
 

@@ -283,7 +283,8 @@ def headline(folder: Path) -> Report:
     report: dict[str, float | int | str] = {}
     for name, design in (("programmable-2L", "2-L"), ("programmable-3D", "3-D")):
         for preset, suffix in (("fast", ""), ("paper", ".paper-arm")):
-            label = replace(EXPERIMENTS[name], preset=preset).label
+            usual = replace(EXPERIMENTS[name], preset=preset, protocol=usual_protocol(preset))
+            label = usual.label
             path = seeds_table(folder / f"{label}.csv")
             if not path.exists():
                 continue
