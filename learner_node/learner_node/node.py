@@ -114,6 +114,7 @@ class LearnerNode(Node):
         elapsed = max(now - since, 1e-9)
         values = {
             "run_id": worker.run_id,
+            "backend": worker.backend,
             "backlog": str(worker.backlog),
             "rejected_stretches": str(worker.rejected),
             "frames_per_s": f"{(metrics['frames'] - frames) / elapsed:.1f}",

@@ -58,6 +58,11 @@ class LearnerWorker:
         """Stretches that wait; with the synchronous protocol at most policy_lag + 1 per agent."""
         return self._stretches.qsize()
 
+    @property
+    def backend(self) -> str:
+        """What makes the updates: "fused" or "torch"."""
+        return self._learner.backend.name
+
     def origin(self, node: str) -> Origin:
         """The learner's account of itself; ask before `start`."""
         return learner_origin(

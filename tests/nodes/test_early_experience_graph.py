@@ -31,3 +31,11 @@ def test_it_is_kept_in_order_up_to_a_bound_and_beyond_it_refused(
         assert learner.refusals.total == 2
         sent.publish(codec.encode_transitions(stretch(3)))  # sent again, it is taken
         assert probe.until(lambda: learner.worker.metrics["frames"] == frames + 10)
+
+
+@pytest.mark.parametrize("backend", ["fused", "torch"])
+def test_a_learner_says_what_makes_its_updates(backend, tmp_path) -> None:
+    asked = f"['learner.backend={backend}']"
+    with graph(LearnerNode, learner_node__out=tmp_path, learner_node__options=asked) as probe:
+        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(ARENA))
+        assert probe.until(lambda: probe.value("learner_node", "backend") == backend)
