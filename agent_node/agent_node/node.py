@@ -44,7 +44,6 @@ class AgentNode(Node):
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
         self._elsewhere = HeardByOthers()
-        self._recalled: tuple[str, str] | None = None  # id and text, taken from there
         self._policy: PublishedPolicy | None = None  # the newest accepted
         self._unread: dict[str, Any] | None = None  # newest step whose program is not known yet
         self._handled = -1  # stamp of the newest step taken in
@@ -198,9 +197,6 @@ class AgentNode(Node):
             return
         name, stamp_ns = self.get_fully_qualified_name(), max(self._handled, 0)
         judgement = judge(request, name, stamp_ns, self._book.accept, self.refusals)
-        recalled, self._recalled = self._recalled, None
-        if (judgement.program_id, judgement.canonical) == recalled:
-            return  # it was on its way all the same
         self._status_out.publish(codec.encode_program_status(judgement))
         if judgement.accepted:
             self._retry()
@@ -218,7 +214,6 @@ class AgentNode(Node):
         request = self._elsewhere.take(program_id)
         if request is not None:
             self._on_program(request)
-            self._recalled = (request.program_id, request.text)
 
     def _on_policy(self, message: Any) -> None:
         known = self._policy.snapshot if self._policy else None

@@ -41,6 +41,8 @@ def test_a_program_outlives_its_sender() -> None:
         assert probe.reaches(5)
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 2)
         assert codec.decode_program_status(probe.last(topics.PROGRAM_STATUS)).node == "/agent_node"
+        sender.publish(codec.encode_program(request))  # sent again, both answer again
+        assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 4)
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "real_time"])

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="(%(default)s)")
     parser.add_argument("--first-seed", type=int, default=0, metavar="S", help="(%(default)s)")
     parser.add_argument("--frames", type=int, help="of each seed (default: the experiment's)")
-    parser.add_argument("--protocol", help="ours, ours-slow or paper (ours; for preset paper ours-slow)")
+    parser.add_argument("--protocol", help="or paper (ours; ours-slow for preset paper)")
     parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
