@@ -241,6 +241,22 @@ def test_another_learners_checkpoint_is_refused(saved, network, settings, messag
         restore(saved, Learner(network, settings, PROGRAMS, 3))
 
 
+@pytest.mark.parametrize("room", ["learner", "network"])
+def test_an_option_that_is_younger_than_the_checkpoint_had_its_default(saved, room) -> None:
+    path = find_checkpoint(saved) / "metadata.json"
+    values = json.loads(path.read_text())
+    option = {"learner": "detector_decay", "network": "self_weight"}[room]
+    kept = {k: v for k, v in json.loads(values[room]).items() if k != option}
+    path.write_text(json.dumps(values | {room: json.dumps(kept)}))
+    restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3))
+    changed = {
+        "learner": (NETWORK, replace(SETTINGS, detector_decay=0.5)),
+        "network": (replace(NETWORK, self_weight=0.5), SETTINGS),
+    }[room]
+    with pytest.raises(CheckpointError, match=f"{option}: checkpoint .*, here 0.5"):
+        restore(saved, Learner(*changed, PROGRAMS, 3))
+
+
 def test_other_training_programs_are_refused(saved) -> None:
     with pytest.raises(CheckpointError, match="expected programs"):
         restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS[::-1], 3))

@@ -202,7 +202,10 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
 
 
 def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> None:
-    theirs = json.loads(values["network"]) | json.loads(values["learner"])
+    # An option that is younger than the checkpoint had what is its default now.
+    network = NetworkConfig.from_json(values["network"])
+    config = LearnerConfig.from_json(values["learner"])
+    theirs = json.loads(network.to_json()) | json.loads(config.to_json())
     ours = json.loads(learner.network.to_json()) | json.loads(learner.config.to_json())
     differing = [
         f"{name}: checkpoint {theirs.get(name)!r}, here {ours.get(name)!r}"
