@@ -109,7 +109,7 @@ static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     w.z = w.dh;  // the critic's tanh is needed only until ∂Q/∂a is known
     critic_head(critic, w, x.critic_h + base * h, w.action, kActionColumns, 1, rows);
     const float scale = -1.0f / ((float)b.transitions * b.programs);
-    action_gradient(critic, w, rows, (float)g.settings.clip, (float)g.settings.action_l2, scale);
+    action_gradient(critic, w, rows, (float)g.settings.clip, (float)b.action_l2, scale);
     w.z = actor_z;
     actor_head_backward(actor, w, rows, x.actor_gradient);
     backward(actor, w, b.program + base, count, x.actor_second_t, x.actor_gradient);

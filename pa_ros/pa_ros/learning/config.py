@@ -30,6 +30,8 @@ class LearnerConfig:
     updates_per_frame: float = 1.0
     action_gradient_clip: float = 1.0  # per element of ∂Q/∂a
     action_l2: float = 0.0  # of ½|a|², taken from Q in the actor's objective; keeps tanh alive
+    action_l2_decay: float = 0.0  # the fraction of it that is lost, evenly, …
+    action_l2_decay_updates: int = 20_000  # … within so many updates
     actor_rate: float = 1e-4  # not stated; Adam's, as in Lillicrap et al.
     critic_rate: float = 3e-4  # not stated; 1e-3 lets the critic forget the action
     detector_gain: float = 1.0  # of both rates, for the detectors' weights
@@ -71,6 +73,11 @@ class LearnerConfig:
                 "with it, got 1, which would relabel nothing"
             )
 
+    def action_l2_after(self, updates: int) -> float:
+        """The weight of ½|a|² in the update that follows so many."""
+        spent = min(1.0, updates / self.action_l2_decay_updates)
+        return self.action_l2 * (1.0 - self.action_l2_decay * spent)
+
     def to_json(self) -> str:
         """Canonical JSON of every field."""
         return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
@@ -103,6 +110,7 @@ def _check_choices(config: LearnerConfig) -> None:
 def _check_integers(config: LearnerConfig) -> None:
     least = {
         "batch_size": 1,
+        "action_l2_decay_updates": 1,
         "detector_decay_updates": 1,
         "replay_frames": 2,
         "warmup_frames": 0,
@@ -126,7 +134,7 @@ def _check_numbers(config: LearnerConfig) -> None:
         *("detector_gain", "near_threshold", "noise_dt", "reward_scale"),
     )
     others = (
-        *("action_l2", "detector_decay", "updates_per_frame"),
+        *("action_l2", "action_l2_decay", "detector_decay", "updates_per_frame"),
         *("noise_sigma", "noise_damping", "reward_shift"),
     )
     for name in (*positive, *others):
@@ -135,6 +143,8 @@ def _check_numbers(config: LearnerConfig) -> None:
             _refuse(name, "a finite number", value)
         if (name in positive and value <= 0) or (name != "reward_shift" and value < 0):
             _refuse(name, "a positive number" if name in positive else "at least 0", value)
+    if config.action_l2_decay > 1:
+        _refuse("action_l2_decay", "a number in [0, 1]", config.action_l2_decay)
     for name in ("discount", "adam_beta1", "adam_beta2"):
         if not 0 <= getattr(config, name) < 1:
             _refuse(name, "a number in [0, 1)", getattr(config, name))

@@ -148,7 +148,17 @@ class TorchBackend:
         gradient: Tensor
         (gradient,) = torch.autograd.grad(self._critic.head(h, action).sum(), action)
         clip = self._config.action_gradient_clip
-        return gradient.clamp(-clip, clip) - self._config.action_l2 * action.detach()
+        return gradient.clamp(-clip, clip) - self._action_l2() * action.detach()
+
+    def _action_l2(self) -> Tensor | float:
+        """`LearnerConfig.action_l2_after`, on the device where it changes."""
+        config = self._config
+        if not config.action_l2_decay:
+            return config.action_l2
+        updates = next(iter(self._actor_adam.state.values()))["step"].double()
+        spent = (updates / config.action_l2_decay_updates).clamp_max(1.0)
+        price: Tensor = config.action_l2 * (1.0 - config.action_l2_decay * spent)
+        return price.to(self._dtype)
 
     def copy_targets(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""

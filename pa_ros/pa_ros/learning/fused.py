@@ -119,7 +119,7 @@ class FusedBackend:
         check_tensors(critic, critic_shapes(network), "critic")
         self._table = table
         self._codes = _Codes(network, table)
-        self._threads = config.threads
+        self._config = config
         self._settings = fused_library.Settings(
             config.actor_rate,
             config.critic_rate,
@@ -127,7 +127,6 @@ class FusedBackend:
             config.adam_beta2,
             config.adam_epsilon,
             config.action_gradient_clip,
-            config.action_l2,
             config.detector_gain,
             config.detector_decay,
             config.detector_decay_updates,
@@ -152,6 +151,7 @@ class FusedBackend:
             *(getattr(batch, name).ctypes.data for name in _BATCH_ARRAYS),
             *op.shape,
             *(array.ctypes.data for array in (op, a, b)),
+            self._config.action_l2_after(self._trained["actor"].step),
         )
         metrics = fused_library.Metrics()
         actor, critic = self._trained["actor"], self._trained["critic"]
@@ -228,7 +228,7 @@ class FusedBackend:
         same = (now.objects, now.programs) == (objects, programs)
         if self._handle and same and transitions <= now.transitions and length <= now.length:
             return
-        self._sizes = fused_library.Sizes(transitions, objects, programs, length, self._threads)
+        self._sizes = fused_library.Sizes(transitions, objects, programs, length, self._config.threads)
         actor, critic = self._trained["actor"], self._trained["critic"]
         handle = fused_library.library().pa_fused_create(
             *(byref(x.flat.network) for x in (actor, critic)),

@@ -66,7 +66,7 @@ class StraightforwardBackend(TorchBackend):
         value = self._critic(x.objects, x.arm, x.goals, given, HAND_INDEX)
         (ascent,) = torch.autograd.grad(value.sum(), given)
         clip = self._config.action_gradient_clip
-        ascent = ascent.clamp(-clip, clip) - self._config.action_l2 * given.detach()
+        ascent = ascent.clamp(-clip, clip) - self._action_l2() * given.detach()
         self._descend(loss, action, -ascent / q.numel())
         return loss.detach(), q.detach().mean()
 
