@@ -110,11 +110,16 @@ class Learner:
         index = self.replay.sample(self.rng, updates * size)
         following = self.replay.following(index)
         program, reward = self._programs(index, following)
-        discount = self._discount(index)
+        discount, relevance = self._discount(index), self._relevance(program)
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
             yield self._batch(
-                index[part], following[part], program[part], reward[part], discount[part]
+                index[part],
+                following[part],
+                program[part],
+                reward[part],
+                discount[part],
+                None if relevance is None else relevance[part],
             )
 
     def snapshot(self, version: int | None = None) -> PolicySnapshot:
@@ -181,8 +186,24 @@ class Learner:
         terminal = self.replay.arrays["terminal"][index]
         return np.where(terminal, 0.0, self.config.discount).astype(np.float32)
 
+    def _relevance(self, program: Int32) -> Float32 | None:
+        """What p of the blocks is multiplied by, [B, K], the same before and after the step."""
+        config = self.config
+        if not config.relevance_noise or self.network.kind == "canonical":
+            return None
+        if self.counters.updates < config.relevance_noise_after:
+            return np.ones(program.shape, np.float32)
+        drawn = self.rng.random(program.shape, np.float32)
+        return np.float32(1.0) - np.float32(config.relevance_noise) * drawn
+
     def _batch(
-        self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32
+        self,
+        index: Int64,
+        following: Int64,
+        program: Int32,
+        reward: Float32,
+        discount: Float32,
+        relevance: Float32 | None,
     ) -> Batch:
         """Gather rows; `take` along axis 0 costs half of indexing for so few."""
         arrays = self.replay.arrays
@@ -195,4 +216,5 @@ class Learner:
             program=program,
             reward=reward,
             discount=discount,
+            relevance=relevance,
         )

@@ -98,11 +98,11 @@ _OURS = Protocol(
 
 # For an arm that needs up to 50 steps to a block, not 17: where it is far, Q rises by so little
 # for a step that ours' price of moving exceeds it, and the arm learns to stay. Twice the horizon,
-# with the same bound of Q, and a tenth of the price.
+# with the same bound of Q, and a price that falls to a tenth once the critic knows something.
 _OURS_SLOW = replace(
     _OURS,
     name="ours-slow",
-    learner=replace(_OURS.learner, discount=0.95, reward_scale=0.25, action_l2=0.001),
+    learner=replace(_OURS.learner, discount=0.95, reward_scale=0.25, action_l2_decay=0.9),
 )
 
 PROTOCOLS = {protocol.name: protocol for protocol in (_PAPER, _OURS, _OURS_SLOW)}
