@@ -62,6 +62,7 @@ def test_the_straightforward_way_computes_the_same(kind, k) -> None:
         "dtype": "float64",
         "action_gradient_clip": 2e-3,
         "action_l2": 3e-3,
+        "action_l2_decay": 0.5,
         "detector_gain": 3.0,
     }
     ours = made(network, TorchBackend, **changes)

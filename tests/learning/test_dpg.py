@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import oracle
 import pytest
@@ -20,6 +22,7 @@ from pa_ros.networks.slots import slot_matrices, target_one_hots
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, OR(RED, BLUE))")
 CLIP = 0.02  # small, so that some of ∂Q/∂a is clipped and some is not
 L2 = 0.03
+L2_DECAY, L2_DECAYS_FOR = 0.8, 4  # the fraction lost within so many updates
 GAIN = 3.0
 DECAY, DECAYS_FOR = 0.5, 3  # updates
 CONFIG = LearnerConfig(
@@ -29,6 +32,8 @@ CONFIG = LearnerConfig(
     critic_rate=2e-3,
     action_gradient_clip=CLIP,
     action_l2=L2,
+    action_l2_decay=L2_DECAY,
+    action_l2_decay_updates=L2_DECAYS_FOR,
     detector_gain=GAIN,
     detector_decay=DECAY,
     detector_decay_updates=DECAYS_FOR,
@@ -95,9 +100,13 @@ def test_updates_agree_with_the_oracle(kind) -> None:
             backend.copy_targets()
             values |= {f"target_{name}": dict(values[name]) for name in adam}
         batch = random_batch(rng, 4, 2, len(TEXTS))
+        if update:
+            relevance = rng.uniform(0.2, 1.0, batch.program.shape).astype(np.float32)
+            batch = replace(batch, relevance=relevance)
         backend.update(batch)
         nets = {name: oracle.parameters(tensors) for name, tensors in values.items()}
-        gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP, L2)
+        price = L2 * (1 - L2_DECAY * min(1.0, update / L2_DECAYS_FOR))
+        gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP, price)
         for name, gradient in zip(adam, gradients, strict=True):
             adam[name].update(values[name], {k: g.numpy() for k, g in gradient.items()})
     for name, tensors in values.items():
@@ -109,17 +118,19 @@ def test_updates_agree_with_the_oracle(kind) -> None:
 
 
 def oracle_transitions(batch: Batch) -> list[oracle.Transition]:
-    def scene(objects: np.ndarray, arm: np.ndarray, row: int) -> oracle.Scene:
+    factor = np.ones(batch.program.shape) if batch.relevance is None else batch.relevance
+
+    def scene(objects: np.ndarray, arm: np.ndarray, row: int, f: float) -> oracle.Scene:
         given = (torch.from_numpy(array).double() for array in (objects, arm))
-        return oracle.Scene(*given, parse(TEXTS[row], WORDS), WORDS)
+        return oracle.Scene(*given, parse(TEXTS[row], WORDS), WORDS, relevance=f)
 
     return [
         oracle.Transition(
-            scene(batch.objects[b], batch.arm[b], row),
+            scene(batch.objects[b], batch.arm[b], row, float(factor[b, i])),
             torch.from_numpy(batch.action[b]).double(),
             float(batch.reward[b, i]),
             float(batch.discount[b]),
-            scene(batch.next_objects[b], batch.next_arm[b], row),
+            scene(batch.next_objects[b], batch.next_arm[b], row, float(factor[b, i])),
         )
         for b in range(len(batch.arm))
         for i, row in enumerate(batch.program[b])

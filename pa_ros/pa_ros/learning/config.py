@@ -49,6 +49,8 @@ class LearnerConfig:
     near_threshold: float = 0.20  # metres; of the verifier, for relabeling alone
     relevance_noise: float = 0.0  # p of the blocks is multiplied by a number in [1 − this, 1] …
     relevance_noise_after: int = 30_000  # … once so many updates were made
+    property_dropout: float = 0.0  # of transitions where a block's properties are hidden …
+    property_dropout_after: int = 30_000  # … once so many updates were made
     stretch_steps: int = 100  # transitions per stretch: an episode
     policy_lag: int = 1  # stretches; 0 is the paper's interleaving
     noise_sigma: float = 0.3
@@ -117,6 +119,7 @@ def _check_integers(config: LearnerConfig) -> None:
         "replay_frames": 2,
         "warmup_frames": 0,
         "programs_per_transition": 1,
+        "property_dropout_after": 0,
         "relevance_noise_after": 0,
         "stretch_steps": 1,
         "policy_lag": 0,
@@ -138,7 +141,8 @@ def _check_numbers(config: LearnerConfig) -> None:
     )
     others = (
         *("action_l2", "action_l2_decay", "detector_decay", "updates_per_frame"),
-        *("noise_sigma", "noise_damping", "relevance_noise", "reward_shift"),
+        *("noise_sigma", "noise_damping", "reward_shift"),
+        *("property_dropout", "relevance_noise"),
     )
     for name in (*positive, *others):
         value = getattr(config, name)
@@ -146,7 +150,7 @@ def _check_numbers(config: LearnerConfig) -> None:
             _refuse(name, "a finite number", value)
         if (name in positive and value <= 0) or (name != "reward_shift" and value < 0):
             _refuse(name, "a positive number" if name in positive else "at least 0", value)
-    for name in ("action_l2_decay", "relevance_noise"):
+    for name in ("action_l2_decay", "property_dropout", "relevance_noise"):
         if getattr(config, name) > 1:
             _refuse(name, "a number in [0, 1]", getattr(config, name))
     for name in ("discount", "adam_beta1", "adam_beta2"):

@@ -287,9 +287,10 @@ class _Goals:
     def of(self, program: Tensor, relevance: Tensor | None = None) -> Programs | Tensor:
         """Flat programs, or one-hots [B, K, V], for rows [B, K] of the table."""
         index = program.long()
-        goals = [rows[index] for rows in self._rows]
-        factor = None if relevance is None else relevance.to(self._dtype)
-        return goals[0] if self._canonical else Programs(*goals, factor)
+        if self._canonical:
+            return self._rows[0][index]
+        op, a, b = (rows[index] for rows in self._rows)
+        return Programs(op, a, b, None if relevance is None else relevance.to(self._dtype))
 
     def _one_hots(self) -> tuple[Tensor]:
         vocabulary = self._table.vocabulary

@@ -14,6 +14,7 @@ from pa_ros.language import parse
 from pa_ros.learning.backend import Batch, make_backend
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import PolicyError
+from pa_ros.learning.property_dropout import PropertyDropout
 from pa_ros.learning.relabel import Int32, Relabeler
 from pa_ros.learning.replay import InsertReport, Int64, Replay
 from pa_ros.learning.schedule import Schedule
@@ -69,6 +70,9 @@ class Learner:
         if config.relabel == "all-goals":
             programs = [parse(text, network.vocabulary) for text in training_programs]
             self._relabeler = Relabeler(programs, network.vocabulary, config.near_threshold)
+        self._dropout = None
+        if config.property_dropout:
+            self._dropout = PropertyDropout(self.table, config.property_dropout)
         self.replay = Replay(config.replay_frames, network.vocabulary.digest)
         self.backend = make_backend(network, config, self.table, self.rng)
         kept = Schedule(config.policy_lag).versions_kept
@@ -111,16 +115,17 @@ class Learner:
         following = self.replay.following(index)
         program, reward = self._programs(index, following)
         discount, relevance = self._discount(index), self._relevance(program)
+        hidden = self._hidden(len(index))
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
-            yield self._batch(
-                index[part],
-                following[part],
-                program[part],
-                reward[part],
-                discount[part],
+            batch = self._batch(
+                index[part], following[part], program[part], reward[part], discount[part],
                 None if relevance is None else relevance[part],
-            )
+            )  # fmt: skip
+            if self._dropout and hidden is not None:
+                drawn = hidden[part]
+                self._dropout.hide(drawn, batch.objects, batch.next_objects, batch.program)
+            yield batch
 
     def snapshot(self, version: int | None = None) -> PolicySnapshot:
         """Published weights: the newest, or one of the last policy_lag + 1 versions.
@@ -195,6 +200,13 @@ class Learner:
             return np.ones(program.shape, np.float32)
         drawn = self.rng.random(program.shape, np.float32)
         return np.float32(1.0) - np.float32(config.relevance_noise) * drawn
+
+    def _hidden(self, rows: int) -> Float32 | None:
+        """What decides on hidden properties, [rows, 2], once they are to be hidden."""
+        config = self.config
+        if not config.property_dropout or self.counters.updates < config.property_dropout_after:
+            return None
+        return self.rng.random((rows, 2), np.float32)
 
     def _batch(
         self,
