@@ -1,0 +1,142 @@
+"""Property dropout: what is hidden, of whom, and when."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from worlds import PROGRAMS, WORDS, random_stretch
+
+from pa_ros.core.experience import COLORS, SHAPES, Float32
+from pa_ros.language import Vocabulary, parse
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.learner import Learner
+from pa_ros.learning.property_dropout import PropertyDropout
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.programs import ProgramTable
+
+ALL = Vocabulary(SHAPES, COLORS)
+SHAPE, COLOR = slice(7, 11), slice(11, 16)
+
+
+def scene(*kinds: tuple[str, str]) -> Float32:
+    """A hand and a block of each (color, shape), [N, 16]."""
+    objects = np.random.default_rng(0).normal(size=(len(kinds) + 1, 16)).astype(np.float32)
+    objects[:, 7:] = 0.0
+    for row, (color, shape) in enumerate(kinds, start=1):
+        objects[row, [7 + SHAPES.index(shape), 11 + COLORS.index(color)]] = 1.0
+    return objects
+
+
+BLOCKS = (("RED", "CUBE"), ("BLUE", "CUBE"), ("GREEN", "SPHERE"))
+
+
+def hide(
+    programs: tuple[str, ...], drawn: Float32, probability: float = 0.5, kinds=BLOCKS
+) -> tuple[Float32, Float32]:
+    """Objects [B, N, 16] before and after a step, of which the K programs of the scene hide."""
+    table = ProgramTable(ALL)
+    rows = [table.add(parse(f"NEAR(HAND, {text})", ALL)) for text in programs]
+    objects = np.stack([scene(*kinds)] * len(drawn))
+    following = objects + np.float32(0.5) * (np.arange(16) < 7)
+    program = np.tile(np.array(rows, np.int32), (len(drawn), 1))
+    PropertyDropout(table, probability).hide(drawn, objects, following, program)
+    assert (following[..., 7:] == objects[..., 7:]).all()
+    assert (following[..., :7] == objects[..., :7] + np.float32(0.5)).all()
+    assert (objects[..., :7] == scene(*kinds)[..., :7]).all()
+    return objects, scene(*kinds)
+
+
+def draws(size: int) -> Float32:
+    return np.random.default_rng(1).random((size, 2), np.float32)
+
+
+@pytest.mark.parametrize(
+    ("programs", "named"),
+    [
+        (("AND(RED, CUBE)",), {1}),
+        (("AND(RED, CUBE)", "AND(GREEN, SPHERE)"), {1, 3}),
+        (("CUBE",), {1, 2}),
+        (("NOT(CUBE)",), {3}),
+        (("OR(RED, BLUE)", "GREEN"), {1, 2, 3}),
+        (("AND(RED, SPHERE)",), set()),
+    ],
+)
+def test_only_blocks_that_no_program_names_hide_anything(programs, named) -> None:
+    objects, shown = hide(programs, draws(600))
+    changed = (objects != shown).any(-1)  # [B, N]
+    assert set(np.flatnonzero(changed.any(0))) == {1, 2, 3} - named
+    assert changed.sum(1).max() == (named != {1, 2, 3})
+    assert set(np.unique(objects[..., 7:])) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("probability", [0.3, 1.0])
+def test_a_shape_a_color_or_both_in_equal_parts(probability) -> None:
+    objects, shown = hide(("AND(RED, CUBE)",), draws(6000), probability)
+    shape = (objects[..., SHAPE] != shown[..., SHAPE]).any((1, 2))
+    color = (objects[..., COLOR] != shown[..., COLOR]).any((1, 2))
+    for part in (shape & ~color, shape & color, color & ~shape):
+        assert part.mean() == pytest.approx(probability / 3, abs=0.02)
+    block = (objects != shown).any(-1)
+    assert block[:, 2].mean() == pytest.approx(probability / 2, abs=0.02)
+
+
+def test_the_extremes_of_what_is_drawn() -> None:
+    below_one = np.nextafter(np.float32(1), np.float32(0))
+    drawn = np.array([[0, 0], [0, below_one], [below_one, 0], [below_one, below_one]], np.float32)
+    objects, shown = hide(("AND(RED, CUBE)",), drawn, 1.0)
+    assert np.argwhere((objects != shown).any(-1)).tolist() == [[0, 2], [1, 3], [2, 2], [3, 3]]
+    objects, shown = hide(("AND(RED, CUBE)",), drawn, 0.5)
+    assert np.argwhere((objects != shown).any(-1)).tolist() == [[0, 2], [1, 3]]
+
+
+def test_programs_that_join_the_table_are_heeded() -> None:
+    table = ProgramTable(ALL)
+    rows = [table.add(parse("NEAR(HAND, AND(RED, CUBE))", ALL))]
+    dropout = PropertyDropout(table, 1.0)
+    for text, hidden in (("AND(BLUE, CUBE)", 3), ("AND(GREEN, SPHERE)", 2)):
+        objects = np.stack([scene(*BLOCKS)] * 5)
+        rows[1:] = [table.add(parse(f"NEAR(HAND, {text})", ALL))]
+        program = np.array([rows] * 5, np.int32)
+        dropout.hide(draws(5), objects, objects.copy(), program)
+        assert set(np.flatnonzero((objects != scene(*BLOCKS)).any((0, 2)))) == {hidden}
+
+
+class Recorder:
+    def __init__(self, backend: object) -> None:
+        self._backend = backend
+        self.batches: list = []
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._backend, name)
+
+    def update(self, batch: object) -> None:
+        self.batches.append(batch)
+
+
+def batches(**fields: object) -> list:
+    config = LearnerConfig(batch_size=4, replay_frames=1000, warmup_frames=0, stretch_steps=10,
+                           backend="torch", **fields)  # type: ignore[arg-type]  # fmt: skip
+    one = Learner(NetworkConfig(WORDS, hidden=6, attention=4), config, PROGRAMS, seed=0)
+    one.backend = recorder = Recorder(one.backend)
+    rng = np.random.default_rng(0)
+    for sequence in range(4):
+        one.consume(random_stretch(rng, 10, sequence=sequence))
+    return recorder.batches
+
+
+@pytest.mark.parametrize("relabel", ["none", "all-goals"])
+def test_learning_is_the_same_until_properties_are_hidden(relabel) -> None:
+    """Of two blocks, each named by one program, the other's are hidden; the replay keeps them."""
+    plain = batches(relabel=relabel)
+    hiding = batches(relabel=relabel, property_dropout=0.9, property_dropout_after=20)
+    for batch, other in zip(hiding[:20], plain[:20], strict=True):
+        for name in ("objects", "next_objects", "program", "reward"):
+            np.testing.assert_array_equal(getattr(batch, name), getattr(other, name))
+    hidden = 0
+    for batch in hiding[20:]:
+        for b, (row,) in enumerate(batch.program):
+            named, other = (1, 2) if row == 0 else (2, 1)
+            assert batch.objects[b, named, 7:].sum() == 2
+            hidden += batch.objects[b, other, 7:].sum() < 2
+            np.testing.assert_array_equal(batch.objects[b, :, 7:], batch.next_objects[b, :, 7:])
+    assert 0.8 * 80 < hidden < 80
