@@ -30,7 +30,6 @@ class Scene(NamedTuple):
     hand_index: int = 0
     position_scale: float = 5.0
     self_weight: float = 1.0
-    relevance: float = 1.0  # what p of all but the hand is multiplied by
 
 
 def parameters(tensors: Mapping[str, np.ndarray]) -> Named:
@@ -89,11 +88,10 @@ def degree(expression: Expression, phi: dict[str, Tensor]) -> Tensor:
 
 
 def relevance(named: Named, scene: Scene, i: int) -> Tensor:
-    """p_i = OR(HAND, e), of the blocks times `scene.relevance`."""
+    """p_i = OR(HAND, e)."""
     e = degree(scene.program.target, properties(named, scene, i))
     hand = 1.0 if i == scene.hand_index else 0.0
-    p = hand + e - hand * e
-    return p if i == scene.hand_index else scene.relevance * p
+    return hand + e - hand * e
 
 
 def trunk(named: Named, scene: Scene) -> Tensor:

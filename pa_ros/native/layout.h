@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 20;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 21;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -114,7 +114,6 @@ struct Batch {
     int32_t table_rows, table_length;
     const int32_t *op, *a, *b;
     double action_l2;  // the price of actions in this update
-    const float* relevance;  // [B·K], what p of all but the hand is multiplied by; null: 1
 };
 
 // `largest_part`: of the sums x + y under tanh, the largest |x| or |y|. Beyond 43.6 a part is

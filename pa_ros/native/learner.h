@@ -61,17 +61,12 @@ static int64_t carve_learner(Learner& g, char* base) {
     return arena.used;
 }
 
-static void set_relevance(Work& w, const Batch& b, int64_t base) {
-    w.relevance = b.relevance ? b.relevance + base : nullptr;
-}
-
 // y = r + discount · Q'(s', π'(s')) of samples [from, from + count).
 static void targets(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
     Work& w = x.w;
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net actor = net_of(g.actor_shape, g.actor.target);
     const Net critic = net_of(g.critic_shape, g.critic.target);
-    set_relevance(w, b, base);
     read_inputs(actor, w, b.next_object, b.next_arm, from, count);
     forward(actor, w, b.program + base, count, false);
     actor_head(actor, w, rows);
@@ -86,7 +81,6 @@ static void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t fro
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
     const float* action = b.action + from * kActions;
-    set_relevance(w, b, base);
     read_inputs(critic, w, b.object, b.arm, from, count);
     forward(critic, w, b.program + base, count, true);
     const int64_t h = critic.l.hidden;
@@ -107,7 +101,6 @@ static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net actor = net_of(g.actor_shape, g.actor.parameters);
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
-    set_relevance(w, b, base);
     read_inputs(actor, w, b.object, b.arm, from, count);
     forward(actor, w, b.program + base, count, true);
     actor_head(actor, w, rows);

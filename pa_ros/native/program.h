@@ -43,11 +43,6 @@ static inline const float* register_at(const Work& w, int words, int64_t s, int6
     return w.registers + (sk * w.capacity + r - words - 1) * w.lanes;
 }
 
-// What p of all objects but the hand is multiplied by (LearnerConfig.relevance_noise).
-static inline float factor_of(const Work& w, int64_t sk) {
-    return w.relevance ? w.relevance[sk] : 1.0f;
-}
-
 // p and Σ p of one program (row `program` of the table) on one sample.
 static void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
     const int words = net.shape->words;
@@ -63,10 +58,9 @@ static void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t 
         }
     }
     const float* last = w.registers + (sk * w.capacity + w.length - 1) * w.lanes;
-    const float factor = factor_of(w, sk);
     float mass = 0.0f;
     for (int i = 0; i < w.lanes; i++) {
-        const float p = i < w.objects ? last[i] * (i == w.hand_index ? 1.0f : factor) : 0.0f;
+        const float p = i < w.objects ? last[i] : 0.0f;
         w.relevant[sk * w.lanes + i] = p;
         mass += p;
     }
@@ -77,9 +71,6 @@ static void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t 
 static void run_program_backward(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
     const int words = net.shape->words;
     const int64_t base = program * w.length;
-    float* dp = w.dregister + (words + w.length) * w.lanes;
-    const float factor = factor_of(w, sk);
-    for (int i = 0; i < w.lanes; i++) dp[i] *= i == w.hand_index ? 1.0f : factor;
     for (int64_t k = w.length - 1; k >= 0; k--) {
         const float* c = kCoefficients[w.op[base + k]];
         const int a = w.a[base + k], b = w.b[base + k];

@@ -39,7 +39,6 @@ struct Work {
     float* largest;          // [W]: largest |x| that met in pairs since it was set to 0
 
     int hand_index;
-    const float* relevance;  // [S·K]: what p of all but the hand is multiplied by; null: 1
     const int32_t *op, *a, *b;  // the program table, rows of `length`
     int64_t length, capacity;   // instructions a program has now, and at most
 
@@ -93,7 +92,7 @@ static void carve(Work& w, Arena& arena, const WorkSize& z) {
 }
 
 static void set_objects(Work& w, int hand_index) {
-    w.hand_index = hand_index, w.relevance = nullptr;
+    w.hand_index = hand_index;
     for (int i = 0; i < w.lanes; i++) w.hand[i] = i == hand_index, w.mask[i] = i < w.objects;
 }
 

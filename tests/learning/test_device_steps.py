@@ -71,7 +71,6 @@ def random_batch(rng: np.random.Generator, size: int, objects: int, k: int, rows
         program=rng.integers(rows, size=(size, k)).astype(np.int32),
         reward=rng.choice([-1.0, 1.0], (size, k)).astype(np.float32),
         discount=rng.choice([0.0, 0.99], size).astype(np.float32),
-        relevance=rng.uniform(0.2, 1.0, (size, k)).astype(np.float32),
     )
 
 

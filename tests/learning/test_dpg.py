@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import oracle
 import pytest
@@ -100,9 +98,6 @@ def test_updates_agree_with_the_oracle(kind) -> None:
             backend.copy_targets()
             values |= {f"target_{name}": dict(values[name]) for name in adam}
         batch = random_batch(rng, 4, 2, len(TEXTS))
-        if update:
-            relevance = rng.uniform(0.2, 1.0, batch.program.shape).astype(np.float32)
-            batch = replace(batch, relevance=relevance)
         backend.update(batch)
         nets = {name: oracle.parameters(tensors) for name, tensors in values.items()}
         price = L2 * (1 - L2_DECAY * min(1.0, update / L2_DECAYS_FOR))
@@ -118,19 +113,17 @@ def test_updates_agree_with_the_oracle(kind) -> None:
 
 
 def oracle_transitions(batch: Batch) -> list[oracle.Transition]:
-    factor = np.ones(batch.program.shape) if batch.relevance is None else batch.relevance
-
-    def scene(objects: np.ndarray, arm: np.ndarray, row: int, f: float) -> oracle.Scene:
+    def scene(objects: np.ndarray, arm: np.ndarray, row: int) -> oracle.Scene:
         given = (torch.from_numpy(array).double() for array in (objects, arm))
-        return oracle.Scene(*given, parse(TEXTS[row], WORDS), WORDS, relevance=f)
+        return oracle.Scene(*given, parse(TEXTS[row], WORDS), WORDS)
 
     return [
         oracle.Transition(
-            scene(batch.objects[b], batch.arm[b], row, float(factor[b, i])),
+            scene(batch.objects[b], batch.arm[b], row),
             torch.from_numpy(batch.action[b]).double(),
             float(batch.reward[b, i]),
             float(batch.discount[b]),
-            scene(batch.next_objects[b], batch.next_arm[b], row, float(factor[b, i])),
+            scene(batch.next_objects[b], batch.next_arm[b], row),
         )
         for b in range(len(batch.arm))
         for i, row in enumerate(batch.program[b])

@@ -143,9 +143,7 @@ class Reference:
             for tensors, rate in rates
         ]
 
-    def h(
-        self, t: Named, objects: Tensor, arm: Tensor, program: Tensor, factor: Tensor | None = None
-    ) -> Tensor:
+    def h(self, t: Named, objects: Tensor, arm: Tensor, program: Tensor) -> Tensor:
         """[B, K, H]."""
         batch, n = objects.shape[:2]
         scale = torch.ones(16, dtype=torch.float64)
@@ -153,9 +151,6 @@ class Reference:
         columns = torch.cat([objects * scale, arm[:, None].expand(-1, n, -1)], -1)  # [B, N, 34]
         phi = self.phi(t, objects, columns)
         p = relevant_objects(phi, HAND_INDEX, *(code[program] for code in self.codes))  # [B, K, N]
-        if factor is not None:
-            hand = torch.arange(n) == HAND_INDEX
-            p = torch.where(hand, p, p * factor[..., None])
         q, c = _linear(t, "query", columns), _linear(t, "context", columns)
         scores = torch.tanh(q[:, :, None] + c[:, None, :]) @ t["attention.weight"]  # [B, i, j]
         heard = torch.exp(scores)
@@ -185,8 +180,8 @@ class Reference:
         groups = logits.split(self.made.network.vocabulary.group_sizes, dim=-1)
         return torch.cat([g.softmax(-1) for g in groups], -1).transpose(1, 2)
 
-    def act(self, t: Named, *seen: Tensor | None) -> Tensor:
-        return torch.tanh(_linear(t, "output", torch.tanh(self.h(t, *seen))))
+    def act(self, t: Named, objects: Tensor, arm: Tensor, program: Tensor) -> Tensor:
+        return torch.tanh(_linear(t, "output", torch.tanh(self.h(t, objects, arm, program))))
 
     def value(self, t: Named, h: Tensor, action: Tensor) -> Tensor:
         return _linear(t, "output", torch.tanh(h + _linear(t, "action", action))).squeeze(-1)
@@ -196,11 +191,10 @@ class Reference:
         b = {
             name: torch.tensor(getattr(batch, name), dtype=torch.float64)
             for name in Batch.__dataclass_fields__
-            if name != "program" and getattr(batch, name) is not None
+            if name != "program"
         }
         program = torch.tensor(batch.program, dtype=torch.int64)
-        goals = program, b.get("relevance")
-        seen, after = (b["objects"], b["arm"], *goals), (b["next_objects"], b["next_arm"], *goals)
+        seen, after = (b["objects"], b["arm"], program), (b["next_objects"], b["next_arm"], program)
         with torch.no_grad():
             action = self.act(self.target_actor, *after)
             bootstrap = self.value(self.target_critic, self.h(self.target_critic, *after), action)
@@ -317,17 +311,6 @@ def test_gradients_of_little_attention_to_oneself(
 ) -> None:
     made = setting(kind, self_weight=weight)
     check_gradients(made, make_batch(np.random.default_rng(objects), 8, objects, programs, 6))
-
-
-@pytest.mark.parametrize("kind", ["programmable", "distilled-critic"])
-@pytest.mark.parametrize(("objects", "programs", "threads"), [(2, 1, 1), (5, 2, 1), (5, 2, 2)])
-def test_gradients_where_p_of_the_blocks_is_scaled(
-    kind: str, objects: int, programs: int, threads: int
-) -> None:
-    rng = np.random.default_rng(objects)
-    batch = make_batch(rng, 40, objects, programs, 6)
-    relevance = rng.uniform(0.1, 1.0, batch.program.shape).astype(np.float32)
-    check_gradients(setting(kind), replace(batch, relevance=relevance), threads=threads)
 
 
 @pytest.mark.parametrize("row", range(len(PROGRAMS)))
@@ -552,7 +535,6 @@ def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float) -> 
     [
         ({"arm": np.zeros((8, 17), np.float32)}, r"arm: expected contiguous float32 \(8, 18\)"),
         ({"reward": np.zeros((8, 1))}, "reward: expected contiguous float32"),
-        ({"relevance": np.ones(8, np.float32)}, r"relevance: expected contiguous float32 \(8, 1\)"),
         ({"program": np.full((8, 1), 6, np.int32)}, "expected programs below 6, got 6"),
         ({"program": np.zeros(8, np.int32)}, r"program \[B, K\]"),
     ],

@@ -152,27 +152,6 @@ def test_batches_are_gathered_from_transitions() -> None:
             assert array.flags.c_contiguous
 
 
-def test_relevance_is_drawn_once_so_many_updates_were_made() -> None:
-    """Before that, and in other respects always, learning is what it is without."""
-    plain = learner(relabel="all-goals")
-    noisy = learner(relabel="all-goals", relevance_noise=0.75, relevance_noise_after=20)
-    plain.backend = without = Recorder(plain.backend)
-    noisy.backend = recorder = Recorder(noisy.backend)
-    rng = np.random.default_rng(0)
-    for sequence in range(4):
-        stretch = random_stretch(rng, 10, sequence=sequence)
-        plain.consume(stretch)
-        noisy.consume(stretch)
-    assert all(batch.relevance is None for batch in without.batches)
-    for batch, other in zip(recorder.batches[:20], without.batches[:20], strict=True):
-        assert batch.relevance is not None and (batch.relevance == 1).all()
-        np.testing.assert_array_equal(batch.objects, other.objects)
-    drawn = np.stack([batch.relevance for batch in recorder.batches[20:]])
-    assert drawn.shape == (20, 4, 1) and drawn.dtype == np.float32
-    assert 0.25 <= drawn.min() < 0.4 and 0.85 < drawn.max() <= 1.0
-    assert len(np.unique(drawn)) == drawn.size
-
-
 @pytest.mark.parametrize(
     ("decay", "updates", "prices"), [(0.9, 10, (1.0, 0.55, 0.1, 0.1)), (0.0, 10, (1.0,) * 4)]
 )
@@ -235,8 +214,8 @@ def test_one_seed_one_result() -> None:
         ("reward_scale", 0.0),
         ("action_l2_decay", 1.1),
         ("action_l2_decay_updates", 0),
-        ("relevance_noise", 1.5),
-        ("relevance_noise_after", -1),
+        ("property_dropout", 1.5),
+        ("property_dropout_after", -1),
     ],
 )
 def test_a_refused_setting_is_shown(field, value) -> None:

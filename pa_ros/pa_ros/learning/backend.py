@@ -33,7 +33,6 @@ class Batch:
     program: NDArray[np.int32]  # [B, K], rows of the ProgramTable
     reward: Float32  # [B, K]
     discount: Float32  # [B]; γ, or 0 after a true termination
-    relevance: Float32 | None = None  # [B, K]: what p of all but the hand is multiplied by; 1
 
 
 class Backend(Protocol):

@@ -47,8 +47,6 @@ class LearnerConfig:
     programs_per_transition: int = 1  # K; more than one needs relabeling
     relabel_keeps_original: bool = False  # the program that acted is always one of the K
     near_threshold: float = 0.20  # metres; of the verifier, for relabeling alone
-    relevance_noise: float = 0.0  # p of the blocks is multiplied by a number in [1 − this, 1] …
-    relevance_noise_after: int = 30_000  # … once so many updates were made
     property_dropout: float = 0.0  # of transitions where a block's properties are hidden …
     property_dropout_after: int = 30_000  # … once so many updates were made
     stretch_steps: int = 100  # transitions per stretch: an episode
@@ -120,7 +118,6 @@ def _check_integers(config: LearnerConfig) -> None:
         "warmup_frames": 0,
         "programs_per_transition": 1,
         "property_dropout_after": 0,
-        "relevance_noise_after": 0,
         "stretch_steps": 1,
         "policy_lag": 0,
         "threads": 1,
@@ -141,8 +138,7 @@ def _check_numbers(config: LearnerConfig) -> None:
     )
     others = (
         *("action_l2", "action_l2_decay", "detector_decay", "updates_per_frame"),
-        *("noise_sigma", "noise_damping", "reward_shift"),
-        *("property_dropout", "relevance_noise"),
+        *("noise_sigma", "noise_damping", "property_dropout", "reward_shift"),
     )
     for name in (*positive, *others):
         value = getattr(config, name)
@@ -150,7 +146,7 @@ def _check_numbers(config: LearnerConfig) -> None:
             _refuse(name, "a finite number", value)
         if (name in positive and value <= 0) or (name != "reward_shift" and value < 0):
             _refuse(name, "a positive number" if name in positive else "at least 0", value)
-    for name in ("action_l2_decay", "property_dropout", "relevance_noise"):
+    for name in ("action_l2_decay", "property_dropout"):
         if getattr(config, name) > 1:
             _refuse(name, "a number in [0, 1]", getattr(config, name))
     for name in ("discount", "adam_beta1", "adam_beta2"):

@@ -89,8 +89,7 @@ class TorchBackend:
         On a GPU it is queued: the host waits only where it is several batches ahead.
         """
         self._goals.refresh()
-        given = ((field.name, getattr(batch, field.name)) for field in fields(batch))
-        arrays = {name: array for name, array in given if array is not None}
+        arrays = {field.name: getattr(batch, field.name) for field in fields(batch)}
         if self._queued is not None:
             self._latest = self._queued(arrays, version=self._goals.size)
         else:
@@ -98,9 +97,8 @@ class TorchBackend:
 
     def _step_on(self, tensors: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
         """`_step` on a batch that is on the device."""
-        goals = {k: tensors[k] for k in ("program", "relevance") if k in tensors}
         floats = {k: tensors[k].to(self._dtype) for k in Inputs._fields if k != "goals"}
-        return self._step(Inputs(**floats, goals=self._goals.of(**goals)))
+        return self._step(Inputs(**floats, goals=self._goals.of(tensors["program"])))
 
     def _step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Update both networks; the critic's loss and mean Q."""
@@ -284,13 +282,11 @@ class _Goals:
             )
             self.size = len(self._table)
 
-    def of(self, program: Tensor, relevance: Tensor | None = None) -> Programs | Tensor:
+    def of(self, program: Tensor) -> Programs | Tensor:
         """Flat programs, or one-hots [B, K, V], for rows [B, K] of the table."""
         index = program.long()
-        if self._canonical:
-            return self._rows[0][index]
-        op, a, b = (rows[index] for rows in self._rows)
-        return Programs(op, a, b, None if relevance is None else relevance.to(self._dtype))
+        goals = [rows[index] for rows in self._rows]
+        return goals[0] if self._canonical else Programs(*goals)
 
     def _one_hots(self) -> tuple[Tensor]:
         vocabulary = self._table.vocabulary

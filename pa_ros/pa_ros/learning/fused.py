@@ -152,7 +152,6 @@ class FusedBackend:
             *op.shape,
             *(array.ctypes.data for array in (op, a, b)),
             self._config.action_l2_after(self._trained["actor"].step),
-            None if batch.relevance is None else batch.relevance.ctypes.data,
         )
         metrics = fused_library.Metrics()
         actor, critic = self._trained["actor"], self._trained["critic"]
@@ -341,8 +340,6 @@ def _check_batch(batch: Batch, rows: int) -> tuple[int, int, int]:
         "reward": (transitions, programs),
         "discount": (transitions,),
     }
-    if batch.relevance is not None:
-        shapes["relevance"] = (transitions, programs)
     for name, shape in shapes.items():
         array, dtype = getattr(batch, name), np.int32 if name == "program" else np.float32
         if array.shape != shape or array.dtype != dtype or not array.flags.c_contiguous:

@@ -11,7 +11,7 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 20  # of native/layout.h
+INTERFACE = 21  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS, MAX_SLOTS = 128, 64, 64, 8, 32
 LARGEST_PART = 43.6
 
@@ -113,7 +113,6 @@ class Batch(ctypes.Structure):
         *((name, c_int32) for name in ("table_rows", "table_length")),
         *((name, c_void_p) for name in ("op", "a", "b")),
         ("action_l2", c_double),
-        ("relevance", c_void_p),
     ]
 
 

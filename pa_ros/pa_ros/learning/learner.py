@@ -114,14 +114,12 @@ class Learner:
         index = self.replay.sample(self.rng, updates * size)
         following = self.replay.following(index)
         program, reward = self._programs(index, following)
-        discount, relevance = self._discount(index), self._relevance(program)
-        hidden = self._hidden(len(index))
+        discount, hidden = self._discount(index), self._hidden(len(index))
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
             batch = self._batch(
-                index[part], following[part], program[part], reward[part], discount[part],
-                None if relevance is None else relevance[part],
-            )  # fmt: skip
+                index[part], following[part], program[part], reward[part], discount[part]
+            )
             if self._dropout and hidden is not None:
                 drawn = hidden[part]
                 self._dropout.hide(drawn, batch.objects, batch.next_objects, batch.program)
@@ -191,16 +189,6 @@ class Learner:
         terminal = self.replay.arrays["terminal"][index]
         return np.where(terminal, 0.0, self.config.discount).astype(np.float32)
 
-    def _relevance(self, program: Int32) -> Float32 | None:
-        """What p of the blocks is multiplied by, [B, K], the same before and after the step."""
-        config = self.config
-        if not config.relevance_noise or self.network.kind == "canonical":
-            return None
-        if self.counters.updates < config.relevance_noise_after:
-            return np.ones(program.shape, np.float32)
-        drawn = self.rng.random(program.shape, np.float32)
-        return np.float32(1.0) - np.float32(config.relevance_noise) * drawn
-
     def _hidden(self, rows: int) -> Float32 | None:
         """What decides on hidden properties, [rows, 2], once they are to be hidden."""
         config = self.config
@@ -209,13 +197,7 @@ class Learner:
         return self.rng.random((rows, 2), np.float32)
 
     def _batch(
-        self,
-        index: Int64,
-        following: Int64,
-        program: Int32,
-        reward: Float32,
-        discount: Float32,
-        relevance: Float32 | None,
+        self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32
     ) -> Batch:
         """Gather rows; `take` along axis 0 costs half of indexing for so few."""
         arrays = self.replay.arrays
@@ -228,5 +210,4 @@ class Learner:
             program=program,
             reward=reward,
             discount=discount,
-            relevance=relevance,
         )

@@ -22,23 +22,15 @@ from pa_ros.networks.relevance import relevant_objects
 
 @dataclass(frozen=True)
 class Programs:
-    """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L].
-
-    p of all objects but the hand is multiplied by `factor`, [B, K], where it is given.
-    """
+    """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L]."""
 
     op: Tensor
     a: Tensor
     b: Tensor
-    factor: Tensor | None = None
 
     def relevant_objects(self, phi: Tensor, hand_index: int) -> Tensor:
         """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.networks.programs`."""
-        p = relevant_objects(phi, hand_index, self.op, self.a, self.b)
-        if self.factor is None:
-            return p
-        hand = torch.arange(p.shape[-1], device=p.device) == hand_index
-        return torch.where(hand, p, p * self.factor[..., None])
+        return relevant_objects(phi, hand_index, self.op, self.a, self.b)
 
 
 class Attention(nn.Module):
