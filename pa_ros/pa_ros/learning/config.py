@@ -37,6 +37,8 @@ class LearnerConfig:
     detector_gain: float = 1.0  # of both rates, for the detectors' weights
     detector_decay: float = 0.0  # of their weights per unit of rate, as AdamW's, falling to 0 …
     detector_decay_updates: int = 20_000  # … after so many updates
+    geometry_decay: float = 0.0  # share of the detectors' weights of all but the one-hots that …
+    geometry_decay_after: int = 30_000  # … each update takes away, once so many were made
     adam_beta1: float = 0.9
     adam_beta2: float = 0.999
     adam_epsilon: float = 1e-8
@@ -117,6 +119,7 @@ def _check_integers(config: LearnerConfig) -> None:
         "replay_frames": 2,
         "warmup_frames": 0,
         "programs_per_transition": 1,
+        "geometry_decay_after": 0,
         "property_dropout_after": 0,
         "stretch_steps": 1,
         "policy_lag": 0,
@@ -138,7 +141,7 @@ def _check_numbers(config: LearnerConfig) -> None:
     )
     others = (
         *("action_l2", "action_l2_decay", "detector_decay", "updates_per_frame"),
-        *("noise_sigma", "noise_damping", "property_dropout", "reward_shift"),
+        *("noise_sigma", "noise_damping", "geometry_decay", "property_dropout", "reward_shift"),
     )
     for name in (*positive, *others):
         value = getattr(config, name)
@@ -146,7 +149,7 @@ def _check_numbers(config: LearnerConfig) -> None:
             _refuse(name, "a finite number", value)
         if (name in positive and value <= 0) or (name != "reward_shift" and value < 0):
             _refuse(name, "a positive number" if name in positive else "at least 0", value)
-    for name in ("action_l2_decay", "property_dropout"):
+    for name in ("action_l2_decay", "geometry_decay", "property_dropout"):
         if getattr(config, name) > 1:
             _refuse(name, "a number in [0, 1]", getattr(config, name))
     for name in ("discount", "adam_beta1", "adam_beta2"):

@@ -21,6 +21,8 @@ from pa_ros.learning.device_steps import DeviceSteps
 from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
+    COLUMN_FEATURES,
+    GEOMETRY,
     Shapes,
     Tensors,
     actor_shapes,
@@ -78,6 +80,9 @@ class TorchBackend:
         self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
         self._actor_adam = self._adam(self._actor, config.actor_rate)
         self._critic_adam = self._adam(self._critic, config.critic_rate)
+        geometry = torch.zeros(COLUMN_FEATURES)
+        geometry[GEOMETRY] = 1.0
+        self._geometry = geometry.to(self._device, self._dtype)
         self._latest: tuple[Tensor, ...] | None = None
         self._queued: DeviceSteps | None = None
         if self._device.type == "cuda":
@@ -130,6 +135,18 @@ class TorchBackend:
         self._decay(self._actor, self._actor_adam, self._config.actor_rate)
         self._critic_adam.step()
         self._actor_adam.step()
+        self._forget_geometry(self._critic, self._critic_adam)
+        self._forget_geometry(self._actor, self._actor_adam)
+
+    def _forget_geometry(self, module: nn.Module, adam: torch.optim.Adam) -> None:
+        """Take away a share of what the detectors make of all but the one-hots."""
+        config = self._config
+        if not config.geometry_decay or not hasattr(module, "detectors"):
+            return
+        weight = module.get_parameter("detectors.weight")
+        due = adam.state[weight]["step"] > config.geometry_decay_after
+        with torch.no_grad():
+            weight.mul_(1.0 - config.geometry_decay * due * self._geometry)
 
     def _decay(self, module: nn.Module, adam: torch.optim.Adam, rate: float) -> None:
         """Of the detectors' weights, apart from the gradient (Loshchilov & Hutter 2019)."""

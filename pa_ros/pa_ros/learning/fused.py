@@ -25,6 +25,7 @@ from pa_ros.learning.fused_library import FusedError
 from pa_ros.learning.fused_tensors import FlatNetwork, describe
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
+    GEOMETRY,
     Shapes,
     Tensors,
     actor_shapes,
@@ -78,10 +79,16 @@ class _Trained:
         )
         self.step = 0
         flat.write(self.parameters, tensors)
+        self._detectors = flat.view(self.parameters, "detectors.weight")
         self.copy_target()
 
     def copy_target(self) -> None:
         self.target[:] = self.parameters
+
+    def forget_geometry(self, share: float) -> None:
+        """Take away a share of what the detectors make of all but the one-hots."""
+        for weight in self._detectors:
+            weight[:, GEOMETRY] *= np.float32(1.0 - share)
 
     def pointers(self) -> fused_library.Tensors:
         buffers = (self.parameters, self.target, self.gradient, self.m, self.v)
@@ -160,6 +167,9 @@ class FusedBackend:
         fused_library.library().pa_fused_update(
             self._handle, byref(given), actor.step, critic.step, byref(metrics)
         )
+        if actor.step > self._config.geometry_decay_after and self._config.geometry_decay:
+            actor.forget_geometry(self._config.geometry_decay)
+            critic.forget_geometry(self._config.geometry_decay)
         self._metrics = metrics
         self._warn_if_clamped(metrics.largest_part)
 

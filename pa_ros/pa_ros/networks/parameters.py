@@ -18,6 +18,7 @@ from pa_ros.networks.config import NetworkConfig
 
 COLUMN_FEATURES = OBJECT_FEATURES + ARM_FEATURES  # 34, one column ω of Ω (paper, appendix)
 PROPERTIES = slice(OBJECT_FEATURES - len(SHAPES) - len(COLORS), OBJECT_FEATURES)  # one-hots in ω
+GEOMETRY = np.delete(np.arange(COLUMN_FEATURES), PROPERTIES)  # the rest of ω
 RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
