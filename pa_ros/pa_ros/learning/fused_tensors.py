@@ -83,7 +83,7 @@ class FlatNetwork:
                 start += view.shape[-1]
 
     def view(self, buffer: Float32, name: str) -> list[Float32]:
-        """What holds a tensor's values in a buffer, side by side along the last axis; or nothing."""
+        """What a buffer holds of a tensor, side by side along the last axis; nothing if none."""
         return self._views(buffer).get(name, [])
 
     def _views(self, buffer: Float32) -> dict[str, list[Float32]]:
