@@ -71,7 +71,7 @@ class Learner:
             programs = [parse(text, network.vocabulary) for text in training_programs]
             self._relabeler = Relabeler(programs, network.vocabulary, config.near_threshold)
         self._dropout = None
-        if config.property_dropout:
+        if config.property_dropout and network.kind != "canonical":
             self._dropout = PropertyDropout(self.table, config.property_dropout)
         self.replay = Replay(config.replay_frames, network.vocabulary.digest)
         self.backend = make_backend(network, config, self.table, self.rng)
@@ -121,8 +121,8 @@ class Learner:
                 index[part], following[part], program[part], reward[part], discount[part]
             )
             if self._dropout and hidden is not None:
-                drawn = hidden[part]
-                self._dropout.hide(drawn, batch.objects, batch.next_objects, batch.program)
+                scene = batch.objects, batch.next_objects, batch.program
+                self._dropout.hide(hidden[part], *scene)
             yield batch
 
     def snapshot(self, version: int | None = None) -> PolicySnapshot:
@@ -192,7 +192,7 @@ class Learner:
     def _hidden(self, rows: int) -> Float32 | None:
         """What decides on hidden properties, [rows, 2], once they are to be hidden."""
         config = self.config
-        if not config.property_dropout or self.counters.updates < config.property_dropout_after:
+        if self._dropout is None or self.counters.updates < config.property_dropout_after:
             return None
         return self.rng.random((rows, 2), np.float32)
 
