@@ -19,6 +19,8 @@ from pa_ros.language import And, Expression, Not, Or, Program, Vocabulary, Word
 
 Named = dict[str, Tensor]
 
+GEOMETRY = [*range(7), *range(16, 34)]  # what is no property in ω: position, orientation, arm
+
 
 class Scene(NamedTuple):
     """What both networks are given, float64: objects [N, 16] and arm [18]."""

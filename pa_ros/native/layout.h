@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 21;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 18;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -29,7 +29,6 @@ struct Network {
     int32_t group_size[kMaxGroups];
     int32_t detectors;
     int32_t hide_properties;  // f, r and α̃ have zero weights for the one-hots, and keep them
-    int32_t hide_geometry;    // detectors have zero weights for all else, and keep them
     int32_t critic;  // 1: reads an action, writes one number; 0: writes kActions
     int32_t truth[kMaxWords];
     float position_scale;

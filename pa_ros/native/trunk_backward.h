@@ -169,7 +169,4 @@ static void backward(const Net& net, Work& w, const int32_t* programs, int count
     }
     for (int row = kProperty; net.shape->hide_properties && row < kProperty + kProperties; row++)
         __builtin_memset(first + row * c, 0, l.detectors * sizeof(float));
-    for (int row = 0; net.shape->hide_geometry && row < kBiasRow; row++)
-        if (row < kProperty || row >= kProperty + kProperties)
-            __builtin_memset(first + row * c + l.detectors, 0, (c - l.detectors) * sizeof(float));
 }

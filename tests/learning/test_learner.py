@@ -214,6 +214,8 @@ def test_one_seed_one_result() -> None:
         ("reward_scale", 0.0),
         ("action_l2_decay", 1.1),
         ("action_l2_decay_updates", 0),
+        ("geometry_decay", -0.1),
+        ("geometry_decay_after", -1),
         ("property_dropout", 1.5),
         ("property_dropout_after", -1),
     ],

@@ -11,7 +11,7 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 21  # of native/layout.h
+INTERFACE = 18  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS, MAX_SLOTS = 128, 64, 64, 8, 32
 LARGEST_PART = 43.6
 
@@ -30,7 +30,6 @@ class Network(ctypes.Structure):
         ("group_size", c_int32 * MAX_GROUPS),
         ("detectors", c_int32),
         ("hide_properties", c_int32),
-        ("hide_geometry", c_int32),
         ("critic", c_int32),
         ("truth", c_int32 * MAX_WORDS),
         ("position_scale", c_float),

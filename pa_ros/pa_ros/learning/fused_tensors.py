@@ -26,7 +26,6 @@ def describe(network: NetworkConfig, critic: bool) -> fused_library.Network:
         groups=len(sizes),
         detectors=network.kind == "programmable" or (not critic and _actor_detects(network)),
         hide_properties=not network.relations_see_properties,
-        hide_geometry=not network.detectors_see_geometry,
         critic=critic,
         position_scale=network.position_scale,
         self_weight=network.self_weight,

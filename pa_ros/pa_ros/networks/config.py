@@ -30,10 +30,6 @@ class NetworkConfig:
     through p, so nothing else can come to rely on the properties seen in training. The paper gives
     f and r the whole of ω.
 
-    With `detectors_see_geometry` false, it is the other way round for the detectors: they see the
-    one-hots alone, not where an object is nor how the arm stands, so that Φ of an object is the
-    same wherever the arm goes. The paper gives them the whole of ω, too.
-
     `self_weight` multiplies exp α̃_ii, the attention that an object pays to itself: 1 is the paper's
     formula as it stands, at 0 the sums over j and k in eq. message-passing and α leave out i. The
     hand's relevance is 1 and a block's at first far less, so that with 1 hardly anything of the
@@ -59,7 +55,6 @@ class NetworkConfig:
     critic_output_bias: float = 0.0
     detector_init_scale: float = 1.0
     relations_see_properties: bool = True
-    detectors_see_geometry: bool = True
     self_weight: float = 1.0
 
     def __post_init__(self) -> None:

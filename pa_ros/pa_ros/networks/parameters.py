@@ -137,13 +137,6 @@ def _canonical_shapes(config: NetworkConfig, critic: bool) -> Shapes:
     return shapes | _linear("output", 1 if critic else JOINTS, hidden)
 
 
-def seen_features(everything: bool, properties: bool) -> Float32:
-    """[34]: 1 for what a layer sees of ω, all of it or else only the one-hots, or only the rest."""
-    seen = np.full(COLUMN_FEATURES, float(everything or not properties), np.float32)
-    seen[PROPERTIES] = float(everything or properties)
-    return seen
-
-
 def _initial(
     config: NetworkConfig, shapes: Shapes, rng: np.random.Generator, output_scale: float | None
 ) -> Tensors:
@@ -156,9 +149,7 @@ def _initial(
         if layer == "detectors":
             bound *= config.detector_init_scale
         tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
-        if name.endswith(".weight") and (layer in RELATIONS or layer == "detectors"):
-            relates = layer in RELATIONS
-            shown = config.relations_see_properties if relates else config.detectors_see_geometry
-            seen = seen_features(shown, properties=not relates)
-            tensors[name].reshape(shape[0], -1, COLUMN_FEATURES)[..., seen == 0] = 0.0
+        hidden = layer in RELATIONS and not config.relations_see_properties
+        if hidden and name.endswith(".weight"):
+            tensors[name].reshape(shape[0], -1, COLUMN_FEATURES)[..., PROPERTIES] = 0.0
     return tensors

@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING, seen_features, truth_matrix
+from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING, PROPERTIES, truth_matrix
 from pa_ros.networks.relevance import relevant_objects
 
 
@@ -50,7 +50,6 @@ class Trunk(nn.Module):
     position_scale: Tensor  # [16]
     truth: Tensor  # [16, V]
     seen: Tensor  # [34]: 1 for what f, r and α see of a column, else 0
-    detected: Tensor  # [34]: the same of the detectors
 
     def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
         super().__init__()
@@ -72,16 +71,16 @@ class Trunk(nn.Module):
         scale[:3] = config.position_scale
         self.register_buffer("truth", truth, persistent=False)
         self.register_buffer("position_scale", scale, persistent=False)
-        seen = seen_features(config.relations_see_properties, properties=False)
-        detected = seen_features(config.detectors_see_geometry, properties=True)
-        self.register_buffer("seen", torch.from_numpy(seen), persistent=False)
-        self.register_buffer("detected", torch.from_numpy(detected), persistent=False)
+        seen = torch.ones(COLUMN_FEATURES)
+        if not config.relations_see_properties:
+            seen[PROPERTIES] = 0.0
+        self.register_buffer("seen", seen, persistent=False)
 
     def properties(self, objects: Tensor, columns: Tensor) -> Tensor:
         """Φ, [B, V, N]: learned from `columns` [B, N, 34], or true to `objects` [B, N, 16]."""
         if not self._learned:
             return (objects @ self.truth).transpose(1, 2)
-        groups = self.detectors(columns * self.detected).split(self._group_sizes, dim=-1)
+        groups = self.detectors(columns).split(self._group_sizes, dim=-1)
         return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
 
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
