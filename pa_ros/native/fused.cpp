@@ -78,7 +78,7 @@ void pa_fused_layout(const pa::Network* network, pa::Layout* out) {
     *out = pa::layout_of(*network);
 }
 
-// A learner on the caller's buffers, which must outlive it; null if there is no memory.
+// A learner on the caller's buffers and settings, which must outlive it; null if there is no memory.
 void* pa_fused_create(const pa::Network* actor, const pa::Network* critic,
                       const pa::Tensors* actor_tensors, const pa::Tensors* critic_tensors,
                       const pa::Settings* settings, const pa::Sizes* sizes) {

@@ -47,7 +47,7 @@ void* create(const Network* actor, const Network* critic, const Tensors* actor_t
              const Tensors* critic_tensors, const Settings* settings, const Sizes* z) {
     auto* g = static_cast<Learner*>(std::calloc(1, sizeof(Learner)));
     if (!g) return nullptr;
-    g->actor_shape = *actor, g->critic_shape = *critic, g->settings = *settings;
+    g->actor_shape = *actor, g->critic_shape = *critic, g->settings = settings;
     g->actor = *actor_tensors, g->critic = *critic_tensors;
     g->batch = z->transitions, g->objects = z->objects, g->programs = z->programs;
     g->length = z->length, g->threads = z->threads;

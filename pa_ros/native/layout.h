@@ -7,7 +7,7 @@
 
 namespace pa {
 
-constexpr int kInterface = 18;  // raise it when anything that Python mirrors changes
+constexpr int kInterface = 19;  // raise it when anything that Python mirrors changes
 constexpr int kObjectFeatures = 16;
 constexpr int kArmFeatures = 18;
 constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
@@ -98,8 +98,9 @@ struct Tensors {
     float *parameters, *target, *gradient, *first_moment, *second_moment;
 };
 
+// The caller's, who may change them between updates.
 struct Settings {
-    double actor_rate, critic_rate, beta1, beta2, epsilon, clip, detector_gain;
+    double actor_rate, critic_rate, beta1, beta2, epsilon, clip, action_l2, detector_gain;
     double detector_decay, detector_decay_updates;
 };
 
@@ -112,7 +113,6 @@ struct Batch {
     const float *reward, *discount;
     int32_t table_rows, table_length;
     const int32_t *op, *a, *b;
-    double action_l2;  // the price of actions in this update
 };
 
 // `largest_part`: of the sums x + y under tanh, the largest |x| or |y|. Beyond 43.6 a part is

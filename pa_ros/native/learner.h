@@ -17,7 +17,7 @@ struct Thread {
 struct Learner {
     Network actor_shape, critic_shape;
     Tensors actor, critic;
-    Settings settings;
+    const Settings* settings;
     int batch, objects, programs, length, threads, chunk, block;
     Thread* thread;  // [threads]
     void* memory;
@@ -109,7 +109,7 @@ static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     w.z = w.dh;  // the critic's tanh is needed only until ∂Q/∂a is known
     critic_head(critic, w, x.critic_h + base * h, w.action, kActionColumns, 1, rows);
     const float scale = -1.0f / ((float)b.transitions * b.programs);
-    action_gradient(critic, w, rows, (float)g.settings.clip, (float)b.action_l2, scale);
+    action_gradient(critic, w, rows, (float)g.settings->clip, (float)g.settings->action_l2, scale);
     w.z = actor_z;
     actor_head_backward(actor, w, rows, x.actor_gradient);
     backward(actor, w, b.program + base, count, x.actor_second_t, x.actor_gradient);
@@ -141,7 +141,7 @@ static void gradients(Learner& g, const Batch& b, int index) {
 // apart from them (Loshchilov & Hutter 2019), less and less until `detector_decay_updates`.
 static double adam(const Learner& g, const Tensors& t, const Layout& l, double rate, int64_t step,
                    int index, bool of_actor) {
-    const Settings& s = g.settings;
+    const Settings& s = *g.settings;
     const int64_t size = l.size, first_end = l.inputs ? 0 : l.first + kColumnRows * l.columns;
     const double correction1 = 1.0 - __builtin_pow(s.beta1, (double)step);
     const double correction2 = 1.0 - __builtin_pow(s.beta2, (double)step);
@@ -180,7 +180,7 @@ static double adam(const Learner& g, const Tensors& t, const Layout& l, double r
 
 // Steps of Adam of both networks; call when every thread's gradients are there.
 static void apply(Learner& g, int64_t actor_step, int64_t critic_step, int index) {
-    const Settings& s = g.settings;
+    const Settings& s = *g.settings;
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     adam(g, g.critic, critic, s.critic_rate, critic_step, index, false);
     g.thread[index].squared_gradient =

@@ -34,6 +34,7 @@ class LearnerConfig:
     action_l2_decay_updates: int = 20_000  # … within so many updates
     actor_rate: float = 1e-4  # not stated; Adam's, as in Lillicrap et al.
     critic_rate: float = 3e-4  # not stated; 1e-3 lets the critic forget the action
+    rates_fall_after: int = 0  # updates, from where on both rates fall as 1/t; 0: they never do
     detector_gain: float = 1.0  # of both rates, for the detectors' weights
     detector_decay: float = 0.0  # of their weights per unit of rate, as AdamW's, falling to 0 …
     detector_decay_updates: int = 20_000  # … after so many updates
@@ -76,6 +77,11 @@ class LearnerConfig:
                 "learner relabel_keeps_original: expected programs_per_transition of at least 2 "
                 "with it, got 1, which would relabel nothing"
             )
+
+    def rate_after(self, updates: int) -> float:
+        """The share of both rates in the update that follows so many."""
+        constant = self.rates_fall_after
+        return constant / updates if 0 < constant < updates else 1.0
 
     def action_l2_after(self, updates: int) -> float:
         """The weight of ½|a|² in the update that follows so many."""
@@ -120,6 +126,7 @@ def _check_integers(config: LearnerConfig) -> None:
         "warmup_frames": 0,
         "programs_per_transition": 1,
         "geometry_decay_after": 0,
+        "rates_fall_after": 0,
         "property_dropout_after": 0,
         "stretch_steps": 1,
         "policy_lag": 0,

@@ -131,8 +131,9 @@ class TorchBackend:
         torch.autograd.backward(loss)
         self._actor_adam.zero_grad()
         torch.autograd.backward(action, action_gradient)
-        self._decay(self._critic, self._critic_adam, self._config.critic_rate)
-        self._decay(self._actor, self._actor_adam, self._config.actor_rate)
+        for module, adam in ((self._critic, self._critic_adam), (self._actor, self._actor_adam)):
+            self._set_rates(adam)
+            self._decay(module, adam)
         self._critic_adam.step()
         self._actor_adam.step()
         self._forget_geometry(self._critic, self._critic_adam)
@@ -148,7 +149,16 @@ class TorchBackend:
         with torch.no_grad():
             weight.mul_(1.0 - config.geometry_decay * due * self._geometry)
 
-    def _decay(self, module: nn.Module, adam: torch.optim.Adam, rate: float) -> None:
+    def _set_rates(self, adam: torch.optim.Adam) -> None:
+        """`LearnerConfig.rate_after`, on the device where it changes."""
+        constant = self._config.rates_fall_after
+        if constant:
+            updates = next(iter(adam.state.values()))["step"]
+            share = (constant / updates).clamp_max(1.0)
+            for group in adam.param_groups:
+                group["lr"].copy_(group["initial_lr"] * share)
+
+    def _decay(self, module: nn.Module, adam: torch.optim.Adam) -> None:
         """Of the detectors' weights, apart from the gradient (Loshchilov & Hutter 2019)."""
         config = self._config
         if not config.detector_decay or not hasattr(module, "detectors"):
@@ -157,7 +167,7 @@ class TorchBackend:
         spent = adam.state[weight]["step"].double() / config.detector_decay_updates
         decay = config.detector_decay * (1.0 - spent).clamp_min(0.0)
         with torch.no_grad():
-            weight.mul_(1.0 - rate * config.detector_gain * decay)
+            weight.mul_(1.0 - adam.param_groups[-1]["lr"] * decay)
 
     def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
         """∂/∂a of the actor's objective at its action: ∂Q/∂a clipped, less λa, [B, K, 6]."""
@@ -252,12 +262,16 @@ class TorchBackend:
         betas = (config.adam_beta1, config.adam_beta2)
         detectors = [p for name, p in module.named_parameters() if name.startswith("detectors.")]
         others = [p for name, p in module.named_parameters() if not name.startswith("detectors.")]
-        groups: list[dict[str, Any]] = [{"params": others}]
+        groups: list[dict[str, Any]] = [{"params": others, "initial_lr": rate}]
         if detectors:
-            groups.append({"params": detectors, "lr": rate * config.detector_gain})
+            groups.append({"params": detectors, "initial_lr": rate * config.detector_gain})
+        for group in groups:
+            at_first = group["initial_lr"]  # a tensor where it will be changed on the device
+            falls = config.rates_fall_after > 0
+            group["lr"] = torch.tensor(at_first, device=self._device) if falls else at_first
         adam = torch.optim.Adam(
             groups,
-            lr=rate, betas=betas, eps=config.adam_epsilon, fused=True,
+            betas=betas, eps=config.adam_epsilon, fused=True,
             capturable=self._device.type == "cuda",
         )  # fmt: skip
         for parameter in module.parameters():  # else made by the first step, too late to load

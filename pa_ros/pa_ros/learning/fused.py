@@ -134,6 +134,7 @@ class FusedBackend:
             config.adam_beta2,
             config.adam_epsilon,
             config.action_gradient_clip,
+            config.action_l2,
             config.detector_gain,
             config.detector_decay,
             config.detector_decay_updates,
@@ -158,10 +159,10 @@ class FusedBackend:
             *(getattr(batch, name).ctypes.data for name in _BATCH_ARRAYS),
             *op.shape,
             *(array.ctypes.data for array in (op, a, b)),
-            self._config.action_l2_after(self._trained["actor"].step),
         )
         metrics = fused_library.Metrics()
         actor, critic = self._trained["actor"], self._trained["critic"]
+        self._set(updates=actor.step)
         actor.step += 1
         critic.step += 1
         fused_library.library().pa_fused_update(
@@ -172,6 +173,16 @@ class FusedBackend:
             critic.forget_geometry(self._config.geometry_decay)
         self._metrics = metrics
         self._warn_if_clamped(metrics.largest_part)
+
+    def _set(self, updates: int) -> None:
+        """What changes with the updates made; the library reads it in each."""
+        config, settings = self._config, self._settings
+        rate = config.rate_after(updates)
+        settings.actor_rate, settings.critic_rate = (
+            config.actor_rate * rate,
+            config.critic_rate * rate,
+        )
+        settings.action_l2 = config.action_l2_after(updates)
 
     def copy_targets(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""

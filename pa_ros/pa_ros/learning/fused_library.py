@@ -11,7 +11,7 @@ import pa_ros.learning as package
 from pa_ros.core.errors import PaError
 
 NAME = "_fused.so"  # in the package's folder; an editable installation has two
-INTERFACE = 18  # of native/layout.h
+INTERFACE = 19  # of native/layout.h
 MAX_WORDS, MAX_OBJECTS, MAX_PROGRAMS, MAX_GROUPS, MAX_SLOTS = 128, 64, 64, 8, 32
 LARGEST_PART = 43.6
 
@@ -89,7 +89,8 @@ class Settings(ctypes.Structure):
         (name, c_double)
         for name in (
             *("actor_rate", "critic_rate", "beta1", "beta2", "epsilon"),
-            *("clip", "detector_gain", "detector_decay", "detector_decay_updates"),
+            *("clip", "action_l2", "detector_gain"),
+            *("detector_decay", "detector_decay_updates"),
         )
     ]
 
@@ -111,7 +112,6 @@ class Batch(ctypes.Structure):
         *((name, c_void_p) for name in ("program", "reward", "discount")),
         *((name, c_int32) for name in ("table_rows", "table_length")),
         *((name, c_void_p) for name in ("op", "a", "b")),
-        ("action_l2", c_double),
     ]
 
 
