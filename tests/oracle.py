@@ -188,14 +188,21 @@ class Adam:
         self.m: dict[str, np.ndarray] = {}
         self.v: dict[str, np.ndarray] = {}
 
-    def update(self, values: dict[str, np.ndarray], gradients: Mapping[str, np.ndarray]) -> None:
+    def update(
+        self,
+        values: dict[str, np.ndarray],
+        gradients: Mapping[str, np.ndarray],
+        share: float = 1.0,  # of the rate
+    ) -> None:
         self.step += 1
         for name, g in gradients.items():
             self.m[name] = self.beta1 * self.m.get(name, 0.0) + (1 - self.beta1) * g
             self.v[name] = self.beta2 * self.v.get(name, 0.0) + (1 - self.beta2) * g * g
             m = self.m[name] / (1 - self.beta1**self.step)
             v = self.v[name] / (1 - self.beta2**self.step)
-            rate = self.rate * (self.detector_gain if name.startswith("detectors.") else 1.0)
+            rate = (
+                self.rate * share * (self.detector_gain if name.startswith("detectors.") else 1.0)
+            )
             left = max(0.0, 1.0 - (self.step - 1) / self.updates)
             decay = self.decay * left if name == "detectors.weight" else 0.0
             values[name] = (1 - rate * decay) * values[name] - rate * m / (np.sqrt(v) + self.eps)

@@ -63,6 +63,7 @@ def test_the_straightforward_way_computes_the_same(kind, k) -> None:
         "action_gradient_clip": 2e-3,
         "action_l2": 3e-3,
         "action_l2_decay": 0.5,
+        "rates_fall_after": 2,
         "geometry_decay": 0.1,
         "geometry_decay_after": 2,
         "detector_gain": 3.0,

@@ -51,8 +51,9 @@ def torch_backend(
     network = NetworkConfig(WORDS, kind, hidden=7, attention=5, canonical_hidden=9)
     rng = np.random.default_rng(0)
     initial = initial_actor(network, rng), initial_critic(network, rng)
-    config = LearnerConfig(backend="torch", device=device, action_l2=0.1, action_l2_decay=0.5,
-                           geometry_decay=0.1, geometry_decay_after=2)  # fmt: skip
+    falling = {"action_l2": 0.1, "action_l2_decay": 0.5, "rates_fall_after": 2}
+    falling |= {"geometry_decay": 0.1, "geometry_decay_after": 2}
+    config = LearnerConfig(backend="torch", device=device, **falling)
     backend = TorchBackend(network, config, table, *initial)
     if capture is not None:
         backend._queued = DeviceSteps(backend._step_on, CPU, capture)

@@ -35,6 +35,7 @@ CONFIG = LearnerConfig(
     detector_gain=GAIN,
     detector_decay=DECAY,
     detector_decay_updates=DECAYS_FOR,
+    rates_fall_after=2,
     geometry_decay=0.25,
     geometry_decay_after=3,
 )
@@ -105,7 +106,8 @@ def test_updates_agree_with_the_oracle(kind) -> None:
         price = L2 * (1 - L2_DECAY * min(1.0, update / L2_DECAYS_FOR))
         gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP, price)
         for name, gradient in zip(adam, gradients, strict=True):
-            adam[name].update(values[name], {k: g.numpy() for k, g in gradient.items()})
+            share = min(1.0, 2 / max(update, 1))
+            adam[name].update(values[name], {k: g.numpy() for k, g in gradient.items()}, share)
             if "detectors.weight" in values[name] and update >= 3:
                 values[name]["detectors.weight"][:, oracle.GEOMETRY] *= 0.75
     for name, tensors in values.items():

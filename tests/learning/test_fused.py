@@ -86,6 +86,7 @@ def setting(
         detector_gain=3.0,
         detector_decay=0.5,
         detector_decay_updates=900,
+        rates_fall_after=3,
         geometry_decay=0.01,
         geometry_decay_after=2,
     )
@@ -138,7 +139,7 @@ class Reference:
         self.adams = [
             torch.optim.Adam(
                 [
-                    {"params": v, "lr": rate * (gain if k.startswith("detectors.") else 1.0)}
+                    {"params": v, "initial": rate * (gain if k.startswith("detectors.") else 1.0)}
                     for k, v in tensors.items()
                 ]
             )
@@ -221,8 +222,11 @@ class Reference:
 
     def update(self, batch: Batch) -> None:
         self.gradients(batch)
-        self.decay()
+        share = min(1.0, self.made.config.rates_fall_after / max(self.updates, 1))
+        self.decay(share)
         for adam in self.adams:
+            for group in adam.param_groups:
+                group["lr"] = group["initial"] * share
             adam.step()
         self.updates += 1
         self.forget_geometry()
@@ -234,12 +238,12 @@ class Reference:
                 for columns in (slice(0, 7), slice(16, 34)):  # all but the one-hots
                     named["detectors.weight"].data[:, columns] *= 1.0 - c.geometry_decay
 
-    def decay(self) -> None:
+    def decay(self, share: float) -> None:
         c = self.made.config
         left = max(0.0, 1.0 - self.updates / c.detector_decay_updates)
         for named, rate in ((self.actor, c.actor_rate), (self.critic, c.critic_rate)):
             if "detectors.weight" in named:
-                kept = 1.0 - rate * c.detector_gain * c.detector_decay * left
+                kept = 1.0 - rate * share * c.detector_gain * c.detector_decay * left
                 named["detectors.weight"].data.mul_(kept)
 
     def copy_targets(self) -> None:

@@ -160,6 +160,12 @@ def test_the_price_of_actions_falls_evenly_and_stays(decay, updates, prices) -> 
     assert [config.action_l2_after(n) for n in (0, 5, 10, 50)] == pytest.approx(prices)
 
 
+def test_rates_fall_as_one_over_t_or_never() -> None:
+    shares = [LearnerConfig(rates_fall_after=10).rate_after(n) for n in (0, 10, 20, 40)]
+    assert shares == [1.0, 1.0, 0.5, 0.25]
+    assert LearnerConfig().rate_after(10**6) == 1.0
+
+
 def test_relabeled_rewards_are_those_of_the_next_row() -> None:
     rng = np.random.default_rng(0)
     one = learner(relabel="all-goals", programs_per_transition=2)
@@ -214,6 +220,7 @@ def test_one_seed_one_result() -> None:
         ("reward_scale", 0.0),
         ("action_l2_decay", 1.1),
         ("action_l2_decay_updates", 0),
+        ("rates_fall_after", -1),
         ("geometry_decay", -0.1),
         ("geometry_decay_after", -1),
         ("property_dropout", 1.5),

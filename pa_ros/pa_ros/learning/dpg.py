@@ -153,7 +153,7 @@ class TorchBackend:
         """`LearnerConfig.rate_after`, on the device where it changes."""
         constant = self._config.rates_fall_after
         if constant:
-            updates = next(iter(adam.state.values()))["step"]
+            updates = next(iter(adam.state.values()))["step"].double()
             share = (constant / updates).clamp_max(1.0)
             for group in adam.param_groups:
                 group["lr"].copy_(group["initial_lr"] * share)
@@ -266,9 +266,7 @@ class TorchBackend:
         if detectors:
             groups.append({"params": detectors, "initial_lr": rate * config.detector_gain})
         for group in groups:
-            at_first = group["initial_lr"]  # a tensor where it will be changed on the device
-            falls = config.rates_fall_after > 0
-            group["lr"] = torch.tensor(at_first, device=self._device) if falls else at_first
+            group["lr"] = self._rate(group["initial_lr"])
         adam = torch.optim.Adam(
             groups,
             betas=betas, eps=config.adam_epsilon, fused=True,
@@ -281,6 +279,14 @@ class TorchBackend:
                 "exp_avg_sq": torch.zeros_like(parameter),
             }
         return adam
+
+    def _rate(self, rate: float) -> float | Tensor:
+        """What Adam is given: a tensor where the rate will be changed on the device."""
+        if not self._config.rates_fall_after:
+            return rate
+        on_gpu = self._device.type == "cuda"  # whose fused Adam reads float32
+        return torch.tensor(rate, dtype=torch.float32 if on_gpu else torch.float64,
+                            device=self._device)  # fmt: skip
 
 
 def _device_named(name: str) -> torch.device:
