@@ -85,6 +85,8 @@ EXPERIMENTS = {
                 "learner.relabel=none",
                 "learner.programs_per_transition=1",
                 "learner.replay_frames=50000",
+                "learner.geometry_decay=0",
+                "learner.property_dropout=0",
             ),
             switch_frames=100_000,
         ),
