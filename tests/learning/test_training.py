@@ -35,6 +35,17 @@ NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
 SETTINGS = LearnerConfig(
     batch_size=4, replay_frames=500, warmup_frames=30, stretch_steps=20, relabel="all-goals"
 )
+CHANGING = {
+    "action_l2": 0.1,
+    "action_l2_decay": 0.5,
+    "action_l2_decay_updates": 300,
+    "detector_decay": 0.5,
+    "rates_fall_after": 100,
+    "geometry_decay": 0.01,
+    "geometry_decay_after": 120,
+    "property_dropout": 0.5,
+    "property_dropout_after": 150,
+}
 SPEED = np.ones(6)
 
 
@@ -133,8 +144,8 @@ def test_overlap_changes_nothing(tmp_path, lag) -> None:
 @pytest.mark.parametrize("backend", ["auto", "torch"])
 @pytest.mark.parametrize("lag", [0, 1])
 def test_resuming_is_not_stopping(tmp_path, backend, lag) -> None:
-    """Also across the replay's wrap, at 500 rows."""
-    settings = replace(SETTINGS, backend=backend, policy_lag=lag, updates_per_frame=0.7)
+    """Also across the replay's wrap, at 500 rows, and whatever changes with the updates."""
+    settings = replace(SETTINGS, backend=backend, policy_lag=lag, updates_per_frame=0.7, **CHANGING)
     unbroken = run(tmp_path / "a", 800, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 260, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 600, settings, resume=True, evaluate_every_frames=40)
