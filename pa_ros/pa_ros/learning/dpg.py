@@ -145,7 +145,7 @@ class TorchBackend:
         if not config.geometry_decay or not hasattr(module, "detectors"):
             return
         weight = module.get_parameter("detectors.weight")
-        due = adam.state[weight]["step"] > config.geometry_decay_after
+        due = _updates(adam) > config.geometry_decay_after
         with torch.no_grad():
             weight.mul_(1.0 - config.geometry_decay * due * self._geometry)
 
@@ -153,8 +153,7 @@ class TorchBackend:
         """`LearnerConfig.rate_after`, on the device where it changes."""
         constant = self._config.rates_fall_after
         if constant:
-            updates = next(iter(adam.state.values()))["step"].double()
-            share = (constant / updates).clamp_max(1.0)
+            share = (constant / _updates(adam)).clamp_max(1.0)
             for group in adam.param_groups:
                 group["lr"].copy_(group["initial_lr"] * share)
 
@@ -164,7 +163,7 @@ class TorchBackend:
         if not config.detector_decay or not hasattr(module, "detectors"):
             return
         weight = module.get_parameter("detectors.weight")
-        spent = adam.state[weight]["step"].double() / config.detector_decay_updates
+        spent = _updates(adam) / config.detector_decay_updates
         decay = config.detector_decay * (1.0 - spent).clamp_min(0.0)
         with torch.no_grad():
             weight.mul_(1.0 - adam.param_groups[-1]["lr"] * decay)
@@ -182,8 +181,7 @@ class TorchBackend:
         config = self._config
         if not config.action_l2_decay:
             return config.action_l2
-        updates = next(iter(self._actor_adam.state.values()))["step"].double()
-        spent = (updates / config.action_l2_decay_updates).clamp_max(1.0)
+        spent = (_updates(self._actor_adam) / config.action_l2_decay_updates).clamp_max(1.0)
         price: Tensor = config.action_l2 * (1.0 - config.action_l2_decay * spent)
         return price.to(self._dtype)
 
@@ -287,6 +285,12 @@ class TorchBackend:
         on_gpu = self._device.type == "cuda"  # whose fused Adam reads float32
         return torch.tensor(rate, dtype=torch.float32 if on_gpu else torch.float64,
                             device=self._device)  # fmt: skip
+
+
+def _updates(adam: torch.optim.Adam) -> Tensor:
+    """How many updates were made, float64 [], on the device."""
+    step: Tensor = next(iter(adam.state.values()))["step"]
+    return step.double()
 
 
 def _device_named(name: str) -> torch.device:

@@ -178,10 +178,8 @@ class FusedBackend:
         """What changes with the updates made; the library reads it in each."""
         config, settings = self._config, self._settings
         rate = config.rate_after(updates)
-        settings.actor_rate, settings.critic_rate = (
-            config.actor_rate * rate,
-            config.critic_rate * rate,
-        )
+        settings.actor_rate = config.actor_rate * rate
+        settings.critic_rate = config.critic_rate * rate
         settings.action_l2 = config.action_l2_after(updates)
 
     def copy_targets(self) -> None:

@@ -13,11 +13,8 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import COLORS, OBJECT_FEATURES, SHAPES, Float32
 from pa_ros.learning.backend import HAND_INDEX
-from pa_ros.networks.parameters import truth_matrix
+from pa_ros.networks.parameters import COLOR, SHAPE, truth_matrix
 from pa_ros.networks.programs import ProgramTable, crisp
-
-_COLOR = slice(OBJECT_FEATURES - len(COLORS), OBJECT_FEATURES)
-_SHAPE = slice(_COLOR.start - len(SHAPES), _COLOR.start)
 
 
 class PropertyDropout:
@@ -30,7 +27,7 @@ class PropertyDropout:
         kinds = np.zeros((len(SHAPES) * len(COLORS) + 1, OBJECT_FEATURES), np.float32)
         for kind in range(len(kinds) - 1):  # the last is the hand
             shape, color = divmod(kind, len(COLORS))
-            kinds[kind, [_SHAPE.start + shape, _COLOR.start + color]] = 1.0
+            kinds[kind, [SHAPE.start + shape, COLOR.start + color]] = 1.0
         self._truth = (kinds @ truth_matrix(table.vocabulary)).T  # [V, kinds + 1]
 
     def hide(
@@ -46,7 +43,7 @@ class PropertyDropout:
         count = free.sum(1)
         block = (free.cumsum(1) > (drawn[:, 1] * count).astype(np.int64)[:, None]).argmax(1)
         part = np.where(count > 0, drawn[:, 0] / self._probability, 1.0)  # 1 and more: nothing
-        for hidden, columns in ((part < 2 / 3, _SHAPE), ((part >= 1 / 3) & (part < 1), _COLOR)):
+        for hidden, columns in ((part < 2 / 3, SHAPE), ((part >= 1 / 3) & (part < 1), COLOR)):
             rows = np.flatnonzero(hidden)
             objects[rows, block[rows], columns] = 0.0
             following[rows, block[rows], columns] = 0.0
@@ -55,7 +52,7 @@ class PropertyDropout:
         """Blocks that one of a transition's programs names, [B, N]."""
         if len(self._named) != len(self._table):
             self._named = crisp(self._table.arrays(), self._truth, self._truth.shape[1] - 1)
-        shape, color = objects[..., _SHAPE].argmax(-1), objects[..., _COLOR].argmax(-1)
+        shape, color = objects[..., SHAPE].argmax(-1), objects[..., COLOR].argmax(-1)
         kind = shape * len(COLORS) + color  # [B, N]
         named: NDArray[np.bool_] = self._named[program[:, :, None], kind[:, None]].any(1)
         return named

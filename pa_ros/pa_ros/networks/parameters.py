@@ -17,7 +17,9 @@ from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.networks.config import NetworkConfig
 
 COLUMN_FEATURES = OBJECT_FEATURES + ARM_FEATURES  # 34, one column ω of Ω (paper, appendix)
-PROPERTIES = slice(OBJECT_FEATURES - len(SHAPES) - len(COLORS), OBJECT_FEATURES)  # one-hots in ω
+COLOR = slice(OBJECT_FEATURES - len(COLORS), OBJECT_FEATURES)  # one-hot of Ω, and of ω
+SHAPE = slice(COLOR.start - len(SHAPES), COLOR.start)
+PROPERTIES = slice(SHAPE.start, COLOR.stop)  # both
 GEOMETRY = np.delete(np.arange(COLUMN_FEATURES), PROPERTIES)  # the rest of ω
 RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
@@ -87,9 +89,8 @@ def check_shapes(tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, who
 def truth_matrix(vocabulary: Vocabulary) -> Float32:
     """[16, V]: `objects @ truth_matrix` is the true Φ, transposed (words of nothing: zero)."""
     matrix = np.zeros((OBJECT_FEATURES, len(vocabulary.words)), np.float32)
-    first_shape = OBJECT_FEATURES - len(SHAPES) - len(COLORS)
     for offset, (named, words) in zip(
-        (first_shape, first_shape + len(SHAPES)),
+        (SHAPE.start, COLOR.start),
         ((SHAPES, vocabulary.shapes), (COLORS, vocabulary.colors)),
         strict=True,
     ):
