@@ -160,6 +160,30 @@ def test_the_price_of_actions_falls_evenly_and_stays(decay, updates, prices) -> 
     assert [config.action_l2_after(n) for n in (0, 5, 10, 50)] == pytest.approx(prices)
 
 
+def test_the_horizon_grows_from_the_first_to_the_last_discount() -> None:
+    config = LearnerConfig(discount=0.95, first_discount=0.9, discount_rises_after=10)
+    horizons = [1 / (1 - config.discount_after(n)) for n in (0, 10, 15, 20, 40)]
+    assert horizons == pytest.approx([10, 10, 15, 20, 20])
+    assert LearnerConfig(discount=0.8, discount_rises_after=10).discount_after(0) == 0.8
+    assert LearnerConfig(discount=0.95).discount_after(0) == 0.95
+
+
+def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None:
+    one = learner(
+        discount=0.95, first_discount=0.8, discount_rises_after=20, reward_shift=1.0, batch_size=64
+    )
+    one.backend = recorder = Recorder(one.backend)
+    rng = np.random.default_rng(0)
+    for sequence in range(6):
+        one.consume(random_stretch(rng, 10, sequence=sequence))
+    for due, batch in enumerate(recorder.batches):
+        gamma = one.config.discount_after(due // 10 * 10)  # as when its stretch came
+        assert batch.discount == pytest.approx(gamma)
+        assert batch.reward.max() / (1 - gamma) == pytest.approx(2 / (1 - 0.95))
+    assert len(recorder.batches) == 60
+    assert gamma == pytest.approx(0.92)
+
+
 def test_rates_fall_as_one_over_t_or_never() -> None:
     shares = [LearnerConfig(rates_fall_after=10).rate_after(n) for n in (0, 10, 20, 40)]
     assert shares == [1.0, 1.0, 0.5, 0.25]
@@ -221,6 +245,8 @@ def test_one_seed_one_result() -> None:
         ("action_l2_decay", 1.1),
         ("action_l2_decay_updates", 0),
         ("rates_fall_after", -1),
+        ("discount_rises_after", -1),
+        ("first_discount", 1.0),
         ("geometry_decay", -0.1),
         ("geometry_decay_after", -1),
         ("property_dropout", 1.5),

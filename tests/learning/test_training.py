@@ -41,6 +41,7 @@ CHANGING = {
     "action_l2_decay_updates": 300,
     "detector_decay": 0.5,
     "rates_fall_after": 100,
+    "discount_rises_after": 110,
     "geometry_decay": 0.01,
     "geometry_decay_after": 120,
     "property_dropout": 0.5,

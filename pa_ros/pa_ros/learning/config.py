@@ -26,6 +26,8 @@ class LearnerConfig:
 
     batch_size: int = 64
     discount: float = 0.99
+    discount_rises_after: int = 0  # updates; until then γ is `first_discount`, from then on …
+    first_discount: float = 0.9  # … 1/(1−γ) grows as t, up to `discount`; 0: it is that throughout
     replay_frames: int = 1_000_000  # observations kept
     updates_per_frame: float = 1.0
     action_gradient_clip: float = 1.0  # per element of ∂Q/∂a
@@ -78,6 +80,17 @@ class LearnerConfig:
                 "with it, got 1, which would relabel nothing"
             )
 
+    def discount_after(self, updates: int) -> float:
+        """γ in the update that follows so many (François-Lavet et al. 2015: a horizon that grows).
+
+        Rewards are then scaled by (1 − γ)/(1 − `discount`) besides, so that Q keeps its bounds.
+        """
+        constant = self.discount_rises_after
+        if not constant or self.first_discount >= self.discount:
+            return self.discount
+        growth = max(1.0, updates / constant)
+        return min(self.discount, 1.0 - (1.0 - self.first_discount) / growth)
+
     def rate_after(self, updates: int) -> float:
         """The share of both rates in the update that follows so many."""
         constant = self.rates_fall_after
@@ -127,6 +140,7 @@ def _check_integers(config: LearnerConfig) -> None:
         "programs_per_transition": 1,
         "geometry_decay_after": 0,
         "rates_fall_after": 0,
+        "discount_rises_after": 0,
         "property_dropout_after": 0,
         "stretch_steps": 1,
         "policy_lag": 0,
@@ -159,6 +173,6 @@ def _check_numbers(config: LearnerConfig) -> None:
     for name in ("action_l2_decay", "geometry_decay", "property_dropout"):
         if getattr(config, name) > 1:
             _refuse(name, "a number in [0, 1]", getattr(config, name))
-    for name in ("discount", "adam_beta1", "adam_beta2"):
+    for name in ("discount", "first_discount", "adam_beta1", "adam_beta2"):
         if not 0 <= getattr(config, name) < 1:
             _refuse(name, "a number in [0, 1)", getattr(config, name))

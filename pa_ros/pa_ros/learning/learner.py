@@ -182,12 +182,16 @@ class Learner:
             marks = arrays["satisfied"][following], arrays["present"][index]
             k, keep = config.programs_per_transition, config.relabel_keeps_original
             program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
-        shift, scale = map(np.float32, (config.reward_shift, config.reward_scale))
+        shortened = (1.0 - self._gamma()) / (1.0 - config.discount)
+        shift, scale = np.float32(config.reward_shift), np.float32(config.reward_scale * shortened)
         return np.ascontiguousarray(program), np.ascontiguousarray((reward + shift) * scale)
 
     def _discount(self, index: Int64) -> Float32:
         terminal = self.replay.arrays["terminal"][index]
-        return np.where(terminal, 0.0, self.config.discount).astype(np.float32)
+        return np.where(terminal, 0.0, self._gamma()).astype(np.float32)
+
+    def _gamma(self) -> float:
+        return self.config.discount_after(self.counters.updates)
 
     def _hidden(self, rows: int) -> Float32 | None:
         """What decides on hidden properties, [rows, 2], once they are to be hidden."""
