@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
@@ -82,7 +83,7 @@ class NetworkConfig:
         """Kind of the actor alone: a distilled critic leaves it "programmable"."""
         return "programmable" if self.kind == "distilled-critic" else self.kind
 
-    @property
+    @cached_property
     def architecture(self) -> str:
         """Canonical JSON of what an actor's tensors mean: equal text, exchangeable weights."""
         sizes: dict[str, Any] = {"hidden": self.canonical_hidden}
