@@ -102,8 +102,9 @@ _OURS = Protocol(
 # For an arm that needs up to 50 steps to a block, not 17: where it is far, Q rises by so little
 # for a step that ours' price of moving exceeds it, and the arm learns to stay. Twice the horizon in
 # the end, with the same bound of Q, and a price that falls to a tenth once the critic knows
-# something; ours' horizon until words are grounded, which is later than on the fast arm. Far starts
-# are few among what is learned from later, so the rates fall before they are unlearned.
+# something; ours' horizon until words are grounded, and detectors that forget for as long, which is
+# later than on the fast arm. Far starts are few among what is learned from later, so the rates fall
+# before they are unlearned.
 _OURS_SLOW = replace(
     _OURS,
     name="ours-slow",
@@ -113,6 +114,7 @@ _OURS_SLOW = replace(
         discount_rises_after=40_000,
         reward_scale=0.25,
         action_l2_decay=0.9,
+        detector_decay_updates=60_000,
         rates_fall_after=80_000,
         geometry_decay_after=50_000,
         property_dropout_after=80_000,
