@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import torch
+from oracle import GEOMETRY, Named, parameters
 from torch import Tensor
 
 from pa_ros.language import parse
@@ -33,7 +34,6 @@ PROGRAMS = (
 )
 VOCABULARY = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
 SMALL = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
-Named = dict[str, Tensor]
 
 
 @dataclass
@@ -121,8 +121,8 @@ class Reference:
 
     def __init__(self, made: Setting) -> None:
         self.made = made
-        self.actor, self.critic = _doubles(made.actor), _doubles(made.critic)
-        self.target_actor, self.target_critic = _doubles(made.actor), _doubles(made.critic)
+        self.actor, self.critic = parameters(made.actor), parameters(made.critic)
+        self.target_actor, self.target_critic = parameters(made.actor), parameters(made.critic)
         self.codes = program_tensors(made.table)
         self.truth = torch.tensor(truth_matrix(made.network.vocabulary), dtype=torch.float64)
         rates = ((self.actor, made.config.actor_rate), (self.critic, made.config.critic_rate))
@@ -226,8 +226,7 @@ class Reference:
         c = self.made.config
         for named in (self.actor, self.critic):
             if "detectors.weight" in named and self.updates > c.geometry_decay_after:
-                for columns in (slice(0, 7), slice(16, 34)):  # all but the one-hots
-                    named["detectors.weight"].data[:, columns] *= 1.0 - c.geometry_decay
+                named["detectors.weight"].data[:, GEOMETRY] *= 1.0 - c.geometry_decay
 
     def decay(self, share: float) -> None:
         c = self.made.config
@@ -241,10 +240,6 @@ class Reference:
         for own, target in ((self.actor, self.target_actor), (self.critic, self.target_critic)):
             for name, tensor in own.items():
                 target[name].data.copy_(tensor.data)
-
-
-def _doubles(tensors: Tensors) -> Named:
-    return {k: torch.tensor(v, dtype=torch.float64, requires_grad=True) for k, v in tensors.items()}
 
 
 def _linear(t: Named, name: str, x: Tensor) -> Tensor:

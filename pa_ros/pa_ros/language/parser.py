@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from pa_ros.language.errors import (
     ArityError,
     EmptyProgramError,
@@ -21,8 +23,9 @@ from pa_ros.language.vocabulary import RESERVED, Vocabulary
 OPERATORS = ("AND", "OR", "NOT")
 
 
+@lru_cache(maxsize=1024)
 def parse(text: str, vocabulary: Vocabulary) -> Program:
-    """Read a program over the words of `vocabulary`; free ASCII white space.
+    """Read a program over the words of `vocabulary`; free ASCII white space. The latest are kept.
 
     Raises a ProgramError: for length and characters first, then for the first fault from the left.
     """

@@ -84,13 +84,8 @@ class Actor:
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
     def parse(self, program: str) -> Program:
-        """The program of a text in this actor's vocabulary; answers from a cache."""
-        return _parse(program, self.network)
-
-
-@lru_cache(maxsize=1024)
-def _parse(program: str, network: NetworkConfig) -> Program:
-    return parse(program, network.vocabulary)
+        """The program of a text in this actor's vocabulary."""
+        return parse(program, self.network.vocabulary)
 
 
 @lru_cache(maxsize=16)

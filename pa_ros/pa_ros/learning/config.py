@@ -26,8 +26,8 @@ class LearnerConfig:
 
     batch_size: int = 64
     discount: float = 0.99
-    discount_rises_after: int = 0  # updates; until then γ is `first_discount`, from then on …
-    first_discount: float = 0.9  # … 1/(1−γ) grows as t, up to `discount`; 0: it is that throughout
+    first_discount: float = 0.9  # γ, instead, until …
+    discount_rises_after: int = 0  # … so many updates; then 1/(1−γ) grows as t, up to `discount`
     replay_frames: int = 1_000_000  # observations kept
     updates_per_frame: float = 1.0
     action_gradient_clip: float = 1.0  # per element of ∂Q/∂a
@@ -86,7 +86,7 @@ class LearnerConfig:
         Rewards are then scaled by (1 − γ)/(1 − `discount`) besides, so that Q keeps its bounds.
         """
         constant = self.discount_rises_after
-        if not constant or self.first_discount >= self.discount:
+        if not constant:
             return self.discount
         growth = max(1.0, updates / constant)
         return min(self.discount, 1.0 - (1.0 - self.first_discount) / growth)

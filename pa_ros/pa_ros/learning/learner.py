@@ -6,12 +6,11 @@ import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from pa_ros.core.experience import Float32, PolicySnapshot, Stretch
-from pa_ros.language import Program, parse
+from pa_ros.language import parse
 from pa_ros.learning.backend import Batch, make_backend
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import PolicyError
@@ -153,7 +152,10 @@ class Learner:
 
     def _row(self, text: str) -> int:
         """Row of a program in the table; ProgramError or UnsupportedProgramError if it has none."""
-        return self.table.add(_program(text, self.network))
+        program = parse(text, self.network.vocabulary)
+        if self.network.kind == "canonical":
+            target_one_hots(program, self.network.vocabulary)
+        return self.table.add(program)
 
     def _snapshot(self) -> PolicySnapshot:
         return PolicySnapshot(
@@ -189,6 +191,7 @@ class Learner:
         return np.where(terminal, 0.0, self._gamma()).astype(np.float32)
 
     def _gamma(self) -> float:
+        """γ for all updates of a draw."""
         return self.config.discount_after(self.counters.updates)
 
     def _hidden(self, rows: int) -> Float32 | None:
@@ -213,12 +216,3 @@ class Learner:
             reward=reward,
             discount=discount,
         )
-
-
-@lru_cache(maxsize=1024)
-def _program(text: str, network: NetworkConfig) -> Program:
-    """A program that the network can be asked for."""
-    program = parse(text, network.vocabulary)
-    if network.kind == "canonical":
-        target_one_hots(program, network.vocabulary)
-    return program
