@@ -16,9 +16,9 @@ from torch import Tensor
 
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.learning.backend import HAND_INDEX, Batch
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.fused import FusedBackend
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX, Batch
+from pa_ros.native.engine import FusedEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic, truth_matrix
 from pa_ros.networks.programs import ProgramTable
@@ -46,9 +46,9 @@ class Setting:
     actor: Tensors
     critic: Tensors
 
-    def backend(self, **changes: object) -> FusedBackend:
+    def engine(self, **changes: object) -> FusedEngine:
         config = replace(self.config, **changes)  # type: ignore[arg-type]
-        return FusedBackend(self.network, config, self.table, self.actor, self.critic)
+        return FusedEngine(self.network, config, self.table, self.actor, self.critic)
 
 
 def setting(
@@ -259,11 +259,11 @@ def assert_close(ours: dict[str, np.ndarray], theirs: dict[str, np.ndarray], bou
 
 
 def check_gradients(made: Setting, batch: Batch, **changes: object) -> None:
-    backend, reference = made.backend(**changes), Reference(made)
-    backend.update(batch)
+    engine, reference = made.engine(**changes), Reference(made)
+    engine.update(batch)
     expected, loss = reference.gradients(batch)
-    assert_close(backend.gradients(), expected, 1e-5)
-    assert backend.metrics()["critic_loss"] == pytest.approx(loss, rel=1e-5)
+    assert_close(engine.gradients(), expected, 1e-5)
+    assert engine.metrics()["critic_loss"] == pytest.approx(loss, rel=1e-5)
     squares = [np.square(g).sum() for name, g in expected.items() if name.startswith("actor.")]
-    norm = backend.metrics()["actor_gradient_norm"]
+    norm = engine.metrics()["actor_gradient_norm"]
     assert norm == pytest.approx(np.sqrt(sum(squares)), rel=1e-4)

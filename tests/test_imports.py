@@ -17,30 +17,44 @@ PACKAGES = {
 CORE = {"pa_ros.core", "pa_ros"}  # `pa_ros` itself holds the version alone
 LANGUAGE = CORE | {"pa_ros.language"}
 NETWORKS = LANGUAGE | {"pa_ros.networks"}
-LEARNING = NETWORKS | {"pa_ros.learning"}
+LEARNING = NETWORKS | {"pa_ros.acting", "pa_ros.learning", "pa_ros.native"}
 ARENA = LANGUAGE | {"pa_ros.arena"}
 WIRE = CORE | {"pa_ros.wire"}
-ROS = WIRE | {"pa_ros.ros"}
+PROVENANCE = LEARNING | ARENA | WIRE | {"pa_ros.provenance"}
 EVALUATION = LEARNING | ARENA | {"pa_ros.evaluation"}
-BAGS = EVALUATION | WIRE | {"pa_ros.bags"}
-NODES = BAGS | ROS
+BAGS = EVALUATION | PROVENANCE | {"pa_ros.bags"}
+ROS = WIRE | {"pa_ros.ros"}
+TOOLS = BAGS | ROS | {"pa_ros.tools"}
+NODES = LEARNING | ARENA | EVALUATION | PROVENANCE | ROS
 ALLOWED = {
     "pa_ros.core": CORE,
     "pa_ros.language": LANGUAGE,
     "pa_ros.networks": NETWORKS,
+    "pa_ros.acting": LEARNING,
+    "pa_ros.native": LEARNING,
     "pa_ros.learning": LEARNING,
     "pa_ros.arena": ARENA,
     "pa_ros.evaluation": EVALUATION,
     "pa_ros.wire": WIRE,
+    "pa_ros.provenance": PROVENANCE,
     "pa_ros.bags": BAGS,
-    "pa_ros.ros": ROS | {"pa_ros.bags"},
-    "pa_ros.cli": BAGS | ROS | {"pa_ros.cli"},
+    "pa_ros.ros": ROS,
+    "pa_ros.tools": TOOLS,
+    "pa_ros.benchmarks": TOOLS | {"pa_ros.benchmarks"},
+    "pa_ros.cli": TOOLS | {"pa_ros.benchmarks", "pa_ros.cli"},
     "sim_node": NODES | {"sim_node"},
     "agent_node": NODES | {"agent_node"},
     "learner_node": NODES | {"learner_node"},
 }
 MESSAGES = ("_msgs", "_interfaces", "_srvs", "msgs_schema")
-ROS_CLIENT = {"pa_ros.ros", "sim_node", "agent_node", "learner_node"}
+ROS_CLIENT = {
+    "pa_ros.ros",
+    "pa_ros.tools",
+    "pa_ros.benchmarks",
+    "sim_node",
+    "agent_node",
+    "learner_node",
+}
 
 
 def files() -> list[tuple[str, Path]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import Float64, Observation, Stretch, Verdict
+from pa_ros.core.experience import Float64, Observation, Trajectory, Verdict
 from pa_ros.language import Vocabulary
 
 WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
@@ -65,7 +65,7 @@ class PointWorld:
         return observation, verdict
 
 
-def random_stretch(rng: np.random.Generator, steps: int = 5, **fields: object) -> Stretch:
+def random_trajectory(rng: np.random.Generator, steps: int = 5, **fields: object) -> Trajectory:
     """Random numbers of the right shapes; `fields` replace any of it."""
     values = {
         "agent_id": "agent",
@@ -83,4 +83,4 @@ def random_stretch(rng: np.random.Generator, steps: int = 5, **fields: object) -
         "terminated": False,
         "vocabulary_digest": WORDS.digest,
     }
-    return Stretch(**(values | fields))  # type: ignore[arg-type]
+    return Trajectory(**(values | fields))  # type: ignore[arg-type]

@@ -19,12 +19,12 @@ class AgentConfig:
     weights: str = "topic"  # where weights come from; learning needs "topic"
     checkpoint: str = ""  # folder, for weights "checkpoint"
     agent_id: str = ""  # empty: a new one at each start; a resumed run keeps its own
-    first_sequence: int = 0  # of the first stretch; a resumed run goes on
+    first_sequence: int = 0  # of the first trajectory; a resumed run goes on
     seed: int = 0  # of the exploration noise, and of random weights
-    protocol: str = "ours"  # as the learner's: exploration noise, stretch_steps, policy_lag
+    protocol: str = "ours"  # as the learner's: exploration noise, trajectory_steps, policy_lag
     options: tuple[str, ...] = ()  # "learner.NAME=VALUE": as the learner's
     network: str = "programmable"  # of random weights
-    resend_period_s: float = 2.0  # stretches not yet taken up are sent again
+    resend_period_s: float = 2.0  # trajectories not yet taken up are sent again
     stuck_after_s: float = 10.0  # waiting longer than this for weights is an alarm
 
     def __post_init__(self) -> None:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from agent_node.shelf import UNPUBLISHED, PolicyShelf, ShelfSchedule
-from pa_ros.core.experience import Float32, Observation, PolicySnapshot, Stretch, Verdict
-from pa_ros.learning.actor import Actor
-from pa_ros.learning.agent import LearningAgent
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.stretches import StretchBuilder
+from pa_ros.acting.actor import Actor
+from pa_ros.acting.agent import LearningAgent
+from pa_ros.acting.trajectories import TrajectoryBuilder
+from pa_ros.core.experience import Float32, Observation, PolicySnapshot, Trajectory, Verdict
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.wire.records import PublishedPolicy
 
@@ -29,9 +29,9 @@ class Step:
 
 
 class Outgoing(NamedTuple):
-    """A stretch to be sent, and the simulation time of its first row."""
+    """A trajectory to be sent, and the simulation time of its first row."""
 
-    stretch: Stretch
+    trajectory: Trajectory
     stamp_ns: int
 
 
@@ -50,7 +50,7 @@ class Driver(Protocol):
         """Weights have come. Raises PolicyError or ConfigError if they cannot be used."""
 
     def observe(self, step: Step) -> Outgoing | None:
-        """Take in a step; the stretch that it completed, if it did."""
+        """Take in a step; the trajectory that it completed, if it did."""
 
     def act(self) -> Float32 | None:
         """The action at the step observed last, [6]; None if it must wait, or has none."""
@@ -140,8 +140,8 @@ class LearningDriver:
             agent.builder = self._make_builder(agent.actor.network, agent.builder.sequence)
         observation = step.observation
         self._stamps[observation.episode, observation.step] = observation.stamp_ns
-        stretch = agent.observe(observation, verdict, step.program)
-        return None if stretch is None else self._outgoing(stretch, observation)
+        trajectory = agent.observe(observation, verdict, step.program)
+        return None if trajectory is None else self._outgoing(trajectory, observation)
 
     def act(self) -> Float32 | None:
         step, agent = self._step, self._agent
@@ -153,13 +153,13 @@ class LearningDriver:
         return agent.act()
 
     def unaccounted(self) -> list[Outgoing]:
-        """Stretches sent that the newest policy does not account for."""
+        """Trajectories sent that the newest policy does not account for."""
         newest = self.shelf.newest
         done = 0 if newest is None else self.shelf.accounted(newest)
-        return [outgoing for outgoing in self._sent if outgoing.stretch.sequence >= done]
+        return [outgoing for outgoing in self._sent if outgoing.trajectory.sequence >= done]
 
-    def _outgoing(self, stretch: Stretch, observation: Observation) -> Outgoing:
-        outgoing = Outgoing(stretch, self._stamps[stretch.episode, stretch.first_step])
+    def _outgoing(self, trajectory: Trajectory, observation: Observation) -> Outgoing:
+        outgoing = Outgoing(trajectory, self._stamps[trajectory.episode, trajectory.first_step])
         self._stamps = {(observation.episode, observation.step): observation.stamp_ns}
         self._sent.append(outgoing)
         return outgoing
@@ -170,7 +170,7 @@ class LearningDriver:
         if required == UNPUBLISHED:
             return False
         if required is not None:
-            found = self.shelf.for_stretch(agent.builder.sequence, self._config.policy_lag)
+            found = self.shelf.for_trajectory(agent.builder.sequence, self._config.policy_lag)
             if found is None or found.snapshot.version != required:
                 return False
             agent.load(found.snapshot)
@@ -180,6 +180,6 @@ class LearningDriver:
         actor = Actor(network, self._config, self._seed)
         return LearningAgent(actor, self._make_builder(network, sequence), self._schedule)
 
-    def _make_builder(self, network: NetworkConfig, sequence: int) -> StretchBuilder:
+    def _make_builder(self, network: NetworkConfig, sequence: int) -> TrajectoryBuilder:
         digest = network.vocabulary.digest
-        return StretchBuilder(self.agent_id, self._config.stretch_steps, digest, sequence)
+        return TrajectoryBuilder(self.agent_id, self._config.trajectory_steps, digest, sequence)

@@ -15,11 +15,11 @@ from agent_node.config import AgentConfig
 from agent_node.drivers import Driver, GreedyDriver, LearningDriver, Step
 from agent_node.programs import HeardByOthers, ProgramBook, vocabulary_of
 from agent_node.steps import StepMatcher
-from pa_ros.bags.origins import origin
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import Vocabulary
-from pa_ros.learning.checkpoint import load_policy
+from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.parameters import initial_actor
+from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
@@ -48,7 +48,7 @@ class AgentNode(Node):
         self._unread: dict[str, Any] | None = None  # newest step whose program is not known yet
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
-        self._commands = self._stretches = 0
+        self._commands = self._trajectories = 0
         self._core_s = 0.0  # spent in the policy itself
         self._reported = (0, 0.0)  # commands and core_s at the last report
         self._heard_at = self._progress_at = time.monotonic()
@@ -75,7 +75,7 @@ class AgentNode(Node):
             return self.create_publisher(topic.type, topic.name, topic.writer)
 
         self._commands_out = publisher(topics.JOINT_COMMANDS)
-        self._transitions_out = publisher(topics.TRANSITIONS)
+        self._transitions_out = publisher(topics.TRAJECTORIES)
         self._status_out = publisher(topics.PROGRAM_STATUS)
         self._provenance = publisher(topics.PROVENANCE)
         parameters, name = asdict(self.config), self.get_fully_qualified_name()
@@ -154,8 +154,8 @@ class AgentNode(Node):
         self._handled = observation.stamp_ns
         self._observation = observation
         if outgoing is not None:
-            self._stretches += 1
-            self._transitions_out.publish(codec.encode_transitions(*outgoing))
+            self._trajectories += 1
+            self._transitions_out.publish(codec.encode_trajectory(*outgoing))
         self._act()
 
     def _act(self) -> None:
@@ -228,12 +228,12 @@ class AgentNode(Node):
         self._retry()
 
     def _send_again(self) -> None:
-        """Stretches that the weights waited for should have taken in: perhaps none heard them."""
+        """Trajectories that the awaited weights should have taken in: perhaps none heard them."""
         driver = self.driver
         late = time.monotonic() - self._progress_at > self.config.resend_period_s
         if isinstance(driver, LearningDriver) and driver.waiting and late:
             for outgoing in driver.unaccounted():
-                self._transitions_out.publish(codec.encode_transitions(*outgoing))
+                self._transitions_out.publish(codec.encode_trajectory(*outgoing))
 
     # Health
 
@@ -246,7 +246,7 @@ class AgentNode(Node):
             "policy_version": str(self.driver.version),
             "commands": str(self._commands),
             "core_us": f"{core_us:.1f}",
-            "stretches": str(self._stretches),
+            "trajectories": str(self._trajectories),
             "observation_age_s": f"{now - self._heard_at:.2f}",
         }
         driver = self.driver

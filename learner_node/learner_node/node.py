@@ -11,7 +11,7 @@ from rclpy.node import Node
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
-from pa_ros.learning.checkpoint import find_checkpoint
+from pa_ros.learning.checkpoints import find_checkpoint
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
@@ -22,10 +22,10 @@ from pa_ros.wire.errors import VocabularyError
 from pa_ros.wire.records import ArenaDescription, PublishedPolicy
 
 WATCH_S = 0.5
-EARLY_STRETCHES = 1000  # kept until an arena describes itself
+EARLY_TRAJECTORIES = 1000  # kept until an arena describes itself
 
 
-class EarlyStretchError(PaError):
+class EarlyTrajectoryError(PaError):
     """More experience than is kept while no arena has described itself."""
 
     code = "learner.early"
@@ -43,7 +43,7 @@ class LearnerNode(Node):
             find_checkpoint(Path(self.config.out) / "checkpoint")
         self._failure: BaseException | None = None
         self._early: list[Any] = []  # transitions that came before arena_info
-        self._take = self.refusals.guard(topics.TRANSITIONS.name, self._on_transitions)
+        self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
         self._rate = (time.monotonic(), 0.0, 0.0)  # since when, frames and updates then
         weights = topics.POLICY_WEIGHTS
         self._weights = self.create_publisher(weights.type, weights.name, weights.writer)
@@ -51,7 +51,7 @@ class LearnerNode(Node):
         self._provenance = self.create_publisher(account.type, account.name, account.writer)
         for topic, callback in (
             (topics.ARENA_INFO, self.refusals.guard(topics.ARENA_INFO.name, self._on_arena)),
-            (topics.TRANSITIONS, self._take),
+            (topics.TRAJECTORIES, self._take),
         ):
             self.create_subscription(topic.type, topic.name, callback, topic.reader)
         HealthReporter(self, self.refusals, self._collect)
@@ -84,17 +84,17 @@ class LearnerNode(Node):
         for message in early:
             self._take(message)
 
-    def _on_transitions(self, message: Any) -> None:
+    def _on_trajectory(self, message: Any) -> None:
         if self.worker is None:  # the arena's own description may come later than experience
-            if len(self._early) == EARLY_STRETCHES:
-                raise EarlyStretchError(
-                    f"transitions: expected arena_info first, got {EARLY_STRETCHES} stretches "
+            if len(self._early) == EARLY_TRAJECTORIES:
+                raise EarlyTrajectoryError(
+                    f"trajectories: expected arena_info first, got {EARLY_TRAJECTORIES} of them "
                     "without it, and keep no more"
                 )
             self._early.append(message)
             return
-        stretch = codec.decode_transitions(message, self.worker.vocabulary.digest)
-        self.worker.submit(stretch)
+        trajectory = codec.decode_trajectory(message, self.worker.vocabulary.digest)
+        self.worker.submit(trajectory)
 
     def _publish(self, policy: PublishedPolicy) -> None:
         self._weights.publish(codec.encode_weights(policy))
@@ -114,13 +114,13 @@ class LearnerNode(Node):
         elapsed = max(now - since, 1e-9)
         values = {
             "run_id": worker.run_id,
-            "backend": worker.backend,
+            "engine": worker.engine,
             "backlog": str(worker.backlog),
-            "rejected_stretches": str(worker.rejected),
+            "rejected_trajectories": str(worker.rejected),
             "frames_per_s": f"{(metrics['frames'] - frames) / elapsed:.1f}",
             "updates_per_s": f"{(metrics['updates'] - updates) / elapsed:.1f}",
             **{name: f"{value:.6g}" for name, value in metrics.items()},
         }
-        if metrics["missing_stretches"]:
-            return WARN, "stretches are missing", values
+        if metrics["missing_trajectories"]:
+            return WARN, "trajectories are missing", values
         return OK, "learning", values

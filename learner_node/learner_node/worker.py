@@ -12,13 +12,13 @@ from typing import IO, Any
 from uuid import uuid4
 
 from learner_node.config import LearnerNodeConfig
-from pa_ros.bags.origins import learner_origin
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import PolicySnapshot, Stretch
+from pa_ros.core.experience import PolicySnapshot, Trajectory
 from pa_ros.language import Vocabulary
-from pa_ros.learning.checkpoint import claim, restore, save_checkpoint
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, FolderInUseError
-from pa_ros.learning.learner import Learner
+from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin, PublishedPolicy
 
 
@@ -31,16 +31,16 @@ class Sinks:
 
 
 class LearnerWorker:
-    """Consumes stretches in the order they came, publishing a policy for each.
+    """Consumes trajectories in the order they came, publishing a policy for each.
 
-    A duplicate and a stretch that cannot be used leave the version as it is, but are published
+    A duplicate and a trajectory that cannot be used leave the version as it is, but are published
     as accounted for: the agent that sent it must not wait for ever.
     """
 
     def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
         self.vocabulary = Vocabulary(arena.shapes, arena.colors)
         self.failure: BaseException | None = None  # a bug; the node must not go on
-        self.rejected = 0  # stretches that could not be used
+        self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
         self._folder = _claimed(config.out)
         self._learner = _make_learner(config, arena, self.vocabulary)
@@ -49,19 +49,19 @@ class LearnerWorker:
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self._accounted = self._from_ledger()
         self.metrics = self._learner.metrics()
-        self._stretches: queue.SimpleQueue[Stretch | None] = queue.SimpleQueue()
+        self._trajectories: queue.SimpleQueue[Trajectory | None] = queue.SimpleQueue()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
 
     @property
     def backlog(self) -> int:
-        """Stretches that wait; with the synchronous protocol at most policy_lag + 1 per agent."""
-        return self._stretches.qsize()
+        """Trajectories that wait; in the synchronous protocol at most policy_lag + 1 per agent."""
+        return self._trajectories.qsize()
 
     @property
-    def backend(self) -> str:
+    def engine(self) -> str:
         """What makes the updates: "fused" or "torch"."""
-        return self._learner.backend.name
+        return self._learner.engine.name
 
     def origin(self, node: str) -> Origin:
         """The learner's account of itself; ask before `start`."""
@@ -83,14 +83,14 @@ class LearnerWorker:
             self._publish(snapshot, behind=newest - snapshot.version)
         self._thread.start()
 
-    def submit(self, stretch: Stretch) -> None:
-        """Learn from a stretch when its turn comes."""
-        self._stretches.put(stretch)
+    def submit(self, trajectory: Trajectory) -> None:
+        """Learn from a trajectory when its turn comes."""
+        self._trajectories.put(trajectory)
 
     def close(self) -> None:
-        """Finish the stretch under way, drop the ones that wait, and write a checkpoint."""
+        """Finish the trajectory under way, drop the ones that wait, and write a checkpoint."""
         self._stopping = True
-        self._stretches.put(None)
+        self._trajectories.put(None)
         if self._thread.is_alive():
             self._thread.join()
         if self.failure is None:
@@ -100,20 +100,20 @@ class LearnerWorker:
 
     def _run(self) -> None:
         try:
-            while (stretch := self._stretches.get()) is not None and not self._stopping:
-                self._consume(stretch)
+            while (trajectory := self._trajectories.get()) is not None and not self._stopping:
+                self._consume(trajectory)
         except BaseException as error:  # seen by the node's timer
             self.failure = error
 
-    def _consume(self, stretch: Stretch) -> None:
+    def _consume(self, trajectory: Trajectory) -> None:
         before = self._learner.counters.frames
         try:
-            self._learner.consume(stretch)
+            self._learner.consume(trajectory)
         except PaError as error:
             self.rejected += 1
-            self._sinks.refuse("transitions", error)
-        agent, last = stretch.agent_id, self._accounted.get(stretch.agent_id, -1)
-        self._accounted = {**self._accounted, agent: max(last, stretch.sequence)}
+            self._sinks.refuse("trajectories", error)
+        agent, last = trajectory.agent_id, self._accounted.get(trajectory.agent_id, -1)
+        self._accounted = {**self._accounted, agent: max(last, trajectory.sequence)}
         self.metrics = self._learner.metrics()
         self._publish(self._learner.snapshot())
         every = self._config.checkpoint_every_frames
@@ -121,7 +121,7 @@ class LearnerWorker:
             self._save()
 
     def _publish(self, snapshot: PolicySnapshot, behind: int = 0) -> None:
-        """`behind`: how many stretches fewer than now the snapshot accounts for."""
+        """`behind`: how many trajectories fewer than now the snapshot accounts for."""
         consumed = {a: n - behind for a, n in self._accounted.items() if n >= behind}
         self._sinks.publish(PublishedPolicy(snapshot, self.run_id, consumed, time.time_ns()))
 

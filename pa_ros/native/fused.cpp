@@ -1,4 +1,4 @@
-// Entry points of the library, for ctypes (pa_ros/learning/fused_library.py); picks the widest
+// Entry points of the library, for ctypes (pa_ros/native/library.py); picks the widest
 // instruction set of those it was built for that this machine has.
 #include <cstdlib>
 #include <cstring>

@@ -1,7 +1,7 @@
 // The C interface of the fused update, and where each tensor lies in a network's flat buffer.
 //
 // Plain types only: this header is shared by every instruction-set level and mirrored, field by
-// field, by pa_ros/learning/fused_library.py.
+// field, by pa_ros/native/library.py.
 #pragma once
 #include <cstdint>
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from pa_ros.arena import Design, condition_named
 from pa_ros.arena.conditions import program_text
-from pa_ros.bags import origins
-from pa_ros.bags.origins import JOINT_NAMES
 from pa_ros.language import parse
+from pa_ros.provenance import origins
+from pa_ros.provenance.origins import JOINT_NAMES
 from pa_ros.wire.records import ArenaDescription, Mode, Origin
 from sim_node.session import Session
 

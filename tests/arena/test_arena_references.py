@@ -15,9 +15,9 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
-from pa_ros.arena.bench import bench_sim
 from pa_ros.arena.references import reward_per_step
 from pa_ros.arena.render import render
+from pa_ros.benchmarks.arena import bench_sim
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast"])

@@ -173,7 +173,7 @@ def test_a_flipped_byte_is_read_or_refused_but_never_a_traceback(
 
 
 COMMANDS = (
-    ["bag", "info"], ["verify"], ["replay", "--wait", "0"],
+    ["bag", "info"], ["verify"], ["play", "--wait", "0"],
     ["bag", "export", "--out", "OUT"], ["train", "--out", "OUT", "--from-bag"],
 )  # fmt: skip
 
@@ -227,24 +227,24 @@ def test_a_foreign_bag_says_what_it_has_instead(tmp_path, capsys):
     assert "/chatter  std_msgs/msg/String  1" in out and "nothing of ours to tell" in out
     for command in (["verify"], ["train", "--out", str(tmp_path / "out"), "--from-bag"]):
         assert main([*command, str(tmp_path / "bag")]) == 2
-        assert "expected a topic of type msgs_schema/msg/Transitions" in capsys.readouterr().err
+        assert "expected a topic of type msgs_schema/msg/Trajectory" in capsys.readouterr().err
 
 
 def test_an_older_definition_is_named_and_not_misread(tmp_path, capsys):
     """Transitions of an edition without `terminated`, which learning needs."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    name, text = "msgs_schema/msg/Transitions", "string agent_id\nuint64 sequence\n"
+    name, text = "msgs_schema/msg/Trajectory", "string agent_id\nuint64 sequence\n"
     store.register(get_types_from_msg(text, name))
     with BagWriter(tmp_path / "bag") as bag:
-        bag.add(topic(store, "/transitions", name, [reliable_qos(1)]))
+        bag.add(topic(store, "/trajectories", name, [reliable_qos(1)]))
         message = store.types[name]("agent", 0)
-        bag.write("/transitions", bytes(store.serialize_cdr(message, name)), START)
+        bag.write("/trajectories", bytes(store.serialize_cdr(message, name)), START)
     assert main(["bag", "info", str(tmp_path / "bag")]) == 0
     assert "another edition of the definition than is installed here" in capsys.readouterr().out
     out = ["--out", str(tmp_path / "out")]
     assert main(["train", *out, "--from-bag", str(tmp_path / "bag")]) == 2
-    assert "another edition of msgs_schema/msg/Transitions" in capsys.readouterr().err
-    assert main(["replay", "--wait", "0", str(tmp_path / "bag")]) == 2
+    assert "another edition of msgs_schema/msg/Trajectory" in capsys.readouterr().err
+    assert main(["play", "--wait", "0", str(tmp_path / "bag")]) == 2
     assert "recorded with another edition" in capsys.readouterr().err
 
 

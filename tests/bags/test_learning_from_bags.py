@@ -16,7 +16,7 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
-from pa_ros.learning.checkpoint import find_checkpoint
+from pa_ros.learning.checkpoints import find_checkpoint
 
 FRAMES = 500
 
@@ -40,15 +40,15 @@ def verified(bag: Path):
 
 def test_recording_changes_nothing(recorded, tmp_path):
     assert train(tmp_path, frames=FRAMES) == 0
-    for name in ("backend.safetensors", "replay.safetensors"):
+    for name in ("engine.safetensors", "replay.safetensors"):
         assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
 
 
 def test_learning_from_the_bag_ends_in_the_live_learners_checkpoint(recorded, tmp_path, capsys):
     """All of it: both networks, their targets, Adam's moments, the replay memory."""
     assert main(["train", "--from-bag", str(recorded / "bag"), "--out", str(tmp_path)]) == 0
-    assert "5 stretches, 500 transitions, 500 updates" in capsys.readouterr().out
-    for name in ("backend.safetensors", "replay.safetensors"):
+    assert "5 trajectories, 500 transitions, 500 updates" in capsys.readouterr().out
+    for name in ("engine.safetensors", "replay.safetensors"):
         assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
 
 
@@ -63,7 +63,7 @@ def test_verify_finds_every_version_equal(recorded, capsys):
 
 def altered(field: str, sequence: int, index: int, change):
     def alter(topic, message):
-        if topic == "/transitions" and message.sequence == sequence:
+        if topic == "/trajectories" and message.sequence == sequence:
             values = getattr(message, field).copy()
             values[index] = change(values[index])
             setattr(message, field, values)
@@ -88,8 +88,8 @@ def test_one_altered_transition_is_found_and_named(
     copy = rewritten(recorded / "bag", tmp_path / "copy", alter)
     assert main(["verify", str(copy)]) == 1
     out = capsys.readouterr().out
-    assert f"transition {transition} of stretch 2 of agent (episode 2, step 42)" in out
-    assert "1 stretches are not what the arena gives" in out and "\nEQUAL" not in out
+    assert f"transition {transition} of trajectory 2 of agent (episode 2, step 42)" in out
+    assert "1 trajectories are not what the arena gives" in out and "\nEQUAL" not in out
 
 
 ALONE = ("--set=learner.relabel=none", "--set=learner.programs_per_transition=1")
@@ -120,24 +120,24 @@ def test_weights_that_their_own_checksum_belies_are_refused(recorded, tmp_path, 
     assert "checksum" in capsys.readouterr().err
 
 
-def test_a_stretch_that_is_missing_is_named(recorded, tmp_path, capsys):
+def test_a_trajectory_that_is_missing_is_named(recorded, tmp_path, capsys):
     def drop(topic, message):
-        return [] if topic == "/transitions" and message.sequence == 3 else [message]
+        return [] if topic == "/trajectories" and message.sequence == 3 else [message]
 
     copy = rewritten(recorded / "bag", tmp_path / "copy", drop)
     assert main(["verify", str(copy)]) == 1
     out = capsys.readouterr().out
-    assert "INCOMPLETE: stretch 3 of agent, which led to version 4, is not in the bag" in out
+    assert "INCOMPLETE: trajectory 3 of agent, which led to version 4, is not in the bag" in out
     assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
-    assert "1 stretches were learned from but are not in the bag" in capsys.readouterr().out
+    assert "1 trajectories were learned from but are not in the bag" in capsys.readouterr().out
 
 
 def test_order_is_the_learners_whatever_the_order_of_the_recording(recorded, tmp_path):
-    """Weights may be heard before the stretch that they come from, and stretches twice."""
+    """Weights may be heard before the trajectory that they come from, and trajectories twice."""
     kept = []
 
     def shuffle(topic, message):
-        if topic != "/transitions":
+        if topic != "/trajectories":
             return [message]
         kept.append(message)
         return [] if len(kept) < 5 else [kept[0], *reversed(kept)]
@@ -150,14 +150,14 @@ def test_without_weights_and_provenance_there_is_learning_but_no_verifying(
     recorded, tmp_path, capsys
 ):
     def strip(topic, message):
-        return [message] if topic == "/transitions" else []
+        return [message] if topic == "/trajectories" else []
 
     copy = rewritten(recorded / "bag", tmp_path / "copy", strip)
     assert main(["verify", str(copy)]) == 2
     assert "nothing says how this run was made" in capsys.readouterr().err
     out = ["--out", str(tmp_path / "out"), "--set=network.hidden=16"]
     assert main(["train", "--from-bag", str(copy), *out]) == 0
-    assert "5 stretches, 500 transitions" in capsys.readouterr().out
+    assert "5 trajectories, 500 transitions" in capsys.readouterr().out
 
 
 def test_many_bags_at_another_rate(recorded, tmp_path, capsys):
@@ -166,7 +166,7 @@ def test_many_bags_at_another_rate(recorded, tmp_path, capsys):
     bags = [str(recorded / "bag"), str(tmp_path / "b/bag"), str(recorded / "bag")]
     out = ["--out", str(tmp_path / "out"), "--set", "learner.updates_per_frame=0.5"]
     assert main(["train", "--from-bag", *bags, *out]) == 0
-    assert "7 stretches, 700 transitions, 350 updates" in capsys.readouterr().out
+    assert "7 trajectories, 700 transitions, 350 updates" in capsys.readouterr().out
 
 
 def test_a_resumed_run_is_not_verified(recorded, tmp_path, capsys):
@@ -177,11 +177,11 @@ def test_a_resumed_run_is_not_verified(recorded, tmp_path, capsys):
 
 
 def test_weights_are_recorded_less_often_than_every_frame_and_all_is_verified(tmp_path):
-    arguments = ["--set=learner.stretch_steps=1", "--set=learner.policy_lag=0"]
+    arguments = ["--set=learner.trajectory_steps=1", "--set=learner.policy_lag=0"]
     assert train(tmp_path, "--record", tmp_path / "bag", *arguments, frames=200) == 0
     with Bag(tmp_path / "bag") as bag:
         assert bag.counts == {
-            "/provenance": 1, "/arena_info": 1, "/transitions": 200, "/policy_weights": 3,
+            "/provenance": 1, "/arena_info": 1, "/trajectories": 200, "/policy_weights": 3,
         }  # fmt: skip
     found = verified(tmp_path / "bag")
     assert found.equal and (found.compared, found.version, found.reenacted) == (3, 200, 200)
@@ -194,9 +194,9 @@ def test_a_run_outlives_a_full_disk(tmp_path, monkeypatch):
     monkeypatch.setattr("pa_ros.bags.writer.BagWriter.flush", refuse)
     monkeypatch.setattr("pa_ros.bags.run_log.FLUSH_S", 0.0)
     assert train(tmp_path, "--record", tmp_path / "bag", frames=300) == 1
-    assert len(checkpoint_file(tmp_path, "backend.safetensors")) > 1000
+    assert len(checkpoint_file(tmp_path, "engine.safetensors")) > 1000
     with Bag(tmp_path / "bag") as bag:
-        assert bag.counts["/transitions"] == 1
+        assert bag.counts["/trajectories"] == 1
 
 
 def test_an_existing_bag_is_refused_before_training(recorded, tmp_path, capsys):
@@ -220,6 +220,6 @@ def test_one_of_several_arenas_is_chosen_by_its_namespace(recorded, tmp_path, ca
     assert main(["verify", str(tmp_path / "both"), "--namespace", "two"]) == 0
     out = ["--out", str(tmp_path / "out"), "--namespace", "/one"]
     assert main(["train", "--from-bag", str(tmp_path / "both"), *out]) == 0
-    assert checkpoint_file(tmp_path / "out", "backend.safetensors") == checkpoint_file(
-        recorded, "backend.safetensors"
+    assert checkpoint_file(tmp_path / "out", "engine.safetensors") == checkpoint_file(
+        recorded, "engine.safetensors"
     )

@@ -16,11 +16,11 @@ from pa_ros.bags.definitions import installed_types, message_type, to_cdr
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.film import Stage
-from pa_ros.bags.origins import JOINT_NAMES, describe
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.core.experience import Observation, Verdict
+from pa_ros.provenance.origins import JOINT_NAMES, describe
 from pa_ros.wire import codec
 from pa_ros.wire.records import Command, ProgramRequest
 
@@ -173,7 +173,7 @@ def test_transitions_alone_are_exported_too(learned, tmp_path):
 def test_info_tells_of_episodes_versions_and_provenance(learned, stepped, capsys):
     assert main(["bag", "info", str(learned)]) == 0
     out = capsys.readouterr().out
-    assert "3 stretches of transitions, no gaps" in out
+    assert "3 trajectories of transitions, no gaps" in out
     assert "weights: versions 0 to 3" in out and "3 training episodes, 300 steps" in out
     assert "2-L, fast, seed 5" in out and "from scratch" in out
     assert main(["bag", "info", str(stepped)]) == 0
@@ -184,12 +184,12 @@ def test_info_tells_of_episodes_versions_and_provenance(learned, stepped, capsys
 
 def test_info_names_gaps(learned, stepped, tmp_path, capsys):
     def drop(name, message):
-        gone = name == "/transitions" and message.sequence == 1
+        gone = name == "/trajectories" and message.sequence == 1
         return [] if gone or (name == "/policy_weights" and message.version == 2) else [message]
 
     assert main(["bag", "info", str(rewritten(learned, tmp_path / "a", drop))]) == 0
     out = capsys.readouterr().out
-    assert "2 stretches of transitions; GAPS: 1 missing of agent" in out
+    assert "2 trajectories of transitions; GAPS: 1 missing of agent" in out
     assert "versions 0 to 3, 1 of them not recorded" in out
 
     def lose(name, message):

@@ -8,7 +8,7 @@ import pytest
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scores import rewards
-from pa_ros.learning.checkpoint import SHIPPED, load_policy, read_metadata, ship
+from pa_ros.learning.checkpoints import SHIPPED, load_policy, read_metadata, ship
 from pa_ros.learning.errors import CheckpointError
 
 NAMES = ("2-L", "3-D")

@@ -7,9 +7,9 @@ import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.language import parse
-from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.loop import TrainConfig, train
-from pa_ros.learning.relabel import Relabeler
+from pa_ros.learning.relabeling.all_goals import Relabeler
 from pa_ros.networks.config import NetworkConfig
 
 

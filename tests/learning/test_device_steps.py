@@ -13,10 +13,16 @@ from worlds import WORDS
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
-from pa_ros.learning.backend import Batch
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.device_steps import SLOTS, WARM_UP_UPDATES, DeviceSteps, Replay, Staging
-from pa_ros.learning.dpg import TorchBackend
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.device_steps import (
+    SLOTS,
+    WARM_UP_UPDATES,
+    DeviceSteps,
+    Replay,
+    Staging,
+)
+from pa_ros.learning.algorithms.dpg.engine import Batch
+from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.networks.programs import ProgramTable
@@ -44,20 +50,20 @@ def tables(texts: tuple[str, ...] = TEXTS) -> ProgramTable:
     return table
 
 
-def torch_backend(
+def torch_engine(
     table: ProgramTable, capture=None, kind="programmable", device="cpu"
-) -> TorchBackend:
+) -> TorchEngine:
     """Small networks, the same for each call; queued if there is a `capture`."""
     network = NetworkConfig(WORDS, kind, hidden=7, attention=5, canonical_hidden=9)
     rng = np.random.default_rng(0)
     initial = initial_actor(network, rng), initial_critic(network, rng)
     falling = {"action_l2": 0.1, "action_l2_decay": 0.5, "rates_fall_after": 2}
     falling |= {"geometry_decay": 0.1, "geometry_decay_after": 2}
-    config = LearnerConfig(backend="torch", device=device, **falling)
-    backend = TorchBackend(network, config, table, *initial)
+    config = LearnerConfig(engine="torch", device=device, **falling)
+    engine = TorchEngine(network, config, table, *initial)
     if capture is not None:
-        backend._queued = DeviceSteps(backend._step_on, CPU, capture)
-    return backend
+        engine._queued = DeviceSteps(engine._step_on, CPU, capture)
+    return engine
 
 
 def random_batch(rng: np.random.Generator, size: int, objects: int, k: int, rows: int) -> Batch:
@@ -85,7 +91,7 @@ def spoil(batch: Batch) -> None:
 def test_queued_updates_are_the_immediate_ones(kind) -> None:
     """Other shapes, programs that join and target copies between; arrays are free at once."""
     table, captures = tables(), Captures()
-    direct, queued = torch_backend(table, kind=kind), torch_backend(table, captures, kind)
+    direct, queued = torch_engine(table, kind=kind), torch_engine(table, captures, kind)
     rng = np.random.default_rng(2)
     shapes = [(8, 4, 1)] * (WARM_UP_UPDATES + 3) + [(5, 3, 2)] * (WARM_UP_UPDATES + 2)
     for size, objects, k in shapes:
@@ -96,8 +102,8 @@ def test_queued_updates_are_the_immediate_ones(kind) -> None:
         assert queued.metrics() == direct.metrics()
     assert captures.count == 2
     table.add(parse("NEAR(HAND, AND(RED, SPHERE))", table.vocabulary))
-    for backend in (direct, queued):
-        backend.copy_targets()
+    for engine in (direct, queued):
+        engine.copy_targets()
     for _ in range(WARM_UP_UPDATES + 2):
         batch = random_batch(rng, 5, 3, 2, len(table))
         direct.update(batch)
@@ -111,7 +117,7 @@ def test_queued_updates_are_the_immediate_ones(kind) -> None:
 def test_loaded_tensors_reach_a_captured_step() -> None:
     """What a capture reads stays where it is when a checkpoint is loaded."""
     table = tables()
-    direct, queued = torch_backend(table), torch_backend(table, Captures())
+    direct, queued = torch_engine(table), torch_engine(table, Captures())
     rng = np.random.default_rng(3)
     for _ in range(WARM_UP_UPDATES + 1):
         queued.update(random_batch(rng, 4, 3, 1, 2))
@@ -129,7 +135,7 @@ def test_goes_on_if_nothing_can_be_captured(caplog) -> None:
         raise RuntimeError("operation not permitted when stream is capturing")
 
     table = tables()
-    direct, queued = torch_backend(table), torch_backend(table, refuse)
+    direct, queued = torch_engine(table), torch_engine(table, refuse)
     rng = np.random.default_rng(4)
     for _ in range(WARM_UP_UPDATES + 2):
         batch = random_batch(rng, 4, 3, 1, 2)
@@ -158,11 +164,11 @@ class Waits(TorchDispatchMode):
 
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "canonical"])
 def test_nothing_in_an_update_waits_for_the_device(kind) -> None:
-    backend = torch_backend(tables(), Captures(), kind)
+    engine = torch_engine(tables(), Captures(), kind)
     batch = random_batch(np.random.default_rng(5), 4, 3, 1, 2)
-    backend.update(batch)  # brings the programs to the device
+    engine.update(batch)  # brings the programs to the device
     with Waits() as waits:
-        backend.update(batch)
+        engine.update(batch)
     assert waits.found == []
     with waits:
         float(torch.zeros(1))
@@ -195,7 +201,7 @@ def test_staging_refuses_to_cast() -> None:
 @pytest.mark.parametrize("device", ["cpu", *GPUS])
 def test_other_devices_update_as_the_cpu_does(device) -> None:
     table = tables()
-    here, there = torch_backend(table), torch_backend(table, device=device)
+    here, there = torch_engine(table), torch_engine(table, device=device)
     rng = np.random.default_rng(7)
     for update in range(100):
         batch = random_batch(rng, 16, 5, 2, 2)
@@ -211,4 +217,4 @@ def test_other_devices_update_as_the_cpu_does(device) -> None:
 
 def test_a_device_that_is_not_there_is_refused() -> None:
     with pytest.raises(ConfigError, match="expected one that torch has here, got 'cuda:99'"):
-        torch_backend(tables(), device="cuda:99")
+        torch_engine(tables(), device="cuda:99")

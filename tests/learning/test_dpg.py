@@ -1,4 +1,4 @@
-"""One DPG update, by hand in float64; the backend's bookkeeping."""
+"""One DPG update, by hand in float64; the engine's bookkeeping."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import torch
 from worlds import WORDS, objects_at
 
 from pa_ros.language import parse
-from pa_ros.learning.backend import Batch, make_backend
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.dpg import TorchBackend
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.engine import Batch, make_engine
+from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
 from pa_ros.networks.programs import ProgramTable
@@ -24,7 +24,7 @@ L2_DECAY, L2_DECAYS_FOR = 0.8, 4  # the fraction lost within so many updates
 GAIN = 3.0
 DECAY, DECAYS_FOR = 0.5, 3  # updates
 CONFIG = LearnerConfig(
-    backend="torch",
+    engine="torch",
     dtype="float64",
     actor_rate=1e-3,
     critic_rate=2e-3,
@@ -77,8 +77,8 @@ def as_float64(tensors: dict) -> dict:
     return {name: value.astype(np.float64) for name, value in tensors.items()}
 
 
-def assert_close(backend: TorchBackend, prefix: str, expected: dict, tolerance: float) -> None:
-    ours = backend.tensors()
+def assert_close(engine: TorchEngine, prefix: str, expected: dict, tolerance: float) -> None:
+    ours = engine.tensors()
     for name, value in expected.items():
         np.testing.assert_allclose(ours[f"{prefix}.{name}"], value, rtol=0, atol=tolerance)
 
@@ -88,7 +88,7 @@ def test_updates_agree_with_the_oracle(kind) -> None:
     """Five updates with a target copy between: formulas, clipping and Adam written out."""
     network = NetworkConfig(WORDS, kind, hidden=8, attention=5, actor_output_scale=0.5)
     actor, critic = networks(network)
-    backend = TorchBackend(network, CONFIG, table(), actor, critic)
+    engine = TorchEngine(network, CONFIG, table(), actor, critic)
     values = {"actor": as_float64(actor), "critic": as_float64(critic)}
     values |= {f"target_{name}": dict(tensors) for name, tensors in values.items()}
     adam = {
@@ -98,10 +98,10 @@ def test_updates_agree_with_the_oracle(kind) -> None:
     rng = np.random.default_rng(1)
     for update in range(5):
         if update == 3:
-            backend.copy_targets()
+            engine.copy_targets()
             values |= {f"target_{name}": dict(values[name]) for name in adam}
         batch = random_batch(rng, 4, 2, len(TEXTS))
-        backend.update(batch)
+        engine.update(batch)
         nets = {name: oracle.parameters(tensors) for name, tensors in values.items()}
         price = L2 * (1 - L2_DECAY * min(1.0, update / L2_DECAYS_FOR))
         gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP, price)
@@ -111,11 +111,11 @@ def test_updates_agree_with_the_oracle(kind) -> None:
             if "detectors.weight" in values[name] and update >= 3:
                 values[name]["detectors.weight"][:, oracle.GEOMETRY] *= 0.75
     for name, tensors in values.items():
-        assert_close(backend, name, tensors, 1e-11)
+        assert_close(engine, name, tensors, 1e-11)
     for name, optimizer in adam.items():
-        assert_close(backend, f"adam.{name}.m", optimizer.m, 1e-12)
-        assert_close(backend, f"adam.{name}.v", optimizer.v, 1e-12)
-        assert backend.tensors()[f"adam.{name}.step"] == 5
+        assert_close(engine, f"adam.{name}.m", optimizer.m, 1e-12)
+        assert_close(engine, f"adam.{name}.v", optimizer.v, 1e-12)
+        assert engine.tensors()[f"adam.{name}.step"] == 5
 
 
 def oracle_transitions(batch: Batch) -> list[oracle.Transition]:
@@ -185,9 +185,9 @@ def test_one_update_by_hand() -> None:
     actor, critic = networks(network)
     actor["output.weight"] *= 100.0
     critic["output.weight"] *= 30.0
-    backend = TorchBackend(network, CONFIG, table(TEXTS[:2]), actor, critic)
+    engine = TorchEngine(network, CONFIG, table(TEXTS[:2]), actor, critic)
     batch = random_batch(np.random.default_rng(3), 5, 2, 2)
-    backend.update(batch)
+    engine.update(batch)
 
     pi, q = HandMlp(as_float64(actor)), HandMlp(as_float64(critic))
     count = batch.program.size
@@ -212,39 +212,39 @@ def test_one_update_by_hand() -> None:
         expected = {
             key: tensors[key] - rate * g / (np.sqrt(g * g) + 1e-8) for key, g in gradient.items()
         }  # Adam's first step: both bias-corrected moments are the gradient's own
-        assert_close(backend, name, expected, 1e-10)
-    assert backend.metrics()["critic_loss"] == pytest.approx(float((error**2).mean()), rel=1e-12)
-    assert backend.metrics()["mean_q"] == pytest.approx(float((error + target).mean()), rel=1e-10)
+        assert_close(engine, name, expected, 1e-10)
+    assert engine.metrics()["critic_loss"] == pytest.approx(float((error**2).mean()), rel=1e-12)
+    assert engine.metrics()["mean_q"] == pytest.approx(float((error + target).mean()), rel=1e-10)
     norm = np.sqrt(sum((g * g).sum() for g in actor_gradient.values()))
-    assert backend.metrics()["actor_gradient_norm"] == pytest.approx(norm, rel=1e-10)
+    assert engine.metrics()["actor_gradient_norm"] == pytest.approx(norm, rel=1e-10)
 
 
-def made(config: LearnerConfig = CONFIG, kind: str = "programmable") -> TorchBackend:
+def made(config: LearnerConfig = CONFIG, kind: str = "programmable") -> TorchEngine:
     network = NetworkConfig(WORDS, kind, hidden=8, attention=5)
-    backend = make_backend(network, config, table(), np.random.default_rng(4))
-    assert isinstance(backend, TorchBackend)
-    return backend
+    engine = make_engine(network, config, table(), np.random.default_rng(4))
+    assert isinstance(engine, TorchEngine)
+    return engine
 
 
 def test_targets_move_only_when_copied() -> None:
-    backend = made()
-    start = backend.tensors()
+    engine = made()
+    start = engine.tensors()
     rng = np.random.default_rng(0)
-    backend.update(random_batch(rng, 4, 1, 3))
-    after = backend.tensors()
+    engine.update(random_batch(rng, 4, 1, 3))
+    after = engine.tensors()
     for name in (n for n in start if n.startswith("target_")):
         np.testing.assert_array_equal(after[name], start[name])
         source = name.removeprefix("target_")
         np.testing.assert_array_equal(start[name], start[source])
-    backend.copy_targets()
-    copied = backend.tensors()
+    engine.copy_targets()
+    copied = engine.tensors()
     for name in (n for n in start if n.startswith("target_")):
         np.testing.assert_array_equal(copied[name], after[name.removeprefix("target_")])
     assert not np.array_equal(after["actor.output.bias"], start["actor.output.bias"])
 
 
 def test_tensors_are_all_there_is() -> None:
-    """A second backend with the first's tensors goes on identically."""
+    """A second engine with the first's tensors goes on identically."""
     first, second = made(), made(kind="programmable")
     rng = np.random.default_rng(0)
     batches = [random_batch(rng, 4, 2, 3) for _ in range(6)]
@@ -260,28 +260,28 @@ def test_tensors_are_all_there_is() -> None:
 
 
 def test_tensors_that_do_not_fit_are_refused() -> None:
-    backend = made()
-    tensors = backend.tensors()
+    engine = made()
+    tensors = engine.tensors()
     with pytest.raises(TensorError, match="actor.output.bias: expected .6,., got .7,."):
-        backend.load_tensors(tensors | {"actor.output.bias": np.zeros(7)})
+        engine.load_tensors(tensors | {"actor.output.bias": np.zeros(7)})
     with pytest.raises(TensorError, match=r"missing \['adam.actor.step'\]"):
-        backend.load_tensors({k: v for k, v in tensors.items() if k != "adam.actor.step"})
+        engine.load_tensors({k: v for k, v in tensors.items() if k != "adam.actor.step"})
 
 
 def test_actor_tensors_are_owned_float32() -> None:
-    backend = made()
-    tensors = backend.actor_tensors()
+    engine = made()
+    tensors = engine.actor_tensors()
     assert {t.dtype for t in tensors.values()} == {np.dtype(np.float32)}
     before = tensors["output.bias"].copy()
-    backend.update(random_batch(np.random.default_rng(0), 4, 1, 3))
+    engine.update(random_batch(np.random.default_rng(0), 4, 1, 3))
     np.testing.assert_array_equal(tensors["output.bias"], before)
 
 
 def test_programs_may_join_between_updates() -> None:
     network = NetworkConfig(WORDS, hidden=8, attention=5)
     programs = table(TEXTS[:1])
-    backend = make_backend(network, CONFIG, programs, np.random.default_rng(4))
-    backend.update(random_batch(np.random.default_rng(0), 4, 1, 1))
+    engine = make_engine(network, CONFIG, programs, np.random.default_rng(4))
+    engine.update(random_batch(np.random.default_rng(0), 4, 1, 1))
     programs.add(parse("NEAR(HAND, NOT(AND(NOT(RED), NOT(CUBE))))", WORDS))
-    backend.update(random_batch(np.random.default_rng(0), 4, 3, 2))
-    assert np.isfinite(backend.metrics()["critic_loss"])
+    engine.update(random_batch(np.random.default_rng(0), 4, 3, 2))
+    assert np.isfinite(engine.metrics()["critic_loss"])

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import KINDS, NEAR_M, PROGRAMS, WORDS, random_stretch
+from worlds import KINDS, NEAR_M, PROGRAMS, WORDS, random_trajectory
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import ProgramError
-from pa_ros.learning.backend import Batch
-from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.engine import Batch
+from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.errors import NonFiniteError, PolicyError
-from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import UnsupportedProgramError
 
@@ -19,21 +19,21 @@ NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
 
 
 def learner(network: NetworkConfig = NETWORK, **fields: object) -> Learner:
-    values = {"batch_size": 4, "replay_frames": 1000, "warmup_frames": 0, "backend": "torch"}
-    values |= {"stretch_steps": 10, "near_threshold": NEAR_M}
+    values = {"batch_size": 4, "replay_frames": 1000, "warmup_frames": 0, "engine": "torch"}
+    values |= {"trajectory_steps": 10, "near_threshold": NEAR_M}
     return Learner(network, LearnerConfig(**(values | fields)), PROGRAMS, seed=0)  # type: ignore[arg-type]
 
 
 class Recorder:
-    """Wraps a backend and keeps what it was given."""
+    """Wraps a engine and keeps what it was given."""
 
-    def __init__(self, backend: object) -> None:
-        self._backend = backend
+    def __init__(self, engine: object) -> None:
+        self._engine = engine
         self.calls: list[str] = []
         self.batches: list[Batch] = []
 
     def __getattr__(self, name: str) -> object:
-        return getattr(self._backend, name)
+        return getattr(self._engine, name)
 
     def update(self, batch: Batch) -> None:
         self.calls.append("update")
@@ -47,11 +47,11 @@ class Recorder:
 def test_update_to_data_ratio_is_exact(ratio) -> None:
     rng = np.random.default_rng(0)
     one = learner(updates_per_frame=ratio)
-    one.backend = recorder = Recorder(one.backend)
+    one.engine = recorder = Recorder(one.engine)
     frames = 0
     for sequence in range(12):
         steps = 1 + sequence % 5
-        report = one.consume(random_stretch(rng, steps, sequence=sequence))
+        report = one.consume(random_trajectory(rng, steps, sequence=sequence))
         frames += steps
         assert abs(one.counters.updates - ratio * frames) < 1
         assert report.version == one.counters.version == sequence + 1
@@ -59,12 +59,12 @@ def test_update_to_data_ratio_is_exact(ratio) -> None:
     assert one.counters.frames == frames
 
 
-def test_targets_are_copied_after_the_updates_of_an_episodes_last_stretch() -> None:
+def test_targets_are_copied_after_the_updates_of_an_episodes_last_trajectory() -> None:
     rng = np.random.default_rng(0)
     one = learner()
-    one.backend = recorder = Recorder(one.backend)
+    one.engine = recorder = Recorder(one.engine)
     for sequence, ends in enumerate([False, True, False]):
-        one.consume(random_stretch(rng, 2, sequence=sequence, ends_episode=ends))
+        one.consume(random_trajectory(rng, 2, sequence=sequence, ends_episode=ends))
     assert recorder.calls == ["update"] * 4 + ["copy"] + ["update"] * 2
     assert one.counters.episodes == 1
 
@@ -72,55 +72,55 @@ def test_targets_are_copied_after_the_updates_of_an_episodes_last_stretch() -> N
 def test_no_updates_until_warm() -> None:
     rng = np.random.default_rng(0)
     one = learner(warmup_frames=10)
-    updates = [one.consume(random_stretch(rng, 5, sequence=i)).updates for i in range(4)]
+    updates = [one.consume(random_trajectory(rng, 5, sequence=i)).updates for i in range(4)]
     assert updates == [0, 0, 5, 5]
 
 
 def test_a_duplicate_does_nothing() -> None:
     rng = np.random.default_rng(0)
     one, two = learner(), learner()
-    stretches = [random_stretch(rng, 3, sequence=i) for i in range(3)]
-    for stretch in stretches:
-        one.consume(stretch)
-        two.consume(stretch)
-        report = two.consume(stretch)
+    trajectories = [random_trajectory(rng, 3, sequence=i) for i in range(3)]
+    for trajectory in trajectories:
+        one.consume(trajectory)
+        two.consume(trajectory)
+        report = two.consume(trajectory)
         assert not report.insert.accepted and report.updates == 0
     assert two.replay.ledger.duplicates == 3
     assert two.counters == one.counters
-    for name, value in one.backend.tensors().items():
-        np.testing.assert_array_equal(value, two.backend.tensors()[name])
+    for name, value in one.engine.tensors().items():
+        np.testing.assert_array_equal(value, two.engine.tensors()[name])
 
 
-def test_a_refused_stretch_changes_nothing() -> None:
+def test_a_refused_trajectory_changes_nothing() -> None:
     rng = np.random.default_rng(0)
     one = learner()
-    one.consume(random_stretch(rng))
+    one.consume(random_trajectory(rng))
     before = (one.counters.version, len(one.table), one.replay.to_metadata())
     with pytest.raises(NonFiniteError):
-        one.consume(random_stretch(rng, sequence=1, rewards=np.full(5, np.nan, np.float32)))
+        one.consume(random_trajectory(rng, sequence=1, rewards=np.full(5, np.nan, np.float32)))
     with pytest.raises(ProgramError):
-        one.consume(random_stretch(rng, sequence=1, program="NEAR(HAND, AND(RED, CUBIC))"))
+        one.consume(random_trajectory(rng, sequence=1, program="NEAR(HAND, AND(RED, CUBIC))"))
     assert (one.counters.version, len(one.table), one.replay.to_metadata()) == before
 
 
 def test_canonical_networks_refuse_other_programs() -> None:
     one = learner(NetworkConfig(WORDS, "canonical", canonical_hidden=6))
     rng = np.random.default_rng(0)
-    assert one.consume(random_stretch(rng)).updates == 5
+    assert one.consume(random_trajectory(rng)).updates == 5
     with pytest.raises(UnsupportedProgramError):
-        one.consume(random_stretch(rng, sequence=1, program="NEAR(HAND, NOT(RED))"))
+        one.consume(random_trajectory(rng, sequence=1, program="NEAR(HAND, NOT(RED))"))
 
 
 def test_published_versions() -> None:
     rng = np.random.default_rng(0)
-    one = learner(policy_lag=1, backend="auto")
+    one = learner(policy_lag=1, engine="auto")
     first = one.snapshot()
     assert first.version == 0 and one.snapshot(0) is first
-    one.consume(random_stretch(rng))
+    one.consume(random_trajectory(rng))
     second = one.snapshot()
     assert second.version == 1 and one.snapshot(0) is first and one.snapshot(1) is second
     assert not np.array_equal(first.tensors["output.bias"], second.tensors["output.bias"])
-    one.consume(random_stretch(rng, sequence=1))
+    one.consume(random_trajectory(rng, sequence=1))
     with pytest.raises(PolicyError, match=r"expected one of the versions \[1, 2\], got 0"):
         one.snapshot(0)
     for tensor in second.tensors.values():
@@ -132,20 +132,20 @@ def test_published_versions() -> None:
 def test_batches_are_gathered_from_transitions() -> None:
     rng = np.random.default_rng(0)
     one = learner(reward_shift=1.0, reward_scale=0.5)
-    one.backend = recorder = Recorder(one.backend)
-    stretch = random_stretch(rng, 8, terminated=True, program=PROGRAMS[1])
-    one.consume(stretch)
+    one.engine = recorder = Recorder(one.engine)
+    trajectory = random_trajectory(rng, 8, terminated=True, program=PROGRAMS[1])
+    one.consume(trajectory)
     assert len(recorder.batches) == 8
     for batch in recorder.batches:
         assert batch.program.shape == batch.reward.shape == (4, 1)
         assert (batch.program == 1).all()
         for b in range(4):
-            (t,) = np.flatnonzero((stretch.arm[:-1] == batch.arm[b]).all(1))
-            np.testing.assert_array_equal(batch.objects[b], stretch.objects[t])
-            np.testing.assert_array_equal(batch.next_objects[b], stretch.objects[t + 1])
-            np.testing.assert_array_equal(batch.next_arm[b], stretch.arm[t + 1])
-            np.testing.assert_array_equal(batch.action[b], stretch.actions[t])
-            assert batch.reward[b, 0] == 0.5 * (stretch.rewards[t] + 1)
+            (t,) = np.flatnonzero((trajectory.arm[:-1] == batch.arm[b]).all(1))
+            np.testing.assert_array_equal(batch.objects[b], trajectory.objects[t])
+            np.testing.assert_array_equal(batch.next_objects[b], trajectory.objects[t + 1])
+            np.testing.assert_array_equal(batch.next_arm[b], trajectory.arm[t + 1])
+            np.testing.assert_array_equal(batch.action[b], trajectory.actions[t])
+            assert batch.reward[b, 0] == 0.5 * (trajectory.rewards[t] + 1)
             assert batch.discount[b] == (0.0 if t == 7 else np.float32(0.99))
         arrays = (batch.objects, batch.arm, batch.action, batch.next_objects, batch.next_arm)
         for array in (*arrays, batch.program, batch.reward, batch.discount):
@@ -172,12 +172,12 @@ def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None
     one = learner(
         discount=0.95, first_discount=0.8, discount_rises_after=20, reward_shift=1.0, batch_size=64
     )
-    one.backend = recorder = Recorder(one.backend)
+    one.engine = recorder = Recorder(one.engine)
     rng = np.random.default_rng(0)
     for sequence in range(6):
-        one.consume(random_stretch(rng, 10, sequence=sequence))
+        one.consume(random_trajectory(rng, 10, sequence=sequence))
     for due, batch in enumerate(recorder.batches):
-        gamma = one.config.discount_after(due // 10 * 10)  # as when its stretch came
+        gamma = one.config.discount_after(due // 10 * 10)  # as when its trajectory came
         assert batch.discount == pytest.approx(gamma)
         assert batch.reward.max() / (1 - gamma) == pytest.approx(2 / (1 - 0.95))
     assert len(recorder.batches) == 60
@@ -193,8 +193,8 @@ def test_rates_fall_as_one_over_t_or_never() -> None:
 def test_relabeled_rewards_are_those_of_the_next_row() -> None:
     rng = np.random.default_rng(0)
     one = learner(relabel="all-goals", programs_per_transition=2)
-    one.backend = recorder = Recorder(one.backend)
-    one.consume(random_stretch(rng, 40))
+    one.engine = recorder = Recorder(one.engine)
+    one.consume(random_trajectory(rng, 40))
     seen = set()
     for batch in recorder.batches:
         assert (np.sort(batch.program, 1) == [0, 1]).all()
@@ -210,10 +210,12 @@ def test_relabeled_rewards_are_those_of_the_next_row() -> None:
 def test_one_seed_one_result() -> None:
     def result(seed: int) -> np.ndarray:
         rng = np.random.default_rng(9)
-        config = LearnerConfig(batch_size=4, replay_frames=100, stretch_steps=10, warmup_frames=0)
+        config = LearnerConfig(
+            batch_size=4, replay_frames=100, trajectory_steps=10, warmup_frames=0
+        )
         one = Learner(NETWORK, config, PROGRAMS, seed)
         for sequence in range(3):
-            one.consume(random_stretch(rng, sequence=sequence))
+            one.consume(random_trajectory(rng, sequence=sequence))
         return one.snapshot().tensors["local.0.weight"]
 
     np.testing.assert_array_equal(result(0), result(0))
@@ -232,11 +234,11 @@ def test_one_seed_one_result() -> None:
         ("relabel", "some"),
         ("programs_per_transition", 2),
         ("relabel_keeps_original", True),
-        ("stretch_steps", 0),
+        ("trajectory_steps", 0),
         ("policy_lag", -1),
         ("noise_scale", "loud"),
         ("noise_dt", 0.0),
-        ("backend", "abacus"),
+        ("engine", "abacus"),
         ("dtype", "float16"),
         ("threads", True),
         ("near_threshold", -0.1),
@@ -266,6 +268,6 @@ def test_settings_round_trip() -> None:
             LearnerConfig.from_json(text)
 
 
-def test_a_backend_that_does_not_apply_is_refused() -> None:
+def test_a_engine_that_does_not_apply_is_refused() -> None:
     with pytest.raises(ConfigError, match="'fused'"):
-        learner(backend="fused", dtype="float64")
+        learner(engine="fused", dtype="float64")

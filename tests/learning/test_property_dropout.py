@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORDS, random_stretch
+from worlds import PROGRAMS, WORDS, random_trajectory
 
 from pa_ros.core.experience import COLORS, SHAPES, Float32
 from pa_ros.language import Vocabulary, parse
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.learner import Learner
-from pa_ros.learning.property_dropout import PropertyDropout
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.programs import ProgramTable
 
@@ -102,25 +102,25 @@ def test_programs_that_join_the_table_are_heeded() -> None:
 
 
 class Recorder:
-    def __init__(self, backend: object) -> None:
-        self._backend = backend
+    def __init__(self, engine: object) -> None:
+        self._engine = engine
         self.batches: list = []
 
     def __getattr__(self, name: str) -> object:
-        return getattr(self._backend, name)
+        return getattr(self._engine, name)
 
     def update(self, batch: object) -> None:
         self.batches.append(batch)
 
 
 def batches(**fields: object) -> list:
-    config = LearnerConfig(batch_size=4, replay_frames=1000, warmup_frames=0, stretch_steps=10,
-                           backend="torch", **fields)  # type: ignore[arg-type]  # fmt: skip
+    config = LearnerConfig(batch_size=4, replay_frames=1000, warmup_frames=0, trajectory_steps=10,
+                           engine="torch", **fields)  # type: ignore[arg-type]  # fmt: skip
     one = Learner(NetworkConfig(WORDS, hidden=6, attention=4), config, PROGRAMS, seed=0)
-    one.backend = recorder = Recorder(one.backend)
+    one.engine = recorder = Recorder(one.engine)
     rng = np.random.default_rng(0)
     for sequence in range(4):
-        one.consume(random_stretch(rng, 10, sequence=sequence))
+        one.consume(random_trajectory(rng, 10, sequence=sequence))
     return recorder.batches
 
 

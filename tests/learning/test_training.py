@@ -10,12 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORDS, PointWorld, random_stretch
+from worlds import PROGRAMS, WORDS, PointWorld, random_trajectory
 
+from pa_ros.acting.actor import Actor
+from pa_ros.acting.schedule import Schedule
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Stretch
-from pa_ros.learning.actor import Actor
-from pa_ros.learning.checkpoint import (
+from pa_ros.core.experience import Trajectory
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.learner import ConsumeReport, Learner
+from pa_ros.learning.checkpoints import (
     claim,
     find_checkpoint,
     load_configs,
@@ -24,16 +27,13 @@ from pa_ros.learning.checkpoint import (
     restore,
     save_checkpoint,
 )
-from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import CheckpointError, FolderInUseError, PolicyError
-from pa_ros.learning.learner import ConsumeReport, Learner
 from pa_ros.learning.loop import TrainConfig, train
-from pa_ros.learning.schedule import Schedule
 from pa_ros.networks.config import NetworkConfig
 
 NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
 SETTINGS = LearnerConfig(
-    batch_size=4, replay_frames=500, warmup_frames=30, stretch_steps=20, relabel="all-goals"
+    batch_size=4, replay_frames=500, warmup_frames=30, trajectory_steps=20, relabel="all-goals"
 )
 CHANGING = {
     "action_l2": 0.1,
@@ -68,7 +68,7 @@ def assert_same(one: Learner, two: Learner) -> None:
     assert one.rng.bit_generator.state == two.rng.bit_generator.state
     assert one.replay.to_metadata() == two.replay.to_metadata()
     for ours, theirs in (
-        (one.backend.tensors(), two.backend.tensors()),
+        (one.engine.tensors(), two.engine.tensors()),
         (one.replay.filled(), two.replay.filled()),
     ):
         assert ours.keys() == theirs.keys()
@@ -80,73 +80,73 @@ def assert_same(one: Learner, two: Learner) -> None:
             np.testing.assert_array_equal(tensor, other.tensors[name])
 
 
-def consumed(monkeypatch: pytest.MonkeyPatch) -> list[Stretch]:
-    """Every stretch that any learner consumes from here on."""
-    stretches: list[Stretch] = []
+def consumed(monkeypatch: pytest.MonkeyPatch) -> list[Trajectory]:
+    """Every trajectory that any learner consumes from here on."""
+    trajectories: list[Trajectory] = []
     original = Learner.consume
 
-    def consume(self: Learner, stretch: Stretch) -> ConsumeReport:
-        stretches.append(stretch)
-        return original(self, stretch)
+    def consume(self: Learner, trajectory: Trajectory) -> ConsumeReport:
+        trajectories.append(trajectory)
+        return original(self, trajectory)
 
     monkeypatch.setattr(Learner, "consume", consume)
-    return stretches
+    return trajectories
 
 
 @pytest.mark.parametrize("lag", [0, 1, 3])
 @pytest.mark.parametrize("steps", [1, 7, 20])
 def test_lag(tmp_path, monkeypatch, lag, steps) -> None:
-    """Stretch m is acted by version m − lag, and the weights are those of that version."""
-    stretches = consumed(monkeypatch)
-    settings = replace(SETTINGS, policy_lag=lag, stretch_steps=steps)
+    """Trajectory m is acted by version m − lag, and the weights are those of that version."""
+    trajectories = consumed(monkeypatch)
+    settings = replace(SETTINGS, policy_lag=lag, trajectory_steps=steps)
     learner = run(tmp_path, 60, settings)
-    assert [s.sequence for s in stretches] == list(range(len(stretches)))
+    assert [s.sequence for s in trajectories] == list(range(len(trajectories)))
     schedule = Schedule(lag)
-    for m, stretch in enumerate(stretches):
-        assert stretch.policy_version == max(0, m - lag) == schedule.acting_version(m)
-    ends = {s.first_step + len(s) for s in stretches if s.ends_episode}
-    assert ends == {20} and sum(len(s) for s in stretches) == 60
-    assert all(len(s) == steps for s in stretches if not s.ends_episode)
-    assert learner.counters.version == len(stretches)
+    for m, trajectory in enumerate(trajectories):
+        assert trajectory.policy_version == max(0, m - lag) == schedule.acting_version(m)
+    ends = {s.first_step + len(s) for s in trajectories if s.ends_episode}
+    assert ends == {20} and sum(len(s) for s in trajectories) == 60
+    assert all(len(s) == steps for s in trajectories if not s.ends_episode)
+    assert learner.counters.version == len(trajectories)
     assert [p.version for p in learner.published] == list(
-        range(max(0, len(stretches) - lag), len(stretches) + 1)
+        range(max(0, len(trajectories) - lag), len(trajectories) + 1)
     )
 
 
 def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> None:
     """Replaying the learner alone gives the policies that explain every action."""
-    stretches = consumed(monkeypatch)
+    trajectories = consumed(monkeypatch)
     run(tmp_path, 100)
     monkeypatch.undo()
     learner = Learner(NETWORK, SETTINGS, PROGRAMS, seed=3)
     policies = {0: learner.snapshot()}
     world = PointWorld(3)
     actor = Actor(NETWORK, SETTINGS, seed=3)
-    for episode, stretch in enumerate(stretches):
-        actor.load(policies[stretch.policy_version])
+    for episode, trajectory in enumerate(trajectories):
+        actor.load(policies[trajectory.policy_version])
         observation, _ = world.reset(episode)
-        for t in range(len(stretch)):
-            np.testing.assert_array_equal(observation.objects, stretch.objects[t])
+        for t in range(len(trajectory)):
+            np.testing.assert_array_equal(observation.objects, trajectory.objects[t])
             action = actor.explore(observation, world.program)
-            np.testing.assert_array_equal(action, stretch.actions[t])
+            np.testing.assert_array_equal(action, trajectory.actions[t])
             observation, verdict = world.step(action.astype(np.float64))
-            assert verdict.reward == stretch.rewards[t]
-        learner.consume(stretch)
+            assert verdict.reward == trajectory.rewards[t]
+        learner.consume(trajectory)
         policies[learner.counters.version] = learner.snapshot()
 
 
 @pytest.mark.parametrize("lag", [1, 2])
 def test_overlap_changes_nothing(tmp_path, lag) -> None:
-    settings = replace(SETTINGS, policy_lag=lag, stretch_steps=7)
+    settings = replace(SETTINGS, policy_lag=lag, trajectory_steps=7)
     one = run(tmp_path / "a", 200, settings, overlap=True)
     assert_same(one, run(tmp_path / "b", 200, settings, overlap=False))
 
 
-@pytest.mark.parametrize("backend", ["auto", "torch"])
+@pytest.mark.parametrize("engine", ["auto", "torch"])
 @pytest.mark.parametrize("lag", [0, 1])
-def test_resuming_is_not_stopping(tmp_path, backend, lag) -> None:
+def test_resuming_is_not_stopping(tmp_path, engine, lag) -> None:
     """Also across the replay's wrap, at 500 rows, and whatever changes with the updates."""
-    settings = replace(SETTINGS, backend=backend, policy_lag=lag, updates_per_frame=0.7, **CHANGING)
+    settings = replace(SETTINGS, engine=engine, policy_lag=lag, updates_per_frame=0.7, **CHANGING)
     unbroken = run(tmp_path / "a", 800, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 260, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 600, settings, resume=True, evaluate_every_frames=40)
@@ -275,7 +275,7 @@ def test_other_training_programs_are_refused(saved) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["metadata.json", "backend.safetensors", "replay.safetensors", "policies.safetensors"]
+    "name", ["metadata.json", "engine.safetensors", "replay.safetensors", "policies.safetensors"]
 )
 @pytest.mark.parametrize("damage", ["missing", "truncated", "empty"])
 def test_a_damaged_checkpoint_is_refused(saved, name, damage) -> None:
@@ -311,12 +311,12 @@ def test_no_checkpoint_and_another_format(saved, tmp_path) -> None:
 
 
 def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) -> None:
-    from pa_ros.learning import checkpoint
+    from pa_ros.learning import checkpoints as checkpoint
 
     learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3)
     restore(saved, learner)
     before = load_policy(saved)
-    learner.consume(random_stretch(np.random.default_rng(0), agent_id="other"))
+    learner.consume(random_trajectory(np.random.default_rng(0), agent_id="other"))
     for step in ("rename", "replace"):
         with monkeypatch.context() as patch:
 
@@ -333,7 +333,7 @@ def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) ->
 
 
 def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> None:
-    def consume(self: Learner, stretch: Stretch) -> ConsumeReport:
+    def consume(self: Learner, trajectory: Trajectory) -> ConsumeReport:
         raise PolicyError("no")
 
     monkeypatch.setattr(Learner, "consume", consume)

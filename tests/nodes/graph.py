@@ -13,7 +13,7 @@ from rclpy.node import Node
 from pa_ros.ros import topics
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.executor import release, spin_until
-from pa_ros.ros.graph import use_domain
+from pa_ros.tools.graph import use_domain
 from pa_ros.wire import codec
 from pa_ros.wire.records import Health, Outcome
 

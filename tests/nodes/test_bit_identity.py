@@ -10,13 +10,13 @@ import pytest
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.evaluation.training import training_programs
-from pa_ros.learning.checkpoint import read_metadata
+from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.ros import topics
-from pa_ros.ros.client import client_node
-from pa_ros.ros.graph import start_nodes, use_domain, watch
-from pa_ros.ros.launcher import Supervisor
+from pa_ros.tools.client import client_node
+from pa_ros.tools.graph import start_nodes, use_domain, watch
+from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
 
 SEED, EPISODES = 11, 3

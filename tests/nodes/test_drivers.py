@@ -1,4 +1,4 @@
-"""Experience joins only what belongs together, and each stretch acts with its own weights."""
+"""Experience joins only what belongs together, and each trajectory acts with its own weights."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from agent_node.shelf import PolicyShelf
 from agent_node.steps import StepMatcher
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import PolicySnapshot
-from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.wire.records import PublishedPolicy
@@ -57,34 +57,34 @@ class Arm:
 
 @pytest.fixture
 def arm() -> Arm:
-    driver = LearningDriver("me", LearnerConfig(stretch_steps=10, policy_lag=10**6), seed=0)
+    driver = LearningDriver("me", LearnerConfig(trajectory_steps=10, policy_lag=10**6), seed=0)
     driver.offer(published(0))
     return Arm(driver)
 
 
 def spans(arm: Arm) -> list[tuple[int, int, int]]:
-    """(sequence, first step, length) of the stretches sent."""
-    return [(o.stretch.sequence, o.stretch.first_step, len(o.stretch)) for o in arm.sent]
+    """(sequence, first step, length) of the trajectories sent."""
+    return [(o.trajectory.sequence, o.trajectory.first_step, len(o.trajectory)) for o in arm.sent]
 
 
-def test_stretches_follow_one_another_without_gap(arm):
+def test_trajectories_follow_one_another_without_gap(arm):
     arm.reset(0)
     arm.run(25)
     assert spans(arm) == [(0, 0, 10), (1, 10, 10)]
     assert [o.stamp_ns for o in arm.sent] == [100_000_000, 1_100_000_000]
 
 
-def test_a_reset_cuts_the_stretch_and_nothing_crosses_it(arm):
+def test_a_reset_cuts_the_trajectory_and_nothing_crosses_it(arm):
     arm.reset(0)
     arm.run(7)
     arm.reset(5)
     arm.run(10)
     assert spans(arm) == [(0, 0, 7), (1, 0, 10)]
-    assert [o.stretch.episode for o in arm.sent] == [0, 5]
-    assert arm.sent[0].stretch.ends_episode and not arm.sent[1].stretch.ends_episode
+    assert [o.trajectory.episode for o in arm.sent] == [0, 5]
+    assert arm.sent[0].trajectory.ends_episode and not arm.sent[1].trajectory.ends_episode
 
 
-def test_a_change_of_program_cuts_the_stretch_and_nothing_crosses_it(arm):
+def test_a_change_of_program_cuts_the_trajectory_and_nothing_crosses_it(arm):
     arm.reset(0)
     arm.run(4)
     before = arm.task.program
@@ -93,7 +93,7 @@ def test_a_change_of_program_cuts_the_stretch_and_nothing_crosses_it(arm):
     arm.task.set_program(f"NEAR(HAND, AND({other.color}, {other.shape}))")
     arm.run(11)
     assert spans(arm) == [(0, 0, 4), (1, 5, 10)]  # 4 to 5 crosses: left out
-    assert [o.stretch.program for o in arm.sent] == [before, arm.task.program]
+    assert [o.trajectory.program for o in arm.sent] == [before, arm.task.program]
 
 
 def test_what_another_hand_did_is_not_experience(arm):
@@ -110,7 +110,7 @@ def test_what_another_hand_did_is_not_experience(arm):
 def test_evaluation_episodes_leave_no_trace(arm):
     arm.reset(0)
     arm.run(20)
-    other = Arm(LearningDriver("me", LearnerConfig(stretch_steps=10, policy_lag=10**6), seed=0))
+    other = Arm(LearningDriver("me", LearnerConfig(trajectory_steps=10, policy_lag=10**6), seed=0))
     other.driver.offer(published(0))
     other.reset(0)
     other.run(10)
@@ -123,8 +123,8 @@ def test_evaluation_episodes_leave_no_trace(arm):
     other.run(20)
     assert spans(arm) == spans(other)
     for a, b in zip(arm.sent, other.sent, strict=True):
-        assert np.array_equal(a.stretch.objects, b.stretch.objects)
-        assert np.array_equal(a.stretch.actions, b.stretch.actions)
+        assert np.array_equal(a.trajectory.objects, b.trajectory.objects)
+        assert np.array_equal(a.trajectory.actions, b.trajectory.actions)
 
 
 def test_evaluation_is_greedy_and_training_is_not(arm):
@@ -138,48 +138,48 @@ def test_evaluation_is_greedy_and_training_is_not(arm):
     assert np.abs(arm.velocity).max() > 0.05
 
 
-def test_each_stretch_acts_with_the_version_the_protocol_names():
-    driver = LearningDriver("me", LearnerConfig(stretch_steps=10, policy_lag=1), seed=0)
+def test_each_trajectory_acts_with_the_version_the_protocol_names():
+    driver = LearningDriver("me", LearnerConfig(trajectory_steps=10, policy_lag=1), seed=0)
     driver.offer(published(0))
     arm = Arm(driver)
     arm.reset(0)
     arm.run(10)
     assert driver.version == 0
-    arm.run(10)  # stretch 1 acts with version 0 too
+    arm.run(10)  # trajectory 1 acts with version 0 too
     assert driver.waiting and driver.act() is None
     driver.offer(published(1, {"me": 0}))
-    driver.offer(published(2, {"me": 1}))  # newer, and not what stretch 2 must act with
+    driver.offer(published(2, {"me": 1}))  # newer, and not what trajectory 2 must act with
     assert driver.act() is not None and driver.version == 1
     arm.velocity = np.zeros(6)
     arm.run(10)
     assert driver.version == 2
-    assert [o.stretch.policy_version for o in arm.sent] == [0, 0, 1]
+    assert [o.trajectory.policy_version for o in arm.sent] == [0, 0, 1]
 
 
 def test_with_other_agents_versions_grow_faster_and_nobody_waits_for_ever():
     shelf = PolicyShelf("me")
     for version, consumed in ((0, {}), (1, {"you": 0}), (2, {"you": 1}), (3, {"you": 1, "me": 0})):
         shelf.add(published(version, consumed), sent=1)
-    assert shelf.for_stretch(1, lag=1).snapshot.version == 0
-    assert shelf.for_stretch(2, lag=1).snapshot.version == 3
-    assert shelf.for_stretch(3, lag=1) is None
+    assert shelf.for_trajectory(1, lag=1).snapshot.version == 0
+    assert shelf.for_trajectory(2, lag=1).snapshot.version == 3
+    assert shelf.for_trajectory(3, lag=1) is None
 
 
 @pytest.mark.parametrize("after", [published(4, {"me": 3}), published(9, {}, run="another")])
-def test_a_learner_that_lost_stretches_is_not_waited_for(after):
+def test_a_learner_that_lost_trajectories_is_not_waited_for(after):
     shelf = PolicyShelf("me")
     shelf.add(published(6, {"me": 5}), sent=7)
-    assert shelf.for_stretch(8, lag=1) is None
+    assert shelf.for_trajectory(8, lag=1) is None
     shelf.add(after, sent=8)
-    assert shelf.for_stretch(8, lag=1) is not None
+    assert shelf.for_trajectory(8, lag=1) is not None
 
 
-def test_a_refused_stretch_is_accounted_for_without_a_new_version():
+def test_a_refused_trajectory_is_accounted_for_without_a_new_version():
     shelf = PolicyShelf("me")
     shelf.add(published(3, {"me": 2}), sent=4)
-    assert shelf.for_stretch(4, lag=0) is None
+    assert shelf.for_trajectory(4, lag=0) is None
     shelf.add(published(3, {"me": 3}), sent=4)
-    assert shelf.for_stretch(4, lag=0).snapshot.version == 3
+    assert shelf.for_trajectory(4, lag=0).snapshot.version == 3
 
 
 def test_steps_are_matched_by_stamp_in_any_order_and_old_ones_refused():

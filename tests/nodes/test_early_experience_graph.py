@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from graph import graph
-from test_learner_worker import ARENA, stretch
+from test_learner_worker import ARENA, trajectory
 
 from learner_node import node
 from learner_node.node import LearnerNode
@@ -15,12 +15,12 @@ from pa_ros.wire import codec
 def test_it_is_kept_in_order_up_to_a_bound_and_beyond_it_refused(
     tmp_path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(node, "EARLY_STRETCHES", 3)
+    monkeypatch.setattr(node, "EARLY_TRAJECTORIES", 3)
     with graph(LearnerNode, learner_node__out=tmp_path / "run") as probe:
         learner = probe.nodes[0]
-        sent = probe.speaker(topics.TRANSITIONS)
+        sent = probe.speaker(topics.TRAJECTORIES)
         for number in range(5):
-            sent.publish(codec.encode_transitions(stretch(number)))
+            sent.publish(codec.encode_trajectory(trajectory(number)))
         assert probe.until(lambda: learner.refusals.counts["learner.early"] == 2)
         assert learner.refusals.total == 2 and learner.worker is None
         probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(ARENA))
@@ -29,13 +29,13 @@ def test_it_is_kept_in_order_up_to_a_bound_and_beyond_it_refused(
             lambda: learner.worker is not None and learner.worker.metrics["frames"] == frames
         )
         assert learner.refusals.total == 2
-        sent.publish(codec.encode_transitions(stretch(3)))  # sent again, it is taken
+        sent.publish(codec.encode_trajectory(trajectory(3)))  # sent again, it is taken
         assert probe.until(lambda: learner.worker.metrics["frames"] == frames + 10)
 
 
-@pytest.mark.parametrize("backend", ["fused", "torch"])
-def test_a_learner_says_what_makes_its_updates(backend, tmp_path) -> None:
-    asked = f"['learner.backend={backend}']"
+@pytest.mark.parametrize("engine", ["fused", "torch"])
+def test_a_learner_says_what_makes_its_updates(engine, tmp_path) -> None:
+    asked = f"['learner.engine={engine}']"
     with graph(LearnerNode, learner_node__out=tmp_path, learner_node__options=asked) as probe:
         probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(ARENA))
-        assert probe.until(lambda: probe.value("learner_node", "backend") == backend)
+        assert probe.until(lambda: probe.value("learner_node", "engine") == engine)

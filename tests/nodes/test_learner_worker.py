@@ -13,7 +13,7 @@ from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.arena import design_named
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Stretch
+from pa_ros.core.experience import Trajectory
 from pa_ros.evaluation.training import training_programs
 from pa_ros.learning.errors import FolderInUseError
 from pa_ros.wire.records import ArenaDescription, Mode, PublishedPolicy
@@ -31,7 +31,7 @@ OPTIONS = ("learner.warmup_frames=0", "learner.batch_size=4", "network.hidden=8"
            "network.attention=4")  # fmt: skip
 
 
-def stretch(sequence: int, agent: str = "a", length: int = 10) -> Stretch:
+def trajectory(sequence: int, agent: str = "a", length: int = 10) -> Trajectory:
     rng = np.random.default_rng(sequence)
     objects = rng.normal(size=(length + 1, 5, 16)).astype(np.float32)
     objects[:, :, 3:] = 0.0
@@ -39,7 +39,7 @@ def stretch(sequence: int, agent: str = "a", length: int = 10) -> Stretch:
     for i, (shape, color) in enumerate(((0, 0), (0, 2), (1, 0), (1, 2)), start=1):
         objects[:, i, 7 + shape] = objects[:, i, 11 + color] = 1.0
     objects[:, 0, :3] = 0.0
-    return Stretch(
+    return Trajectory(
         agent_id=agent, sequence=sequence, policy_version=0, episode=sequence, first_step=0,
         program="NEAR(HAND, AND(RED, CUBE))", hand_index=0, objects=objects,
         arm=rng.normal(size=(length + 1, 18)).astype(np.float32),
@@ -59,10 +59,10 @@ class Bench:
         self.worker = LearnerWorker(LearnerNodeConfig(options=OPTIONS, **config), ARENA, sinks)
         self.worker.start()
 
-    def submit(self, *stretches: Stretch) -> PublishedPolicy:
+    def submit(self, *trajectories: Trajectory) -> PublishedPolicy:
         """Submit, and wait for the answer to the last."""
-        wanted = len(self.published) + len(stretches)
-        for one in stretches:
+        wanted = len(self.published) + len(trajectories)
+        for one in trajectories:
             self.worker.submit(one)
         deadline = time.monotonic() + 30.0
         while len(self.published) < wanted:
@@ -78,57 +78,57 @@ def bench():
     made.worker.close()
 
 
-def test_each_stretch_makes_one_version_and_exactly_its_updates(bench):
+def test_each_trajectory_makes_one_version_and_exactly_its_updates(bench):
     assert [p.snapshot.version for p in bench.published] == [0]
-    last = bench.submit(stretch(0), stretch(1), stretch(2, length=7))
+    last = bench.submit(trajectory(0), trajectory(1), trajectory(2, length=7))
     assert [p.snapshot.version for p in bench.published] == [0, 1, 2, 3]
     assert last.consumed == {"a": 2}
     assert bench.worker.metrics["updates"] == bench.worker.metrics["frames"] == 27
 
 
-def test_a_stretch_that_comes_twice_changes_nothing_and_is_counted(bench):
-    first = bench.submit(stretch(0))
-    again = bench.submit(stretch(0))
+def test_a_trajectory_that_comes_twice_changes_nothing_and_is_counted(bench):
+    first = bench.submit(trajectory(0))
+    again = bench.submit(trajectory(0))
     assert again.snapshot.version == first.snapshot.version == 1
-    assert bench.worker.metrics["duplicate_stretches"] == 1
+    assert bench.worker.metrics["duplicate_trajectories"] == 1
     assert bench.worker.metrics["updates"] == 10
     for name, tensor in first.snapshot.tensors.items():
         assert np.array_equal(again.snapshot.tensors[name], tensor)
 
 
 def test_a_gap_is_reported_until_it_is_filled(bench):
-    bench.submit(stretch(0), stretch(3))
-    assert bench.worker.metrics["missing_stretches"] == 2
-    bench.submit(stretch(1))
-    assert bench.worker.metrics["missing_stretches"] == 1
+    bench.submit(trajectory(0), trajectory(3))
+    assert bench.worker.metrics["missing_trajectories"] == 2
+    bench.submit(trajectory(1))
+    assert bench.worker.metrics["missing_trajectories"] == 1
     assert bench.published[-1].consumed == {"a": 3}
 
 
 def test_agents_are_counted_apart(bench):
-    assert bench.submit(stretch(0, "a"), stretch(0, "b")).consumed == {"a": 0, "b": 0}
-    assert bench.worker.metrics["duplicate_stretches"] == 0
+    assert bench.submit(trajectory(0, "a"), trajectory(0, "b")).consumed == {"a": 0, "b": 0}
+    assert bench.worker.metrics["duplicate_trajectories"] == 0
 
 
-def test_a_stretch_that_cannot_be_used_is_refused_and_accounted_for(bench):
-    bad = replace(stretch(0), program="NEAR(HAND, PINK)")
+def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
+    bad = replace(trajectory(0), program="NEAR(HAND, PINK)")
     answer = bench.submit(bad)
     assert [error.code for error in bench.refused] == ["program.unknown_word"]
     assert (answer.snapshot.version, answer.consumed) == (0, {"a": 0})
-    assert bench.submit(stretch(1)).snapshot.version == 1
+    assert bench.submit(trajectory(1)).snapshot.version == 1
 
 
 def test_a_learner_resumes_where_it_stopped(tmp_path: Path):
     unbroken = Bench()
-    unbroken.submit(*(stretch(i) for i in range(5)))
+    unbroken.submit(*(trajectory(i) for i in range(5)))
     unbroken.worker.close()
     first = Bench(out=str(tmp_path))
-    first.submit(*(stretch(i) for i in range(3)))
+    first.submit(*(trajectory(i) for i in range(3)))
     first.worker.close()
     second = Bench(out=str(tmp_path), resume=True)
     assert [p.snapshot.version for p in second.published] == [2, 3]  # what may be asked for
     assert [p.consumed for p in second.published] == [{"a": 1}, {"a": 2}]
     assert second.worker.run_id == first.worker.run_id
-    last = second.submit(stretch(3), stretch(4))
+    last = second.submit(trajectory(3), trajectory(4))
     second.worker.close()
     assert last.snapshot.version == 5
     for name, tensor in unbroken.published[-1].snapshot.tensors.items():
@@ -147,7 +147,7 @@ def test_a_checkpoint_that_cannot_be_written_is_refused_and_learning_goes_on(tmp
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     bench = Bench(out=str(blocked), checkpoint_every_frames=10)
-    bench.submit(stretch(0), stretch(1))
+    bench.submit(trajectory(0), trajectory(1))
     bench.worker.close()
     assert {error.code for error in bench.refused} == {"learning.checkpoint"}
     assert bench.published[-1].snapshot.version == 2

@@ -96,11 +96,11 @@ def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms():
         speaker = probe.speaker(topics.POLICY_WEIGHTS)
         speaker.publish(codec.encode_weights(policy(0)))
         assert probe.until(lambda: "stuck at 0" in probe.message("agent_node"))
-        stretches = [codec.decode_transitions(m) for m in probe.heard["transitions"]]
-        assert {s.sequence for s in stretches} == {0, 1}  # lag 1: one more than the weights
-        assert len(stretches) > 2  # sent again: perhaps nobody heard them
+        trajectories = [codec.decode_trajectory(m) for m in probe.heard["trajectories"]]
+        assert {s.sequence for s in trajectories} == {0, 1}  # lag 1: one more than the weights
+        assert len(trajectories) > 2  # sent again: perhaps nobody heard them
         assert probe.value("agent_node", "policy_version") == "0"
-        assert all(s.policy_version == 0 and len(s) == 100 for s in stretches)
+        assert all(s.policy_version == 0 and len(s) == 100 for s in trajectories)
         agent = probe.nodes[1].agent_id
         speaker.publish(codec.encode_weights(replace(policy(1), consumed={agent: 0})))
         assert probe.until(lambda: probe.nodes[1].driver.version == 1)

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from pa_ros.ros.environment import LOOPBACK_PROFILE, NETWORK_CHOICES, prepare_environment
-from pa_ros.ros.graph import use_domain
 from pa_ros.ros.process import PARENT, ros_arguments
+from pa_ros.tools.graph import use_domain
 
 DEADLINE_S = 30.0
 

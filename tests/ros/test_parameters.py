@@ -10,8 +10,8 @@ from rclpy.parameter import Parameter
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.environment import prepare_environment
-from pa_ros.ros.graph import use_domain
 from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.tools.graph import use_domain
 
 
 @dataclass(frozen=True)

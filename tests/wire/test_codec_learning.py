@@ -12,14 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pa_ros.core.experience import PolicySnapshot, Stretch
+from pa_ros.core.experience import PolicySnapshot, Trajectory
 from pa_ros.wire import codec, errors
 from pa_ros.wire.records import PublishedPolicy
 
 DIGEST = "0123456789abcdef"
 
 
-def stretch(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Stretch:
+def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Trajectory:
     rng = np.random.default_rng(seed)
     defaults = dict(
         agent_id="agent-1",
@@ -37,7 +37,7 @@ def stretch(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Stretch
         terminated=False,
         vocabulary_digest=DIGEST,
     )
-    return Stretch(**{**defaults, **fields})
+    return Trajectory(**{**defaults, **fields})
 
 
 def same(a: object, b: object) -> bool:
@@ -53,8 +53,8 @@ def same(a: object, b: object) -> bool:
     st.booleans(),
     st.booleans(),
 )
-def test_stretch_survives_the_wire(seed, length, count, number, ends, terminated):
-    sent = stretch(
+def test_trajectory_survives_the_wire(seed, length, count, number, ends, terminated):
+    sent = trajectory(
         seed,
         length,
         count,
@@ -64,7 +64,7 @@ def test_stretch_survives_the_wire(seed, length, count, number, ends, terminated
         ends_episode=ends,
         terminated=terminated,
     )
-    received = codec.decode_transitions(codec.encode_transitions(sent, 5), DIGEST)
+    received = codec.decode_trajectory(codec.encode_trajectory(sent, 5), DIGEST)
     assert same(received, sent)
     assert received.objects.flags.owndata or received.objects.base.flags.owndata
 
@@ -89,10 +89,10 @@ def test_stretch_survives_the_wire(seed, length, count, number, ends, terminated
     ],
 )
 def test_malformed_transitions_are_refused(field, value, error):
-    message = codec.encode_transitions(stretch())
+    message = codec.encode_trajectory(trajectory())
     setattr(message, field, value)
     with pytest.raises(error):
-        codec.decode_transitions(message, DIGEST)
+        codec.decode_trajectory(message, DIGEST)
 
 
 def policy(**tensors: np.ndarray) -> PublishedPolicy:

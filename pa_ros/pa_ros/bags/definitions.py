@@ -21,7 +21,7 @@ _DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}
 def installed_types() -> Typestore:
     """A new store of the types of ROS 2 Jazzy and of msgs_schema, as installed."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    register(store, "msgs_schema/msg/Transitions")
+    register(store, "msgs_schema/msg/Trajectory")
     return store
 
 

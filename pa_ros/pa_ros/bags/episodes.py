@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.bags.errors import ForeignBagError
-from pa_ros.bags.experience import ARENA_INFO, TRANSITIONS
+from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import JOINTS, Float32, Float64, Stretch
+from pa_ros.core.experience import JOINTS, Float32, Float64, Trajectory
 from pa_ros.wire import codec
 
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
@@ -88,50 +88,50 @@ def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode
     """
     if FEATURES in bag.types.values():
         return _from_steps(bag, namespace)
-    if TRANSITIONS in bag.types.values():
+    if TRAJECTORIES in bag.types.values():
         return _from_transitions(bag, namespace)
     raise ForeignBagError(
-        f"bag: {bag.path}: expected topics of type {FEATURES} or {TRANSITIONS}, got "
+        f"bag: {bag.path}: expected topics of type {FEATURES} or {TRAJECTORIES}, got "
         f"{', '.join(sorted(set(bag.types.values()))) or 'no topics'}"
     )
 
 
 def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     open_: dict[str, RecordedEpisode] = {}  # by agent
-    for recorded in bag.messages([bag.topic_of(TRANSITIONS, namespace)]):
-        stretch = bag.through(recorded, codec.decode_transitions)
-        episode = open_.get(stretch.agent_id)
-        if episode is None or not _continues(episode, stretch):
+    for recorded in bag.messages([bag.topic_of(TRAJECTORIES, namespace)]):
+        trajectory = bag.through(recorded, codec.decode_trajectory)
+        episode = open_.get(trajectory.agent_id)
+        if episode is None or not _continues(episode, trajectory):
             if episode is not None:
                 yield episode
-            episode = open_[stretch.agent_id] = RecordedEpisode(stretch.episode, False)
-        _extend(episode, stretch)
+            episode = open_[trajectory.agent_id] = RecordedEpisode(trajectory.episode, False)
+        _extend(episode, trajectory)
     yield from open_.values()
 
 
-def _continues(episode: RecordedEpisode, stretch: Stretch) -> bool:
-    return episode.number == stretch.episode and episode.rows[-1].step == stretch.first_step
+def _continues(episode: RecordedEpisode, trajectory: Trajectory) -> bool:
+    return episode.number == trajectory.episode and episode.rows[-1].step == trajectory.first_step
 
 
-def _extend(episode: RecordedEpisode, stretch: Stretch) -> None:
+def _extend(episode: RecordedEpisode, trajectory: Trajectory) -> None:
     if not episode.rows:
-        episode.rows.append(_row(stretch, 0))
-    for t in range(len(stretch)):
+        episode.rows.append(_row(trajectory, 0))
+    for t in range(len(trajectory)):
         before = episode.rows[-1]
-        before.action, before.policy_version = stretch.actions[t], stretch.policy_version
-        following = _row(stretch, t + 1)
-        following.reward = float(stretch.rewards[t])
+        before.action, before.policy_version = trajectory.actions[t], trajectory.policy_version
+        following = _row(trajectory, t + 1)
+        following.reward = float(trajectory.rewards[t])
         episode.rows.append(following)
 
 
-def _row(stretch: Stretch, t: int) -> Row:
-    sine, cosine, velocity = np.split(stretch.arm[t].astype(np.float64), 3)
+def _row(trajectory: Trajectory, t: int) -> Row:
+    sine, cosine, velocity = np.split(trajectory.arm[t].astype(np.float64), 3)
     return Row(
-        stretch.first_step + t,
+        trajectory.first_step + t,
         -1,
-        stretch.objects[t],
-        stretch.hand_index,
-        stretch.program,
+        trajectory.objects[t],
+        trajectory.hand_index,
+        trajectory.program,
         np.arctan2(sine, cosine),
         velocity,
     )

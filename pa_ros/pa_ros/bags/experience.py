@@ -8,16 +8,16 @@ from typing import Any, Final
 
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
-from pa_ros.core.experience import Stretch
+from pa_ros.core.experience import Trajectory
 from pa_ros.wire import codec
 from pa_ros.wire.records import ArenaDescription, Origin
 
-TRANSITIONS: Final = "msgs_schema/msg/Transitions"
+TRAJECTORIES: Final = "msgs_schema/msg/Trajectory"
 WEIGHTS: Final = "msgs_schema/msg/PolicyWeights"
 PROVENANCE: Final = "msgs_schema/msg/Provenance"
 ARENA_INFO: Final = "msgs_schema/msg/ArenaInfo"
 
-Key = tuple[str, int]  # agent id, sequence number of a stretch
+Key = tuple[str, int]  # agent id, sequence number of a trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,16 +26,16 @@ class Published:
 
     version: int
     checksum: str  # SHA-256 of the tensors' bytes
-    consumed: Mapping[str, int]  # agent id → sequence of the last stretch in them
+    consumed: Mapping[str, int]  # agent id → sequence of the last trajectory in them
     run_id: str
 
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
-    """A stretch in its turn. `version`: of the weights that it led to; None if not known."""
+    """A trajectory in its turn. `version`: of the weights that it led to; None if not known."""
 
     key: Key
-    stretch: Stretch | None  # None: the bag lacks it, though the learner had it
+    trajectory: Trajectory | None  # None: the bag lacks it, though the learner had it
     version: int | None
 
 
@@ -44,14 +44,14 @@ class Experience:
 
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
         self._bag, self._namespace = bag, namespace
-        self._topic = bag.topic_of(TRANSITIONS, namespace)
+        self._topic = bag.topic_of(TRAJECTORIES, namespace)
         self.origins: list[Origin] = [
             bag.through(recorded, codec.decode_provenance)
             for recorded in _of_type(bag, PROVENANCE, namespace)
         ]
         self.arenas = arenas_of(bag, namespace)
         self.published = self._published()
-        self.keys = self._arrivals()  # stretches in the order of the recording, each once
+        self.keys = self._arrivals()  # trajectories in the order of the recording, each once
 
     @property
     def learner(self) -> Origin:
@@ -72,20 +72,20 @@ class Experience:
         return next(iter(unique.values())) if len(unique) == 1 else None
 
     def lessons(self) -> Iterator[Lesson]:
-        """Stretches in the learner's order, as far as the weights tell it; else as they came."""
-        plan, pending = self._plan(), dict[Key, Stretch]()
+        """Trajectories in the learner's order, as far as the weights tell it; else as they came."""
+        plan, pending = self._plan(), dict[Key, Trajectory]()
         there = set(self.keys)
-        messages = self._stretches()
+        messages = self._trajectories()
         for key, version in plan:
             while key in there and key not in pending:
-                stretch = next(messages, None)
-                if stretch is None:
+                trajectory = next(messages, None)
+                if trajectory is None:
                     break
-                pending.setdefault((stretch.agent_id, stretch.sequence), stretch)
+                pending.setdefault((trajectory.agent_id, trajectory.sequence), trajectory)
             yield Lesson(key, pending.pop(key, None), version)
 
     def _plan(self) -> list[tuple[Key, int | None]]:
-        """Which stretch comes when. The marks of two versions tell what lies between them."""
+        """Which trajectory comes when. The marks of two versions tell what lies between them."""
         left = dict.fromkeys(self.keys)
         plan: list[tuple[Key, int | None]] = []
         marks: dict[str, int] = {}
@@ -106,7 +106,7 @@ class Experience:
     def _between(
         self, left: dict[Key, None], marks: dict[str, int], consumed: Mapping[str, int], count: int
     ) -> list[Key]:
-        """The stretches, in order, that `count` versions took in."""
+        """The trajectories, in order, that `count` versions took in."""
         newest = [(a, n) for a, n in consumed.items() if n > marks.get(a, -1)]
         if count == 1 and len(newest) == 1:
             return newest
@@ -127,7 +127,7 @@ class Experience:
         return found
 
     def _arrivals(self) -> list[Key]:
-        """Stretches in the order of the recording, each once."""
+        """Trajectories in the order of the recording, each once."""
         keys = dict.fromkeys(
             self._bag.through(recorded, lambda m: (str(m.agent_id), int(m.sequence)))
             for recorded in self._bag.messages([self._topic])
@@ -136,9 +136,9 @@ class Experience:
             raise ForeignBagError(f"bag: {self._bag.path}: expected transitions, got none")
         return list(keys)
 
-    def _stretches(self) -> Iterator[Stretch]:
+    def _trajectories(self) -> Iterator[Trajectory]:
         for recorded in self._bag.messages([self._topic]):
-            yield self._bag.through(recorded, codec.decode_transitions)
+            yield self._bag.through(recorded, codec.decode_trajectory)
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 from pa_ros.bags.experience import Experience
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Stretch
-from pa_ros.learning.learner import Learner
+from pa_ros.core.experience import Trajectory
+from pa_ros.learning.algorithms.dpg.learner import Learner
 
 
 @dataclass
 class Lessons:
-    """What became of the stretches of some bags."""
+    """What became of the trajectories of some bags."""
 
     accepted: int = 0
     missing: int = 0  # the recorded learner had them, the bag has not
@@ -27,9 +27,9 @@ def learn(
     learner: Learner,
     progress: Callable[[Lessons], None] | None = None,
 ) -> Lessons:
-    """Feed the stretches of one bag after the other to a learner, each in its run's own order.
+    """Feed the trajectories of one bag after the other to a learner, each in its run's own order.
 
-    Of a bag that tells which stretches its learner took in, these and no others. Agents of
+    Of a bag that tells which trajectories its learner took in, these and no others. Agents of
     different runs are kept apart, even if they have the same name.
     """
     found = Lessons()
@@ -38,13 +38,13 @@ def learn(
         run = runs.setdefault(_run(experience), len(runs))
         followed = len(experience.published) > 1
         for lesson in experience.lessons():
-            if lesson.stretch is None:
+            if lesson.trajectory is None:
                 found.missing += 1
             elif followed and lesson.version is None:
                 found.left_out += 1
             else:
                 agent = lesson.key[0] if run == 0 else f"{lesson.key[0]}@{run}"
-                _take(learner, replace(lesson.stretch, agent_id=agent), found)
+                _take(learner, replace(lesson.trajectory, agent_id=agent), found)
             if progress is not None:
                 progress(found)
     return found
@@ -56,9 +56,9 @@ def _run(experience: Experience) -> str:
     return "+".join(sorted(runs)) or str(id(experience))
 
 
-def _take(learner: Learner, stretch: Stretch, found: Lessons) -> None:
+def _take(learner: Learner, trajectory: Trajectory, found: Lessons) -> None:
     try:
-        report = learner.consume(stretch)
+        report = learner.consume(trajectory)
     except PaError as error:
         found.refused += 1
         found.refusal = found.refusal or str(error)

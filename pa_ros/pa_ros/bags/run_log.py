@@ -12,13 +12,14 @@ from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.definitions import installed_types, message_type, to_cdr
 from pa_ros.bags.errors import BagFullError
-from pa_ros.bags.origins import describe, learner_origin
 from pa_ros.bags.provenance import as_custom_data
 from pa_ros.bags.writer import BagOptions, BagWriter
-from pa_ros.core.experience import Stretch
-from pa_ros.learning.learner import Learner
+from pa_ros.core.experience import Trajectory
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.provenance.origins import describe, learner_origin
 from pa_ros.wire import codec
-from pa_ros.wire.interfaces import ArenaInfo, PolicyWeights, Provenance, Transitions
+from pa_ros.wire.interfaces import ArenaInfo, PolicyWeights, Provenance
+from pa_ros.wire.interfaces import Trajectory as TrajectoryMessage
 from pa_ros.wire.records import PublishedPolicy
 
 log = logging.getLogger(__name__)
@@ -29,7 +30,7 @@ FLUSH_S: Final = 1.0  # what a SIGKILL can cost
 _TOPICS = (
     ("/provenance", Provenance, reliable_qos(1, latched=True)),
     ("/arena_info", ArenaInfo, reliable_qos(1, latched=True)),
-    ("/transitions", Transitions, reliable_qos(1, keep_all=True)),
+    ("/trajectories", TrajectoryMessage, reliable_qos(1, keep_all=True)),
     ("/policy_weights", PolicyWeights, reliable_qos(4, latched=True)),
 )
 
@@ -91,14 +92,14 @@ class RunLog:
         self._frames = learner.counters.frames
         self._weights(learner, {})
 
-    def add(self, stretch: Stretch, learner: Learner) -> None:
-        """A stretch that was learned from, and the weights that came of it."""
+    def add(self, trajectory: Trajectory, learner: Learner) -> None:
+        """A trajectory that was learned from, and the weights that came of it."""
         if self.failure is not None:
             return
-        self._write("/transitions", codec.encode_transitions(stretch))
+        self._write("/trajectories", codec.encode_trajectory(trajectory))
         if learner.counters.frames - self._frames >= WEIGHTS_EVERY_FRAMES:
             self._frames = learner.counters.frames
-            self._weights(learner, {stretch.agent_id: stretch.sequence})
+            self._weights(learner, {trajectory.agent_id: trajectory.sequence})
         if time.monotonic() - self._flushed >= FLUSH_S:
             self._flushed = time.monotonic()
             self._guarded(self._writer.flush)

@@ -11,7 +11,7 @@ import numpy as np
 
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.errors import BagError, DefinitionError, ForeignBagError, ProvenanceError
-from pa_ros.bags.experience import TRANSITIONS, Experience
+from pa_ros.bags.experience import TRAJECTORIES, Experience
 from pa_ros.bags.losses import Losses
 from pa_ros.bags.numbers import losses_of
 from pa_ros.bags.provenance import LOST
@@ -75,7 +75,7 @@ def _published(count: int, losses: Losses) -> str:
 
 
 def _learning(bag: Bag, namespace: str | None) -> list[str]:
-    if TRANSITIONS not in bag.types.values():
+    if TRAJECTORIES not in bag.types.values():
         return []
     experience = Experience(bag, namespace)
     lines = []
@@ -90,7 +90,7 @@ def _learning(bag: Bag, namespace: str | None) -> list[str]:
     except ProvenanceError as error:
         lines.append(f"cannot be made again: {error}")
     lessons = list(experience.keys)
-    lines.append(f"{len(lessons)} stretches of transitions{_gaps(lessons)}")
+    lines.append(f"{len(lessons)} trajectories of transitions{_gaps(lessons)}")
     versions = sorted(experience.published)
     if versions:
         absent = versions[-1] - versions[0] + 1 - len(versions)
@@ -100,7 +100,7 @@ def _learning(bag: Bag, namespace: str | None) -> list[str]:
 
 
 def _gaps(keys: Iterable[tuple[str, int]]) -> str:
-    """Stretches that the numbers say are missing, agent by agent."""
+    """Trajectories that the numbers say are missing, agent by agent."""
     by_agent: dict[str, list[int]] = {}
     for agent, sequence in keys:
         by_agent.setdefault(agent, []).append(sequence)

@@ -1,6 +1,6 @@
 """Making a recorded run again, and comparing: weights version by version, transitions one by one.
 
-Learning is a function of configuration, seed and the order of stretches (docs/DESIGN.md), and so
+Learning is a function of configuration, seed and the order of trajectories (docs/DESIGN.md), and so
 is an arena's answer of its seed, episode and actions; with the same versions of the software
 beneath, to the last bit.
 """
@@ -14,10 +14,10 @@ from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reenact import Reenactment
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Stretch
+from pa_ros.core.experience import Trajectory
 from pa_ros.core.report import device, versions
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.learner import Learner
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire import codec
 from pa_ros.wire.records import Origin, PublishedPolicy
@@ -37,7 +37,7 @@ class Verification:
     remade: str = ""  # … and as made here
     difference: str = ""  # where the weights first differ; empty: nowhere
     incomplete: str = ""  # why nothing can be said from some point on; empty: all was verified
-    altered: int = 0  # stretches that the arena denies
+    altered: int = 0  # trajectories that the arena denies
     named: list[str] = field(default_factory=list)  # the first of them, by transition
     reenacted: int = 0  # transitions that the arena was asked about
     note: str = ""  # what else to know
@@ -60,7 +60,7 @@ def learner_of(origin: Origin) -> Learner:
     if about.first_version != 0:
         raise ProvenanceError(
             f"provenance of {origin.node}: expected a run from scratch, got one resumed at version "
-            f"{about.first_version}: its replay memory is not in the bag"
+            f"{about.first_version}: its replay buffer is not in the bag"
         )
     network = NetworkConfig.from_json(about.network)
     config = LearnerConfig.from_json(about.learner)
@@ -81,18 +81,18 @@ def verify(
     reenactment = _reenactment(experience, found) if arena else None
     _compare(experience, learner, found)
     for lesson in experience.lessons():
-        if lesson.stretch is None:
+        if lesson.trajectory is None:
             agent, sequence = lesson.key
             found.incomplete = (
-                f"stretch {sequence} of {agent}, which led to version {lesson.version}, "
+                f"trajectory {sequence} of {agent}, which led to version {lesson.version}, "
                 "is not in the bag"
             )
             break
         if reenactment is not None:
-            _reenact(reenactment, lesson.stretch, found)
+            _reenact(reenactment, lesson.trajectory, found)
         if not found.difference and lesson.version is not None:
             try:
-                learner.consume(lesson.stretch)
+                learner.consume(lesson.trajectory)
             except PaError as error:
                 found.difference = f"version {lesson.version}: {error}"
             _compare(experience, learner, found)
@@ -125,8 +125,8 @@ def _compare(experience: Experience, learner: Learner, found: Verification) -> N
         found.difference = f"version {counters.version} ({between})"
 
 
-def _reenact(reenactment: Reenactment, stretch: Stretch, found: Verification) -> None:
-    name = reenactment.check(stretch)
+def _reenact(reenactment: Reenactment, trajectory: Trajectory, found: Verification) -> None:
+    name = reenactment.check(trajectory)
     found.reenacted = reenactment.checked
     if name is not None:
         found.altered += 1

@@ -27,19 +27,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _codec(_: argparse.Namespace) -> Report:
-    from pa_ros.wire.bench import bench_codec
+    from pa_ros.benchmarks.codec import bench_codec
 
     return bench_codec()
 
 
 def _sim(_: argparse.Namespace) -> Report:
-    from pa_ros.arena.bench import bench_sim
+    from pa_ros.benchmarks.arena import bench_sim
 
     return bench_sim()
 
 
 def _graph(_: argparse.Namespace) -> Report:
-    from pa_ros.ros.bench import bench_graph
+    from pa_ros.benchmarks.graph import bench_graph
 
     return bench_graph()
 

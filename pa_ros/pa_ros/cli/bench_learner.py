@@ -14,14 +14,14 @@ import numpy as np
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.gym_env import ENV_ID
-from pa_ros.cli.growth_figure import growth_figure
+from pa_ros.benchmarks.growth import bench_growth, markdown_table
+from pa_ros.benchmarks.growth_figure import growth_figure
+from pa_ros.benchmarks.learner import bare_updates, bench_learner
+from pa_ros.benchmarks.rounds import Contender, measure
+from pa_ros.benchmarks.training import bench_train
 from pa_ros.core.report import Report
 from pa_ros.evaluation.training import training_programs
-from pa_ros.learning.bench import bare_updates, bench_learner
-from pa_ros.learning.bench_rounds import Contender, measure
-from pa_ros.learning.bench_train import bench_train
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.growth import bench_growth, markdown_table
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig
 
@@ -56,7 +56,7 @@ def bench_loop(options: argparse.Namespace) -> Report:
 
 def bench_graph_loop(options: argparse.Namespace) -> Report:
     """`pa_ros bench train --graph`: the same over the graph, three processes."""
-    from pa_ros.ros.bench_learning import bench_learning_graph
+    from pa_ros.benchmarks.graph_learning import bench_learning_graph
 
     design, protocol = design_named(DESIGN), protocol_named("ours")
     network = protocol.network_config(design.vocabulary, options.network)
@@ -74,7 +74,7 @@ def _peers() -> tuple[list[Contender], dict[str, str]]:
     """Stable-Baselines3 if it is installed, and what the report says of it."""
     name = "learner.sb3"
     try:
-        from pa_ros.learning.bench_sb3 import sb3_contender
+        from pa_ros.benchmarks.sb3 import sb3_contender
 
         peer = sb3_contender(gymnasium.make(ENV_ID, design=DESIGN))
     except ImportError as error:

@@ -28,13 +28,13 @@ from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
 from pa_ros.evaluation.tally import HeldOutTarget
 from pa_ros.evaluation.training import training_programs
-from pa_ros.ros.client import Node, client_node
-from pa_ros.ros.demonstration import Executor, hear_verdicts
-from pa_ros.ros.execution import HOLD_S, WINDOW_S
-from pa_ros.ros.graph import signals_noted, start_nodes, use_domain, watch
-from pa_ros.ros.launcher import Supervisor
-from pa_ros.ros.monitor import Display, GraphFigures, watch_diagnostics
-from pa_ros.ros.record import Recorder
+from pa_ros.tools.client import Node, client_node
+from pa_ros.tools.demonstration import Executor, hear_verdicts
+from pa_ros.tools.execution import HOLD_S, WINDOW_S
+from pa_ros.tools.graph import signals_noted, start_nodes, use_domain, watch
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
+from pa_ros.tools.record import Recorder
 from pa_ros.wire.records import ResetRequest
 
 EXIT_FAILED, EXIT_INTERRUPTED = 1, 130

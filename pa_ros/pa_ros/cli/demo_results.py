@@ -11,7 +11,7 @@ from pa_ros.cli.demo_setup import DemoConfig
 from pa_ros.core.report import device, versions
 from pa_ros.evaluation.demo_report import DemoProgram, Scene
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
-from pa_ros.ros.execution import Execution
+from pa_ros.tools.execution import Execution
 
 NEEDED = 5  # programs of the six, the held-out one among them
 

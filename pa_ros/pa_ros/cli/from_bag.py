@@ -17,9 +17,9 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import checksum
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.training import training_programs
-from pa_ros.learning.checkpoint import save_checkpoint
-from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.learner import Learner
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 
@@ -91,13 +91,13 @@ class _Progress:
 def _conclude(found: Lessons, learner: Learner, out: Path) -> None:
     counters = learner.counters
     print(
-        f"{found.accepted} stretches, {counters.frames} transitions, {counters.updates} updates; "
-        f"checkpoint in {out / 'checkpoint'}"
+        f"{found.accepted} trajectories, {counters.frames} transitions, {counters.updates} updates"
+        f"; checkpoint in {out / 'checkpoint'}"
     )
     for count, what in (
-        (found.missing, "stretches were learned from but are not in the bag"),
-        (found.left_out, "stretches are in the bag, but its learner had not taken them in"),
-        (found.refused, f"stretches could not be used, the first because {found.refusal}"),
+        (found.missing, "trajectories were learned from but are not in the bag"),
+        (found.left_out, "trajectories are in the bag, but its learner had not taken them in"),
+        (found.refused, f"trajectories could not be used, the first because {found.refusal}"),
     ):
         if count:
             print(f"{count} {what}")

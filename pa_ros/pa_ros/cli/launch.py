@@ -7,12 +7,12 @@ import sys
 import time
 from pathlib import Path
 
-from pa_ros.ros.client import client_node
-from pa_ros.ros.graph import refuse_occupied, signals_noted, start_nodes, watch
-from pa_ros.ros.launch_params import chosen, load_parameters, packaged_names
-from pa_ros.ros.launcher import ChildError, Supervisor
-from pa_ros.ros.monitor import Display, GraphFigures, watch_diagnostics
-from pa_ros.ros.record import RECORDER, start_recorded, start_recorder
+from pa_ros.tools.client import client_node
+from pa_ros.tools.graph import refuse_occupied, signals_noted, start_nodes, watch
+from pa_ros.tools.launch_params import chosen, load_parameters, packaged_names
+from pa_ros.tools.launcher import ChildError, Supervisor
+from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
+from pa_ros.tools.record import RECORDER, start_recorded, start_recorder
 
 DEFAULT = "execute_3d"
 EXIT_FAILED = 1

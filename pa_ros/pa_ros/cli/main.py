@@ -23,7 +23,7 @@ COMMANDS = {
     "send": ("pa_ros.cli.send", "send a program to a running graph"),
     "record": ("pa_ros.cli.record", "record a running graph into a rosbag2 bag"),
     "bag": ("pa_ros.cli.bag", "what a bag holds; its episodes as NPZ or as a film"),
-    "replay": ("pa_ros.cli.replay", "publish a bag into a live graph"),
+    "play": ("pa_ros.cli.play", "publish a bag into a live graph"),
     "verify": ("pa_ros.cli.verify", "make a recorded run again and compare it to the last bit"),
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }

@@ -59,11 +59,11 @@ def _repair(folder: Path) -> int:
 
 
 def _record(options: argparse.Namespace, bag: BagOptions) -> int:
-    from pa_ros.ros.client import client_node
-    from pa_ros.ros.graph import signals_noted
-    from pa_ros.ros.monitor import Display
     from pa_ros.ros.process import die_with_parent
-    from pa_ros.ros.record import BAG_TOPICS, Recorder, topics_named
+    from pa_ros.tools.client import client_node
+    from pa_ros.tools.graph import signals_noted
+    from pa_ros.tools.monitor import Display
+    from pa_ros.tools.record import BAG_TOPICS, Recorder, topics_named
 
     die_with_parent()
     with signals_noted() as interrupted, client_node("record", options.namespace) as node:

@@ -6,9 +6,9 @@ import argparse
 import sys
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.client import client_node
-from pa_ros.ros.execution import Execution
-from pa_ros.ros.send import Answers, ProgramSender, SendTimeoutError
+from pa_ros.tools.client import client_node
+from pa_ros.tools.execution import Execution
+from pa_ros.tools.send import Answers, ProgramSender, SendTimeoutError
 
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 

@@ -31,7 +31,7 @@ def run_card(run: Path, cache: Path) -> dict[str, object]:
 def run(options: argparse.Namespace) -> int:
     """Score the policy, then write it with its card; prints the folder."""
     from pa_ros.evaluation.agents import trained
-    from pa_ros.learning.checkpoint import ship
+    from pa_ros.learning.checkpoints import ship
 
     card = run_card(options.run, options.scores)
     print(ship(trained(options.run), options.name, card))

@@ -47,7 +47,7 @@ def conclusion(found: Verification) -> list[str]:
     if found.difference:
         lines.append(f"DIFFERENT: the weights differ first at {found.difference}")
     if found.altered:
-        lines.append(f"DIFFERENT: {found.altered} stretches are not what the arena gives:")
+        lines.append(f"DIFFERENT: {found.altered} trajectories are not what the arena gives:")
         lines += [f"  {name}" for name in found.named]
     if found.incomplete:
         lines.append(f"INCOMPLETE: {found.incomplete}")

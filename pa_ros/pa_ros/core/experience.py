@@ -62,7 +62,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Trajectory:
     """T consecutive transitions of one episode under one program, from one agent.
 
     Transition t goes from row t to row t + 1 of `objects` and `arm`. By construction nothing

@@ -19,7 +19,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.figures import learning_curve, phi_picture
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 from pa_ros.language import parse, relevance, satisfying
-from pa_ros.learning.checkpoint import load_policy
+from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import ProgrammableInference
 

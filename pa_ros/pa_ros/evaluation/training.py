@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, ReachTask
 from pa_ros.evaluation.evaluate import REFERENCES, reference_scores, run_episodes
 from pa_ros.evaluation.scores import normalized, rewards
 from pa_ros.language import parse
-from pa_ros.learning.actor import Actor
 
 EVALUATION_SEED = 1_000_003  # apart from every training seed's episodes
 

@@ -1,1 +1,1 @@
-"""Replay, exploration noise, actor, DPG, checkpoints and the loop."""
+"""ReplayBuffer, exploration noise, actor, DPG, checkpoints and the loop."""

@@ -5,25 +5,25 @@ from __future__ import annotations
 from pa_ros.core.errors import PaError
 
 
-class StretchError(PaError):
-    """A stretch of experience that cannot be learned from."""
+class TrajectoryError(PaError):
+    """A trajectory of experience that cannot be learned from."""
 
-    code = "learning.stretch"
+    code = "learning.trajectory"
 
 
-class StretchSizeError(StretchError):
+class TrajectorySizeError(TrajectoryError):
     """Array shapes that do not fit each other or the replay."""
 
     code = "learning.size"
 
 
-class StretchVocabularyError(StretchError):
-    """A stretch of an agent that speaks another vocabulary."""
+class TrajectoryVocabularyError(TrajectoryError):
+    """A trajectory of an agent that speaks another vocabulary."""
 
     code = "learning.vocabulary"
 
 
-class NonFiniteError(StretchError):
+class NonFiniteError(TrajectoryError):
     """A number that is not finite, or an action outside [-1, 1]."""
 
     code = "learning.non_finite"
@@ -41,7 +41,7 @@ class PolicyError(PaError):
     code = "learning.policy"
 
 
-class EmptyReplayError(PaError):
+class EmptyPlaybackError(PaError):
     """A sample was asked of a replay without transitions."""
 
     code = "learning.empty_replay"

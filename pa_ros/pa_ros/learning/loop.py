@@ -16,17 +16,17 @@ from typing import Protocol
 
 import numpy as np
 
+from pa_ros.acting.actor import Actor
+from pa_ros.acting.agent import LearningAgent
+from pa_ros.acting.schedule import Schedule
+from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float64, Observation, PolicySnapshot, Stretch, Verdict
-from pa_ros.learning.actor import Actor
-from pa_ros.learning.agent import LearningAgent
-from pa_ros.learning.checkpoint import claim, restore, save_checkpoint
-from pa_ros.learning.config import LearnerConfig
+from pa_ros.core.experience import Float64, Observation, PolicySnapshot, Trajectory, Verdict
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
-from pa_ros.learning.learner import Learner
 from pa_ros.learning.progress import Progress
-from pa_ros.learning.schedule import Schedule
-from pa_ros.learning.stretches import StretchBuilder
 from pa_ros.networks.config import NetworkConfig
 
 log = logging.getLogger(__name__)
@@ -55,8 +55,8 @@ class Log(Protocol):
     def begin(self, learner: Learner) -> None:
         """Before the first step."""
 
-    def add(self, stretch: Stretch, learner: Learner) -> None:
-        """After the learner took a stretch in; on its thread."""
+    def add(self, trajectory: Trajectory, learner: Learner) -> None:
+        """After the learner took a trajectory in; on its thread."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _resume(config: TrainConfig, learner: Learner) -> float:
 
 
 class _Consumer:
-    """Hands stretches to the learner, in order, and its versions back."""
+    """Hands trajectories to the learner, in order, and its versions back."""
 
     def __init__(self, learner: Learner, overlap: bool, run_log: Log | None) -> None:
         self._learner, self._log = learner, run_log
@@ -135,11 +135,11 @@ class _Consumer:
         self._pending: list[Future[PolicySnapshot]] = []
         self._thread = ThreadPoolExecutor(1, "learner") if overlap else None
 
-    def put(self, stretch: Stretch) -> None:
+    def put(self, trajectory: Trajectory) -> None:
         if self._thread is None:
-            self._keep(self._consume(stretch))
+            self._keep(self._consume(trajectory))
         else:
-            self._pending.append(self._thread.submit(self._consume, stretch))
+            self._pending.append(self._thread.submit(self._consume, trajectory))
 
     def policy(self, version: int) -> PolicySnapshot:
         """Wait for a version; older ones are forgotten."""
@@ -149,7 +149,7 @@ class _Consumer:
         return self._policies[version]
 
     def drain(self) -> None:
-        """Wait until every stretch is consumed: only then may the learner be looked at."""
+        """Wait until every trajectory is consumed: only then may the learner be looked at."""
         while self._pending:
             self._keep(self._pending.pop(0).result())
 
@@ -157,10 +157,10 @@ class _Consumer:
         if self._thread is not None:
             self._thread.shutdown(cancel_futures=True)
 
-    def _consume(self, stretch: Stretch) -> PolicySnapshot:
-        self._learner.consume(stretch)
+    def _consume(self, trajectory: Trajectory) -> PolicySnapshot:
+        self._learner.consume(trajectory)
         if self._log is not None:
-            self._log.add(stretch, self._learner)
+            self._log.add(trajectory, self._learner)
         return self._learner.snapshot()
 
     def _keep(self, snapshot: PolicySnapshot) -> None:
@@ -216,9 +216,9 @@ class _Run:
         observation, verdict = self._environment.reset(index, self._config.condition)
         while True:
             program = self._environment.program
-            stretch = self._agent.observe(observation, verdict, program)
-            if stretch is not None:
-                self._consumer.put(stretch)
+            trajectory = self._agent.observe(observation, verdict, program)
+            if trajectory is not None:
+                self._consumer.put(trajectory)
             if verdict.truncated:
                 return
             version = self._agent.required_version
@@ -266,7 +266,7 @@ def _make_agent(config: TrainConfig, learner: Learner) -> LearningAgent:
     actor = Actor(learner.network, settings, config.seed)
     sequence = learner.replay.ledger.next_sequence(config.agent_id)
     digest = learner.network.vocabulary.digest
-    builder = StretchBuilder(config.agent_id, settings.stretch_steps, digest, sequence)
+    builder = TrajectoryBuilder(config.agent_id, settings.trajectory_steps, digest, sequence)
     return LearningAgent(actor, builder, Schedule(settings.policy_lag))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 
 
@@ -63,7 +63,7 @@ def _split(option: str) -> tuple[str, str, Any]:
 # starts at the value of never being rewarded, −1/(1−γ), and detectors that start undecided.
 _PAPER = Protocol(
     "paper",
-    LearnerConfig(stretch_steps=1, policy_lag=0),
+    LearnerConfig(trajectory_steps=1, policy_lag=0),
     (("critic_output_bias", -100.0), ("detector_init_scale", 0.0)),
 )
 

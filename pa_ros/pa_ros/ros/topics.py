@@ -25,7 +25,7 @@ STEP = _reliable(depth=100)
 LATCHED = _reliable(depth=1, latched=True)
 # Readers of latched topics with several writers keep one place for each.
 LATCHED_READER = _reliable(depth=100, latched=True)
-# A stretch lost would be a hole in the experience: KEEP_ALL never drops one.
+# A trajectory lost would be a hole in the experience: KEEP_ALL never drops one.
 EXPERIENCE = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL, depth=1
 )
@@ -52,7 +52,7 @@ CLOCK = Topic("/clock", types.Clock, STEP, STEP)
 ARENA_INFO = Topic("arena_info", types.ArenaInfo, LATCHED, LATCHED_READER)
 PROGRAM = Topic("program", types.Program, LATCHED, LATCHED_READER)
 PROGRAM_STATUS = Topic("program_status", types.ProgramStatus, LATCHED_READER, LATCHED_READER)
-TRANSITIONS = Topic("transitions", types.Transitions, EXPERIENCE, EXPERIENCE)
+TRAJECTORIES = Topic("trajectories", types.Trajectory, EXPERIENCE, EXPERIENCE)
 POLICY_WEIGHTS = Topic("policy_weights", types.PolicyWeights, POLICY, POLICY)
 PROVENANCE = Topic("provenance", types.Provenance, LATCHED, LATCHED_READER)
 DIAGNOSTICS = Topic("/diagnostics", types.DiagnosticArray, STEP, STEP)

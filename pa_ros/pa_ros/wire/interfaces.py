@@ -17,7 +17,7 @@ from msgs_schema.msg import (
     Provenance,
     SequenceMark,
     Tensor,
-    Transitions,
+    Trajectory,
     Verdict,
 )
 from msgs_schema.srv import Reset, SetSpeed, Step
@@ -41,6 +41,6 @@ __all__ = [
     "SetSpeed",
     "Step",
     "Tensor",
-    "Transitions",
+    "Trajectory",
     "Verdict",
 ]

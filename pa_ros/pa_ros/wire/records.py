@@ -10,7 +10,7 @@ from typing import Any
 
 from pa_ros.core.experience import Float32, PolicySnapshot
 
-WIRE_VERSION = "1"  # edition of msgs_schema; changes when a receiver could misread the other
+WIRE_VERSION = "2"  # edition of msgs_schema; changes when a receiver could misread the other
 NO_STAMP = 0
 
 
@@ -87,7 +87,7 @@ class PublishedPolicy:
 
     snapshot: PolicySnapshot
     run_id: str
-    consumed: Mapping[str, int]  # agent id → sequence of the last stretch in these weights
+    consumed: Mapping[str, int]  # agent id → sequence of the last trajectory in these weights
     stamp_ns: int = NO_STAMP
 
 

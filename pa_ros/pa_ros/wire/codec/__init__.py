@@ -7,7 +7,7 @@ what was expected and what came, and returns arrays that own their memory.
 from __future__ import annotations
 
 from pa_ros.wire.codec.arena import decode_arena_info, encode_arena_info
-from pa_ros.wire.codec.experience import decode_transitions, encode_transitions
+from pa_ros.wire.codec.experience import decode_trajectory, encode_trajectory
 from pa_ros.wire.codec.health import decode_diagnostics, encode_diagnostics
 from pa_ros.wire.codec.program import (
     decode_program,
@@ -56,7 +56,7 @@ __all__ = [
     "decode_reset",
     "decode_speed",
     "decode_steps",
-    "decode_transitions",
+    "decode_trajectory",
     "decode_verdict",
     "decode_weights",
     "encode_arena_info",
@@ -72,7 +72,7 @@ __all__ = [
     "encode_reset",
     "encode_speed",
     "encode_steps",
-    "encode_transitions",
+    "encode_trajectory",
     "encode_verdict",
     "encode_weights",
     "header_stamp",

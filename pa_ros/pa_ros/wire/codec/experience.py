@@ -1,62 +1,64 @@
-"""Stretches of experience (Transitions)."""
+"""Trajectories of experience (Trajectory)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Stretch
+from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Trajectory
 from pa_ros.wire import errors
+from pa_ros.wire import interfaces as types
 from pa_ros.wire.arrays import float32_field, read_float32
 from pa_ros.wire.codec.stamp import write_stamp
 from pa_ros.wire.codec.step import objects_and_hand
-from pa_ros.wire.interfaces import Transitions
 
 MAX_TRANSITIONS = 10_000
 
 
-def encode_transitions(stretch: Stretch, stamp_ns: int = 0) -> Transitions:
-    """A stretch, `stamp_ns` being the simulation time of its first row."""
-    message = Transitions()
+def encode_trajectory(trajectory: Trajectory, stamp_ns: int = 0) -> types.Trajectory:
+    """A trajectory, `stamp_ns` being the simulation time of its first row."""
+    message = types.Trajectory()
     write_stamp(message.stamp, stamp_ns)
-    message.agent_id = stretch.agent_id
-    message.sequence = stretch.sequence
-    message.policy_version = stretch.policy_version
-    message.episode = stretch.episode
-    message.first_step = stretch.first_step
-    message.program = stretch.program
-    message.vocabulary_digest = stretch.vocabulary_digest
-    message.hand_index = stretch.hand_index
-    message.transition_count = len(stretch)
-    message.object_count = stretch.objects.shape[1]
-    message.objects = float32_field(stretch.objects)
-    message.arm = float32_field(stretch.arm)
-    message.actions = float32_field(stretch.actions)
-    message.rewards = float32_field(stretch.rewards)
-    message.ends_episode = stretch.ends_episode
-    message.terminated = stretch.terminated
+    message.agent_id = trajectory.agent_id
+    message.sequence = trajectory.sequence
+    message.policy_version = trajectory.policy_version
+    message.episode = trajectory.episode
+    message.first_step = trajectory.first_step
+    message.program = trajectory.program
+    message.vocabulary_digest = trajectory.vocabulary_digest
+    message.hand_index = trajectory.hand_index
+    message.transition_count = len(trajectory)
+    message.object_count = trajectory.objects.shape[1]
+    message.objects = float32_field(trajectory.objects)
+    message.arm = float32_field(trajectory.arm)
+    message.actions = float32_field(trajectory.actions)
+    message.rewards = float32_field(trajectory.rewards)
+    message.ends_episode = trajectory.ends_episode
+    message.terminated = trajectory.terminated
     return message
 
 
-def decode_transitions(message: Transitions, vocabulary_digest: str | None = None) -> Stretch:
-    """A stretch, refused unless it is written in the vocabulary named (None: in any).
+def decode_trajectory(
+    message: types.Trajectory, vocabulary_digest: str | None = None
+) -> Trajectory:
+    """A trajectory, refused unless it is written in the vocabulary named (None: in any).
 
     Raises VocabularyError, RangeError, SizeError, NonFiniteError.
     """
     if vocabulary_digest not in (None, message.vocabulary_digest):
-        field, received = "transitions.vocabulary_digest", message.vocabulary_digest
+        field, received = "trajectory.vocabulary_digest", message.vocabulary_digest
         raise errors.VocabularyError(field, vocabulary_digest, received)
     if not message.agent_id:
-        raise errors.RangeError("transitions.agent_id", "a name", repr(message.agent_id))
+        raise errors.RangeError("trajectory.agent_id", "a name", repr(message.agent_id))
     length = message.transition_count
     if not 1 <= length <= MAX_TRANSITIONS:
-        raise errors.RangeError("transitions.transition_count", f"1 to {MAX_TRANSITIONS}", length)
-    count, hand_index = objects_and_hand("transitions", message)
-    actions = read_float32("transitions.actions", message.actions, (length, JOINTS))
+        raise errors.RangeError("trajectory.transition_count", f"1 to {MAX_TRANSITIONS}", length)
+    count, hand_index = objects_and_hand("trajectory", message)
+    actions = read_float32("trajectory.actions", message.actions, (length, JOINTS))
     if np.abs(actions).max() > 1.0:
-        raise errors.RangeError("transitions.actions", "[-1, 1]", np.abs(actions).max())
+        raise errors.RangeError("trajectory.actions", "[-1, 1]", np.abs(actions).max())
     rows = length + 1
     objects = (rows, count, OBJECT_FEATURES)
-    return Stretch(
+    return Trajectory(
         agent_id=message.agent_id,
         sequence=message.sequence,
         policy_version=message.policy_version,
@@ -64,10 +66,10 @@ def decode_transitions(message: Transitions, vocabulary_digest: str | None = Non
         first_step=message.first_step,
         program=message.program,
         hand_index=hand_index,
-        objects=read_float32("transitions.objects", message.objects, objects),
-        arm=read_float32("transitions.arm", message.arm, (rows, ARM_FEATURES)),
+        objects=read_float32("trajectory.objects", message.objects, objects),
+        arm=read_float32("trajectory.arm", message.arm, (rows, ARM_FEATURES)),
         actions=actions,
-        rewards=read_float32("transitions.rewards", message.rewards, (length,)),
+        rewards=read_float32("trajectory.rewards", message.rewards, (length,)),
         ends_episode=message.ends_episode,
         terminated=message.terminated,
         vocabulary_digest=message.vocabulary_digest,

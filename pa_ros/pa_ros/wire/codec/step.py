@@ -8,7 +8,7 @@ from pa_ros.core.experience import JOINTS, OBJECT_FEATURES, Float64, Observation
 from pa_ros.wire import errors
 from pa_ros.wire.arrays import float32_field, float64_field, read_float32, read_float64
 from pa_ros.wire.codec.stamp import header_stamp, write_stamp
-from pa_ros.wire.interfaces import JointCommand, JointState, ObjectFeatures, Transitions
+from pa_ros.wire.interfaces import JointCommand, JointState, ObjectFeatures, Trajectory
 from pa_ros.wire.interfaces import Verdict as VerdictMessage
 from pa_ros.wire.records import Command
 
@@ -78,7 +78,7 @@ def decode_observation(
     )
 
 
-def objects_and_hand(where: str, message: ObjectFeatures | Transitions) -> tuple[int, int]:
+def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[int, int]:
     """Checked number of objects and index of the hand. Raises RangeError."""
     count, hand_index = message.object_count, message.hand_index
     if not 1 <= count <= MAX_OBJECTS:

@@ -1,0 +1,1 @@
+"""Acting: a policy's inference and exploration, and the trajectories that its steps make."""

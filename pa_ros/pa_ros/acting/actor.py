@@ -1,0 +1,109 @@
+"""The acting side: weights that a learner published, and exploration noise."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from pa_ros.acting.exploration import OrnsteinUhlenbeck
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Observation, PolicySnapshot
+from pa_ros.language import Program, parse
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.errors import PolicyError
+from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.inference import Inference, make_inference
+from pa_ros.networks.parameters import TensorError, Tensors
+
+log = logging.getLogger(__name__)
+
+MakeInference = Callable[[NetworkConfig, Tensors], Inference]
+
+
+class Actor:
+    """A policy: observation and program to action; weights arrive as snapshots.
+
+    `config` supplies the exploration noise, `seed` its stream. Actions are computed by the fused
+    code where it applies, else by NumPy: the choice depends on `network` and `config.engine`
+    alone, so it is the same in process and over the graph.
+    """
+
+    def __init__(self, network: NetworkConfig, config: LearnerConfig, seed: int) -> None:
+        self.network = network
+        self._config = config
+        self._seed = seed
+        self._make_inference = _inference_for(network, config.engine)
+        self._inference: Inference | None = None
+        self._noise: OrnsteinUhlenbeck | None = None
+        self.version = -1  # of the weights in use; -1 before the first
+
+    @classmethod
+    def of(cls, snapshot: PolicySnapshot) -> Actor:
+        """A greedy actor of whatever architecture the snapshot has."""
+        try:
+            network = actor_config(snapshot.architecture)
+        except ConfigError as error:
+            raise PolicyError(str(error)) from error
+        actor = cls(network, LearnerConfig(), seed=0)
+        actor.load(snapshot)
+        return actor
+
+    def load(self, snapshot: PolicySnapshot) -> None:
+        """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
+        ours = self.network.architecture
+        if snapshot.architecture != ours:
+            raise PolicyError(f"policy: expected architecture {ours}, got {snapshot.architecture}")
+        digest = self.network.vocabulary.digest
+        if snapshot.vocabulary_digest != digest:
+            raise PolicyError(
+                f"policy: expected vocabulary {digest}, got {snapshot.vocabulary_digest}"
+            )
+        try:
+            self._inference = self._make_inference(self.network, snapshot.tensors)
+        except TensorError as error:
+            raise PolicyError(f"policy version {snapshot.version}: {error}") from error
+        self.version = snapshot.version
+
+    def act(self, observation: Observation, program: str) -> Float32:
+        """The greedy action, [6] in [-1, 1]; ProgramError if the text is not a program."""
+        if self._inference is None:
+            raise PolicyError("policy: expected weights before acting, got none")
+        parsed = self.parse(program)
+        return self._inference.act(
+            observation.objects, observation.arm, parsed, observation.hand_index
+        )
+
+    def explore(self, observation: Observation, program: str) -> Float32:
+        """The action with this episode's exploration noise, clipped to [-1, 1], [6]."""
+        if self._noise is None or self._noise.episode != observation.episode:
+            self._noise = OrnsteinUhlenbeck(self._config, self._seed, observation.episode)
+        noisy = self.act(observation, program) + self._noise.sample()
+        return np.clip(noisy, -1.0, 1.0).astype(np.float32)
+
+    def parse(self, program: str) -> Program:
+        """The program of a text in this actor's vocabulary."""
+        return parse(program, self.network.vocabulary)
+
+
+@lru_cache(maxsize=16)
+def _inference_for(network: NetworkConfig, engine: str) -> MakeInference:
+    """FusedActor where it applies, else NumPy; the choice is logged once."""
+    reason = "the learner's is torch" if engine == "torch" else _why_not_fused(network)
+    log.info("actor inference: %s", f"numpy ({reason})" if reason else "fused")
+    if reason:
+        return make_inference
+    from pa_ros.native.engine import FusedActor
+
+    return FusedActor
+
+
+def _why_not_fused(network: NetworkConfig) -> str:
+    """Empty where the fused actor applies, else the reason that the log gives."""
+    try:
+        from pa_ros.native import engine as fused
+    except (ImportError, OSError) as error:
+        return f"no fused actor: {error}"
+    return fused.why_not_network(network)

@@ -1,0 +1,1 @@
+"""What things cost; no node imports this room."""

@@ -1,0 +1,98 @@
+"""What the codec costs per message, in microseconds: `pa_ros bench codec`."""
+
+from __future__ import annotations
+
+import platform
+import timeit
+from collections.abc import Callable
+
+import numpy as np
+
+from pa_ros.core.experience import (
+    ARM_FEATURES,
+    JOINTS,
+    OBJECT_FEATURES,
+    Observation,
+    PolicySnapshot,
+    Trajectory,
+    Verdict,
+)
+from pa_ros.wire import codec
+from pa_ros.wire.records import Command, PublishedPolicy
+
+JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
+_OBJECTS = 5
+_TRANSITIONS = 100
+_WEIGHTS = {"message.0.weight": (150, 68), "message.1.weight": (150, 150), "all.else": (40_000,)}
+
+
+def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
+    """Best of `repeats` means over `calls`; `codec.encode_us` is a control step's observation.
+
+    Conversion to and from message objects only: serialization is rmw's and not counted.
+    """
+    rng = np.random.default_rng(0)
+    observation, verdict, command = sample_step()
+    trajectory, policy = _trajectory(rng), _policy(rng)
+    pair = codec.encode_observation(observation, JOINT_NAMES)
+    messages = (
+        codec.encode_verdict(verdict),
+        codec.encode_command(command),
+        codec.encode_trajectory(trajectory),
+        codec.encode_weights(policy),
+    )
+    work: dict[str, tuple[Callable[[], object], int]] = {
+        "encode_us": (lambda: codec.encode_observation(observation, JOINT_NAMES), calls),
+        "decode_us": (lambda: codec.decode_observation(*pair, JOINT_NAMES), calls),
+        "encode_verdict_us": (lambda: codec.encode_verdict(verdict), calls),
+        "decode_verdict_us": (lambda: codec.decode_verdict(messages[0]), calls),
+        "encode_command_us": (lambda: codec.encode_command(command), calls),
+        "decode_command_us": (lambda: codec.decode_command(messages[1]), calls),
+        "encode_trajectory_us": (lambda: codec.encode_trajectory(trajectory), calls // 10),
+        "decode_trajectory_us": (lambda: codec.decode_trajectory(messages[2]), calls // 10),
+        "encode_weights_us": (lambda: codec.encode_weights(policy), calls // 100),
+        "decode_weights_us": (lambda: codec.decode_weights(messages[3]), calls // 100),
+    }
+    report: dict[str, float | str] = {"python": platform.python_version(), "numpy": np.__version__}
+    for name, (call, number) in work.items():
+        number = max(1, number)
+        report[f"codec.{name}"] = (
+            min(timeit.repeat(call, number=number, repeat=repeats)) / number * 1e6
+        )
+    return report
+
+
+def sample_step(seed: int = 0) -> tuple[Observation, Verdict, Command]:
+    """The content of one control step, of the sizes that the arena has."""
+    rng = np.random.default_rng(seed)
+    objects = rng.normal(size=(_OBJECTS, OBJECT_FEATURES)).astype(np.float32)
+    joints = rng.normal(size=(2, JOINTS))
+    observation = Observation(3, 7, 10**9, objects, joints[0], joints[1], 0, "generated-3")
+    verdict = Verdict(3, 7, 10**9, "generated-3", -1.0, False, 0.4, False)
+    action = rng.uniform(-1, 1, JOINTS).astype(np.float32)
+    return observation, verdict, Command(3, 7, 10**9, "agent", 1, action)
+
+
+def _trajectory(rng: np.random.Generator) -> Trajectory:
+    rows = _TRANSITIONS + 1
+    return Trajectory(
+        agent_id="agent",
+        sequence=0,
+        policy_version=0,
+        episode=0,
+        first_step=0,
+        program="NEAR(HAND, AND(RED, CUBE))",
+        hand_index=0,
+        objects=rng.normal(size=(rows, _OBJECTS, OBJECT_FEATURES)).astype(np.float32),
+        arm=rng.normal(size=(rows, ARM_FEATURES)).astype(np.float32),
+        actions=rng.uniform(-1, 1, (_TRANSITIONS, JOINTS)).astype(np.float32),
+        rewards=np.ones(_TRANSITIONS, dtype=np.float32),
+        ends_episode=True,
+        terminated=False,
+        vocabulary_digest="0" * 16,
+    )
+
+
+def _policy(rng: np.random.Generator) -> PublishedPolicy:
+    tensors = {k: rng.normal(size=shape).astype(np.float32) for k, shape in _WEIGHTS.items()}
+    return PublishedPolicy(PolicySnapshot(1, "{}", "0" * 16, tensors), "run", {"agent": 0})

@@ -1,0 +1,296 @@
+"""How fast the learner is, beside other ways to do the same and beside what must be computed."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import cycle, islice
+
+import numpy as np
+import torch
+
+from pa_ros.acting.actor import Actor
+from pa_ros.benchmarks.cost import Rates, Sizes, floor_us, update_cost
+from pa_ros.benchmarks.machine import measure_rates
+from pa_ros.benchmarks.rounds import Contender, measure
+from pa_ros.benchmarks.straightforward import StraightforwardEngine
+from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation, Trajectory
+from pa_ros.core.report import Report
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.engine import Batch, Engine, make_engine
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.native import library as fused_library
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.inference import make_inference
+from pa_ros.networks.parameters import initial_actor, initial_critic
+
+log = logging.getLogger(__name__)
+
+OURS = "learner.updates_per_s"
+TWO_THREADS = "learner.updates_per_s_2_threads"
+SAMPLED = "learner.sampled_updates_per_s"
+STRAIGHTFORWARD = "learner.straightforward_updates_per_s"
+EAGER = "learner.eager_updates_per_s"
+SB3 = "learner.sb3_ddpg_updates_per_s"
+GPU = "learner.gpu_updates_per_s"
+ACT, ACT_NUMPY = "actor.inference_us", "actor.inference_numpy_us"
+TRAJECTORY_STEPS, TRAJECTORIES = 100, 20
+
+
+def bench_learner(
+    network: NetworkConfig,
+    config: LearnerConfig,
+    programs: Sequence[str],
+    sizes: Sizes = Sizes(),  # noqa: B008 (frozen)
+    others: Sequence[Contender] = (),
+    rounds: int = 15,
+    slice_s: float = 0.25,
+) -> Report:
+    """Updates per second, medians over rounds, of ours and of what it is compared with.
+
+    `programs` are the texts of the training programs; `others` run in the same rounds. One thread
+    each but where the name says otherwise. FusedError if the fused update is not there.
+    """
+    facts = _sizes(sizes, network)
+    torch.set_num_threads(1)
+    config = replace(config, batch_size=sizes.transitions)
+    learner = random_learner(network, config, programs, sizes)
+    batches = list(learner.batches(16))
+    contenders = [
+        *_engines(learner, batches),
+        Contender(SAMPLED, learner.update),
+        *_actors(learner, programs[0]),
+        *others,
+    ]
+    measure(contenders, rounds, slice_s)
+    report = {**facts, **_rows(contenders)}
+    cost = update_cost(network, sizes)
+    rates = measure_rates(cost.bytes)
+    return {**report, **_floor_rows(network, sizes, rates, report), **_ratios(report)}
+
+
+def random_learner(
+    network: NetworkConfig, config: LearnerConfig, programs: Sequence[str], sizes: Sizes
+) -> Learner:
+    """A learner with random experience in its replay and no update made."""
+    waiting = replace(config, warmup_frames=TRAJECTORY_STEPS * TRAJECTORIES)
+    learner = Learner(network, waiting, programs, seed=0)
+    rng = np.random.default_rng(0)
+    for sequence in range(TRAJECTORIES):
+        learner.consume(_trajectory(rng, network, programs, sizes.objects, sequence))
+    return learner
+
+
+def bare_updates(
+    network: NetworkConfig, config: LearnerConfig, programs: Sequence[str]
+) -> Contender:
+    """Updates by the clock, with the configuration's batch, of tables with four blocks."""
+    sizes = Sizes(config.batch_size, 5, config.programs_per_transition)
+    idle = random_learner(network, config, programs, sizes)
+    return Contender("bare", repeated(engine_of(idle), list(idle.batches(16))), wall=True)
+
+
+def repeated(engine: Engine, batches: Sequence[Batch]) -> Callable[[int], None]:
+    """Updates with these batches in turn."""
+    endless = cycle(batches)
+
+    def run(calls: int) -> None:
+        for batch in islice(endless, calls):
+            engine.update(batch)
+        if torch.cuda.is_available():
+            torch.cuda.synchronize()
+
+    return run
+
+
+def engine_of(learner: Learner, **changes: object) -> Engine:
+    """A new engine for the learner's table, with some options replaced."""
+    config = replace(learner.config, **changes)  # type: ignore[arg-type]
+    return make_engine(learner.network, config, learner.table, np.random.default_rng(0))
+
+
+def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
+    made = {
+        OURS: engine_of(learner, engine="auto", threads=1),
+        EAGER: engine_of(learner, engine="torch"),
+    }
+    if made[OURS].name == "fused":
+        made[TWO_THREADS] = engine_of(learner, engine="fused", threads=2)
+    if learner.network.kind != "canonical":
+        made[STRAIGHTFORWARD] = _straightforward(learner)
+    if torch.cuda.is_available():
+        made[GPU] = engine_of(learner, engine="torch", device="cuda")
+    return [
+        Contender(
+            name,
+            repeated(engine, batches),
+            threads=2 if name == TWO_THREADS else 1,
+            wall=name in (TWO_THREADS, GPU),
+        )
+        for name, engine in made.items()
+    ]
+
+
+def _straightforward(learner: Learner) -> Engine:
+    rng, network = np.random.default_rng(0), learner.network
+    tensors = initial_actor(network, rng), initial_critic(network, rng)
+    return StraightforwardEngine(network, learner.config, learner.table, *tensors)
+
+
+def _actors(learner: Learner, program: str) -> list[Contender]:
+    """One observation to one action, by what agents use and by NumPy."""
+    network, snapshot = learner.network, learner.snapshot()
+    actor = Actor(network, learner.config, seed=0)
+    actor.load(snapshot)
+    plain, parsed = make_inference(network, snapshot.tensors), actor.parse(program)
+    objects = learner.replay.arrays["objects"][0].copy()
+    joints = np.random.default_rng(0).normal(size=JOINTS)
+    observation = Observation(0, 0, 0, objects, joints, joints, 0, "0.0")
+
+    def fused(calls: int) -> None:
+        for _ in range(calls):
+            actor.act(observation, program)
+
+    def numpy(calls: int) -> None:
+        for _ in range(calls):
+            plain.act(observation.objects, observation.arm, parsed, 0)
+
+    return [Contender(ACT, fused), Contender(ACT_NUMPY, numpy)]
+
+
+def _rows(contenders: Sequence[Contender]) -> dict[str, float]:
+    rows: dict[str, float] = {}
+    for c in contenders:
+        rows[c.name] = 1e6 / c.rate if c.name.endswith("_us") else c.rate
+        rows[f"{c.name}_spread"] = c.spread
+        rows[f"{c.name}_cpu_share"] = c.share
+    return rows
+
+
+def _sizes(sizes: Sizes, network: NetworkConfig) -> dict[str, float | str]:
+    return {
+        "learner.network": network.kind,
+        "learner.batch": sizes.transitions,
+        "learner.objects": sizes.objects,
+        "learner.programs_per_transition": sizes.programs,
+        "learner.instructions": fused_library.level(),
+    }
+
+
+def _floor_rows(
+    network: NetworkConfig, sizes: Sizes, rates: Rates, report: Report
+) -> dict[str, float]:
+    """What an update must compute, what this machine could do, and the time it would take."""
+    cost = update_cost(network, sizes)
+    floor = floor_us(cost, rates)
+    return {
+        "learner.mflop": cost.flops / 1e6,
+        "learner.exponentials": cost.exponentials,
+        "learner.tanhs": cost.tanhs,
+        "learner.pair_tanhs": cost.pair_tanhs,
+        "learner.bytes": cost.bytes,
+        "machine.gflop_per_s": rates.flops / 1e3,
+        "machine.exponentials_per_us": rates.exponentials,
+        "machine.tanhs_per_us": rates.tanhs,
+        "machine.pair_tanhs_per_us": rates.pair_tanhs,
+        "machine.copied_gb_per_s": rates.bytes / 1e3,
+        "learner.floor_us": floor,
+        "learner.update_us": 1e6 / float(report[OURS]),
+        "learner.floor_ratio": 1e6 / float(report[OURS]) / floor,
+    }
+
+
+def _ratios(report: Report) -> dict[str, float]:
+    """Ours over each of the others, and the two-thread rate over ours."""
+    ours = float(report[OURS])
+    names = {STRAIGHTFORWARD: "straightforward", EAGER: "eager", GPU: "gpu"}
+    ratios = {
+        f"learner.ratio_to_{short}": ours / float(report[name])
+        for name, short in names.items()
+        if name in report
+    }
+    if SB3 in report:  # its train() draws its batches from a replay, so ours does here
+        ratios["learner.ratio_to_sb3_ddpg"] = float(report[SAMPLED]) / float(report[SB3])
+    if TWO_THREADS in report:
+        ratios["learner.ratio_2_threads"] = float(report[TWO_THREADS]) / ours
+    return ratios
+
+
+def markdown_counts(report: Report) -> str:
+    """What one update must compute, at this machine's rates, as a table."""
+    rows = (
+        ("floating-point operations", "learner.mflop", 1e6, "machine.gflop_per_s", 1e3),
+        ("exponentials", "learner.exponentials", 1.0, "machine.exponentials_per_us", 1.0),
+        ("tanh", "learner.tanhs", 1.0, "machine.tanhs_per_us", 1.0),
+        ("tanh of a sum, given e^2x, e^2y", "learner.pair_tanhs", 1.0,
+         "machine.pair_tanhs_per_us", 1.0),
+        ("bytes", "learner.bytes", 1.0, "machine.copied_gb_per_s", 1e3),
+    )  # fmt: skip
+    lines = ["| | count (millions) | per µs, one thread | µs |", "|---|---|---|---|"]
+    for title, count, unit, rate, per_us in rows:
+        operations, speed = unit * float(report[count]), per_us * float(report[rate])
+        lines.append(
+            f"| {title} | {operations / 1e6:.2f} | {speed:,.0f} | {operations / speed:.0f} |"
+        )
+    return "\n".join(lines)
+
+
+def markdown_rates(report: Report) -> str:
+    """Medians and ratios as a table."""
+    rows = (
+        ("fused", OURS, ""),
+        ("fused, batches drawn from the replay", SAMPLED, ""),
+        ("fused, two threads", TWO_THREADS, "learner.ratio_2_threads"),
+        ("torch", EAGER, "learner.ratio_to_eager"),
+        ("the formulas in torch as they stand", STRAIGHTFORWARD,
+         "learner.ratio_to_straightforward"),
+        ("Stable-Baselines3 DDPG, 400-400 MLPs", SB3, "learner.ratio_to_sb3_ddpg"),
+        ("torch on a GPU", GPU, "learner.ratio_to_gpu"),
+    )  # fmt: skip
+    lines = ["| | updates/s | spread | ratio |", "|---|---|---|---|"]
+    for title, name, ratio in rows:
+        if name in report:
+            rate, spread = float(report[name]), float(report[f"{name}_spread"])
+            shown = f"{float(report[ratio]):.2f}" if ratio else ""
+            lines.append(f"| {title} | {rate:.0f} | {spread:.0%} | {shown} |")
+    return "\n".join(lines)
+
+
+def random_scenes(rng: np.random.Generator, count: int, objects: int) -> Float32:
+    """Ω of one scene seen `count` times, [count, N, 16]: a hand, then blocks of any kind."""
+    scenes = np.zeros((count, objects, 16), np.float32)
+    scenes[..., :3] = rng.normal(0, 0.3, (count, objects, 3))
+    scenes[..., 3:7] = rng.normal(0, 0.5, (count, objects, 4))
+    blocks = np.arange(objects)
+    scenes[:, blocks, 7 + blocks % len(SHAPES)] = 1.0
+    scenes[:, blocks, 11 + blocks % len(COLORS)] = 1.0
+    scenes[:, 0] = 0.0
+    scenes[:, 0, 6] = 1.0
+    return scenes
+
+
+def _trajectory(
+    rng: np.random.Generator,
+    network: NetworkConfig,
+    programs: Sequence[str],
+    objects: int,
+    sequence: int,
+) -> Trajectory:
+    steps = TRAJECTORY_STEPS
+    return Trajectory(
+        agent_id="bench",
+        sequence=sequence,
+        policy_version=0,
+        episode=sequence,
+        first_step=0,
+        program=programs[sequence % len(programs)],
+        hand_index=0,
+        objects=random_scenes(rng, steps + 1, objects),
+        arm=rng.normal(size=(steps + 1, 18)).astype(np.float32),
+        actions=rng.uniform(-1, 1, (steps, JOINTS)).astype(np.float32),
+        rewards=rng.choice([-1.0, 1.0], steps).astype(np.float32),
+        ends_episode=True,
+        terminated=False,
+        vocabulary_digest=network.vocabulary.digest,
+    )

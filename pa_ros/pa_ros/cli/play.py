@@ -1,0 +1,66 @@
+"""`pa_ros play BAG`: a recording back into a live graph."""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from pathlib import Path
+
+from pa_ros.bags.reader import Bag
+from pa_ros.core.report import device, versions, write_report
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros play`."""
+    parser.add_argument("bag", type=Path, metavar="BAG")
+    parser.add_argument(
+        "--rate", type=float, default=1.0, metavar="R",
+        help="times the recorded speed; 0: as fast as it is taken (%(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--topics", nargs="+", default=[], metavar="NAME",
+        help="full names, or their last parts (default: all)",
+    )  # fmt: skip
+    parser.add_argument("--start", type=float, default=0.0, metavar="S", help="skip the first S s")
+    parser.add_argument("--duration", type=float, default=0.0, metavar="S", help="(to the end)")
+    parser.add_argument("--loop", action="store_true", help="again and again, until Ctrl-C")
+    parser.add_argument("--clock", action="store_true", help="publish /clock by recorded times")
+    parser.add_argument(
+        "--wait", type=float, default=3.5, metavar="S",
+        help="at most, for someone to listen to each topic (%(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay until the end or a signal."""
+    from pa_ros.tools.client import client_node
+    from pa_ros.tools.graph import signals_noted
+    from pa_ros.tools.playback import PlaybackOptions, Played, Player
+
+    how = PlaybackOptions(
+        options.rate, tuple(options.topics), options.start, options.duration,
+        options.loop, options.clock, options.wait,
+    )  # fmt: skip
+    played = Played()
+    with Bag(options.bag) as bag, signals_noted() as interrupted, client_node("play") as node:
+        player = Player(bag, node, how)
+        for name, reason in player.played.passed_over.items():
+            print(f"warning: {name} is left out: {reason}")
+        started = time.monotonic()
+        played = player.run(interrupted)
+        wall_s = time.monotonic() - started
+    for name in played.unheard:
+        print(f"warning: nobody listened to {name} when playback began")
+    report: dict[str, float | int | str] = {
+        "playback.wall_s": wall_s,
+        "playback.messages": sum(played.counts.values()),
+    }
+    if played.late_s:
+        late = [1e3 * value for value in played.late_s]
+        report["playback.timing_error_ms_median"] = statistics.median(late)
+        report["playback.timing_error_ms_max"] = max(late)
+    report |= {f"playback.topic.{name}.messages": n for name, n in played.counts.items()}
+    write_report(options.json, {**report, "device": device(), "versions": versions()})
+    return 0

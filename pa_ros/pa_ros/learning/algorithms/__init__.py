@@ -1,0 +1,1 @@
+"""Algorithms by name; each with the same files: config, engine, learner."""

@@ -1,0 +1,1 @@
+"""Deterministic policy gradient (paper, appendix "Training parameters")."""

@@ -1,0 +1,218 @@
+"""The learning side: replay, updates in a fixed ratio to frames, and published weights."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pa_ros.acting.schedule import Schedule
+from pa_ros.core.experience import Float32, PolicySnapshot, Trajectory
+from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.engine import Batch, make_engine
+from pa_ros.learning.errors import PolicyError
+from pa_ros.learning.relabeling.all_goals import Int32, Relabeler
+from pa_ros.learning.relabeling.property_dropout import PropertyDropout
+from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.slots import target_one_hots
+
+LEARNER_STREAM = 2  # of default_rng([seed, stream])
+
+
+@dataclass(frozen=True, slots=True)
+class ConsumeReport:
+    """What one trajectory led to."""
+
+    insert: InsertReport
+    updates: int
+    version: int  # of the weights now; grew by one if the trajectory was accepted
+
+
+@dataclass
+class Counters:
+    """What a learner has done so far; all of it is in its checkpoint."""
+
+    version: int = 0  # trajectories accepted
+    frames: int = 0  # transitions accepted
+    episodes: int = 0
+    updates: int = 0
+    frames_due: int = 0  # transitions that updates are due for: all but the warm-up's
+
+
+class Learner:
+    """Consumes trajectories, publishes policies; one seed and one order, one result.
+
+    `training_programs` (texts) are the ones that relabeling draws from; programs of trajectories
+    join the table as they come.
+    """
+
+    def __init__(
+        self,
+        network: NetworkConfig,
+        config: LearnerConfig,
+        training_programs: Sequence[str],
+        seed: int,
+    ) -> None:
+        self.network = network
+        self.config = config
+        self.counters = Counters()
+        self.rng = np.random.default_rng([seed, LEARNER_STREAM])
+        self.table = ProgramTable(network.vocabulary)
+        for text in training_programs:
+            self._row(text)
+        self._relabeler = None
+        if config.relabel == "all-goals":
+            programs = [parse(text, network.vocabulary) for text in training_programs]
+            self._relabeler = Relabeler(programs, network.vocabulary, config.near_threshold)
+        self._dropout = None
+        if config.property_dropout and network.kind != "canonical":
+            self._dropout = PropertyDropout(self.table, config.property_dropout)
+        self.replay = ReplayBuffer(config.replay_frames, network.vocabulary.digest)
+        self.engine = make_engine(network, config, self.table, self.rng)
+        kept = Schedule(config.policy_lag).versions_kept
+        self.published: deque[PolicySnapshot] = deque([self._snapshot()], maxlen=kept)
+
+    def consume(self, trajectory: Trajectory) -> ConsumeReport:
+        """Insert a trajectory, make the updates that it is due, publish one version more.
+
+        A duplicate is counted and does nothing else. Raises TrajectoryError or ProgramError, with
+        nothing changed, for a trajectory that cannot be used.
+        """
+        self.replay.check(trajectory)
+        program = self._row(trajectory.program)
+        marks = self._relabeler and self._relabeler.marks(trajectory.objects, trajectory.hand_index)
+        report = self.replay.insert(trajectory, program, *(marks or ()))
+        if not report.accepted:
+            return ConsumeReport(report, 0, self.counters.version)
+        self.counters.frames += len(trajectory)
+        updates = self._updates_due(len(trajectory))
+        self.update(updates)
+        if trajectory.ends_episode:
+            self.counters.episodes += 1
+            self.engine.copy_targets()
+        self.counters.version += 1
+        self.published.append(self._snapshot())
+        return ConsumeReport(report, updates, self.counters.version)
+
+    def update(self, updates: int) -> None:
+        """Make this many updates, whether due or not; EmptyPlaybackError without transitions."""
+        for batch in self.batches(updates):
+            self.engine.update(batch)
+            self.counters.updates += 1
+
+    def batches(self, updates: int) -> Iterator[Batch]:
+        """Batches for this many updates, all drawn at once, since the replay does not change."""
+        size = self.config.batch_size
+        if updates == 0:
+            return
+        index = self.replay.sample(self.rng, updates * size)
+        following = self.replay.following(index)
+        program, reward = self._programs(index, following)
+        discount, hidden = self._discount(index), self._hidden(len(index))
+        for first in range(0, updates * size, size):
+            part = slice(first, first + size)
+            batch = self._batch(
+                index[part], following[part], program[part], reward[part], discount[part]
+            )
+            if self._dropout and hidden is not None:
+                scene = batch.objects, batch.next_objects, batch.program
+                self._dropout.hide(hidden[part], *scene)
+            yield batch
+
+    def snapshot(self, version: int | None = None) -> PolicySnapshot:
+        """Published weights: the newest, or one of the last policy_lag + 1 versions.
+
+        Raises PolicyError if that version is not kept any more, or not yet.
+        """
+        if version is None:
+            return self.published[-1]
+        for kept in self.published:
+            if kept.version == version:
+                return kept
+        versions = [kept.version for kept in self.published]
+        raise PolicyError(f"policy: expected one of the versions {versions}, got {version}")
+
+    def metrics(self) -> dict[str, float]:
+        """Counters and the latest update's figures, by name."""
+        return {
+            "version": self.counters.version,
+            "frames": self.counters.frames,
+            "episodes": self.counters.episodes,
+            "updates": self.counters.updates,
+            "missing_trajectories": self.replay.ledger.missing,
+            "duplicate_trajectories": self.replay.ledger.duplicates,
+            **self.engine.metrics(),
+        }
+
+    def _row(self, text: str) -> int:
+        """Row of a program in the table; ProgramError or UnsupportedProgramError if it has none."""
+        program = parse(text, self.network.vocabulary)
+        if self.network.kind == "canonical":
+            target_one_hots(program, self.network.vocabulary)
+        return self.table.add(program)
+
+    def _snapshot(self) -> PolicySnapshot:
+        return PolicySnapshot(
+            version=self.counters.version,
+            architecture=self.network.architecture,
+            vocabulary_digest=self.network.vocabulary.digest,
+            tensors={k: np.ascontiguousarray(v) for k, v in self.engine.actor_tensors().items()},
+        )
+
+    def _updates_due(self, frames: int) -> int:
+        """Updates due for `frames` more transitions; fractions are carried over."""
+        if self.counters.frames > self.config.warmup_frames:
+            self.counters.frames_due += frames
+        total = self.counters.frames_due * self.config.updates_per_frame
+        return math.floor(total + 1e-9) - self.counters.updates
+
+    def _programs(self, index: Int64, following: Int64) -> tuple[Int32, Float32]:
+        """Programs [B, K] and their rewards [B, K], as the learner scales them, for rows [B]."""
+        arrays, config = self.replay.arrays, self.config
+        program, reward = arrays["program"][index], arrays["reward"][index]
+        if self._relabeler is None:
+            program, reward = program[:, None], reward[:, None]
+        else:
+            marks = arrays["satisfied"][following], arrays["present"][index]
+            k, keep = config.programs_per_transition, config.relabel_keeps_original
+            program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
+        shortened = (1.0 - self._gamma()) / (1.0 - config.discount)
+        shift, scale = np.float32(config.reward_shift), np.float32(config.reward_scale * shortened)
+        return np.ascontiguousarray(program), np.ascontiguousarray((reward + shift) * scale)
+
+    def _discount(self, index: Int64) -> Float32:
+        terminal = self.replay.arrays["terminal"][index]
+        return np.where(terminal, 0.0, self._gamma()).astype(np.float32)
+
+    def _gamma(self) -> float:
+        """γ for all updates of a draw."""
+        return self.config.discount_after(self.counters.updates)
+
+    def _hidden(self, rows: int) -> Float32 | None:
+        """What decides on hidden properties, [rows, 2], once they are to be hidden."""
+        config = self.config
+        if self._dropout is None or self.counters.updates < config.property_dropout_after:
+            return None
+        return self.rng.random((rows, 2), np.float32)
+
+    def _batch(
+        self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32
+    ) -> Batch:
+        """Gather rows; `take` along axis 0 costs half of indexing for so few."""
+        arrays = self.replay.arrays
+        return Batch(
+            objects=arrays["objects"].take(index, 0),
+            arm=arrays["arm"].take(index, 0),
+            action=arrays["action"].take(index, 0),
+            next_objects=arrays["objects"].take(following, 0),
+            next_arm=arrays["arm"].take(following, 0),
+            program=program,
+            reward=reward,
+            discount=discount,
+        )

@@ -1,0 +1,336 @@
+"""One DPG update in torch: the readable reference, and the engine for GPUs and MLPs."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.device_steps import DeviceSteps
+from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX, Batch
+from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import (
+    COLUMN_FEATURES,
+    GEOMETRY,
+    Shapes,
+    Tensors,
+    actor_shapes,
+    check_shapes,
+    check_tensors,
+    critic_shapes,
+)
+from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
+from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.relevance import program_tensors
+from pa_ros.networks.slots import target_one_hots
+
+Arrays = dict[str, NDArray[np.generic]]
+
+_STEPS: Shapes = {"adam.actor.step": (), "adam.critic.step": ()}
+
+
+class Inputs(NamedTuple):
+    """A batch on the device, as `Batch` but for what the networks are told of each program."""
+
+    objects: Tensor
+    arm: Tensor
+    action: Tensor
+    next_objects: Tensor
+    next_arm: Tensor
+    reward: Tensor
+    discount: Tensor
+    goals: Programs | Tensor
+
+
+class TorchEngine:
+    """Paper, appendix "Training parameters"; Lillicrap et al. 2015 with hard target copies."""
+
+    name = "torch"
+
+    def __init__(
+        self,
+        network: NetworkConfig,
+        config: LearnerConfig,
+        table: ProgramTable,
+        actor: Tensors,
+        critic: Tensors,
+    ) -> None:
+        check_tensors(actor, actor_shapes(network), "actor")
+        check_tensors(critic, critic_shapes(network), "critic")
+        torch.set_num_threads(config.threads)
+        self._config = config
+        self._device = _device_named(config.device)
+        self._dtype = getattr(torch, config.dtype)
+        self._goals = _Goals(network, table, self._device, self._dtype)
+        self._actor: Any  # a module of pa_ros.networks; its critic has `trunk` and `head`
+        self._critic: Any
+        self._actor, self._critic = self._networks(network, actor, critic)
+        self._target_actor = copy.deepcopy(self._actor).requires_grad_(False)
+        self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
+        self._actor_adam = self._adam(self._actor, config.actor_rate)
+        self._critic_adam = self._adam(self._critic, config.critic_rate)
+        geometry = torch.zeros(COLUMN_FEATURES)
+        geometry[GEOMETRY] = 1.0
+        self._geometry = geometry.to(self._device, self._dtype)
+        self._latest: tuple[Tensor, ...] | None = None
+        self._queued: DeviceSteps | None = None
+        if self._device.type == "cuda":
+            self._queued = DeviceSteps(self._step_on, self._device)
+
+    def update(self, batch: Batch) -> None:
+        """One DPG update of critic and actor, both gradients at the parameters before it.
+
+        On a GPU it is queued: the host waits only where it is several batches ahead.
+        """
+        self._goals.refresh()
+        arrays = {field.name: getattr(batch, field.name) for field in fields(batch)}
+        if self._queued is not None:
+            self._latest = self._queued(arrays, version=self._goals.size)
+        else:
+            self._latest = self._step_on({k: torch.from_numpy(v) for k, v in arrays.items()})
+
+    def _step_on(self, tensors: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """`_step` on a batch that is on the device."""
+        floats = {k: tensors[k].to(self._dtype) for k in Inputs._fields if k != "goals"}
+        return self._step(Inputs(**floats, goals=self._goals.of(tensors["program"])))
+
+    def _step(self, x: Inputs) -> tuple[Tensor, Tensor]:
+        """Update both networks; the critic's loss and mean Q."""
+        target = self._bootstrap(x)  # [B, K]
+        h = self._critic.trunk(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, H]
+        q = self._critic.head(h, x.action)  # [B, K]
+        loss = F.mse_loss(q, target)
+        action = self._actor(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, 6]
+        ascent = self._ascent(h.detach(), action.detach())
+        self._descend(loss, action, -ascent / q.numel())
+        return loss.detach(), q.detach().mean()
+
+    def _bootstrap(self, x: Inputs) -> Tensor:
+        """r + discount · Q'(s', π'(s')), [B, K]."""
+        with torch.no_grad():
+            seen = (x.next_objects, x.next_arm, x.goals)
+            action = self._target_actor(*seen, HAND_INDEX)
+            value = self._target_critic(*seen, action, HAND_INDEX)
+            bootstrapped: Tensor = x.reward + x.discount[:, None] * value
+            return bootstrapped
+
+    def _descend(self, loss: Tensor, action: Tensor, action_gradient: Tensor) -> None:
+        """A step of Adam for the critic's loss, and for the actor by the chain rule."""
+        self._critic_adam.zero_grad()
+        torch.autograd.backward(loss)
+        self._actor_adam.zero_grad()
+        torch.autograd.backward(action, action_gradient)
+        for module, adam in ((self._critic, self._critic_adam), (self._actor, self._actor_adam)):
+            self._set_rates(adam)
+            self._decay(module, adam)
+        self._critic_adam.step()
+        self._actor_adam.step()
+        self._forget_geometry(self._critic, self._critic_adam)
+        self._forget_geometry(self._actor, self._actor_adam)
+
+    def _forget_geometry(self, module: nn.Module, adam: torch.optim.Adam) -> None:
+        """Take away a share of what the detectors make of all but the one-hots."""
+        config = self._config
+        if not config.geometry_decay or not hasattr(module, "detectors"):
+            return
+        weight = module.get_parameter("detectors.weight")
+        due = _updates(adam) > config.geometry_decay_after
+        with torch.no_grad():
+            weight.mul_(1.0 - config.geometry_decay * due * self._geometry)
+
+    def _set_rates(self, adam: torch.optim.Adam) -> None:
+        """`LearnerConfig.rate_after`, on the device where it changes."""
+        constant = self._config.rates_fall_after
+        if constant:
+            share = (constant / _updates(adam)).clamp_max(1.0)
+            for group in adam.param_groups:
+                group["lr"].copy_(group["initial_lr"] * share)
+
+    def _decay(self, module: nn.Module, adam: torch.optim.Adam) -> None:
+        """Of the detectors' weights, apart from the gradient (Loshchilov & Hutter 2019)."""
+        config = self._config
+        if not config.detector_decay or not hasattr(module, "detectors"):
+            return
+        weight = module.get_parameter("detectors.weight")
+        spent = _updates(adam) / config.detector_decay_updates
+        decay = config.detector_decay * (1.0 - spent).clamp_min(0.0)
+        with torch.no_grad():
+            weight.mul_(1.0 - adam.param_groups[-1]["lr"] * decay)
+
+    def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
+        """∂/∂a of the actor's objective at its action: ∂Q/∂a clipped, less λa, [B, K, 6]."""
+        action = action.requires_grad_()
+        gradient: Tensor
+        (gradient,) = torch.autograd.grad(self._critic.head(h, action).sum(), action)
+        clip = self._config.action_gradient_clip
+        return gradient.clamp(-clip, clip) - self._action_l2() * action.detach()
+
+    def _action_l2(self) -> Tensor | float:
+        """`LearnerConfig.action_l2_after`, on the device where it changes."""
+        config = self._config
+        if not config.action_l2_decay:
+            return config.action_l2
+        spent = (_updates(self._actor_adam) / config.action_l2_decay_updates).clamp_max(1.0)
+        price: Tensor = config.action_l2 * (1.0 - config.action_l2_decay * spent)
+        return price.to(self._dtype)
+
+    def copy_targets(self) -> None:
+        """Hard copy of both networks to their targets (paper, appendix)."""
+        self._target_actor.load_state_dict(self._actor.state_dict())
+        self._target_critic.load_state_dict(self._critic.state_dict())
+
+    def actor_tensors(self) -> Tensors:
+        """The actor's weights now, float32, owned by the caller."""
+        return {
+            name: value.detach().to("cpu", torch.float32).numpy().copy()
+            for name, value in self._actor.state_dict().items()
+        }
+
+    def metrics(self) -> dict[str, float]:
+        """Of the latest update: `critic_loss`, `mean_q`, `actor_gradient_norm`; {} before it."""
+        if self._latest is None:
+            return {}
+        gradients = [p.grad for p in self._actor.parameters() if p.grad is not None]
+        norm = torch.stack([g.norm() for g in gradients]).norm()
+        values = torch.stack([*self._latest, norm]).tolist()  # the only wait for the device
+        return dict(zip(("critic_loss", "mean_q", "actor_gradient_norm"), values, strict=True))
+
+    def tensors(self) -> Arrays:
+        """Everything an update depends on; see `Engine.tensors` for the names."""
+        tensors: Arrays = {k: value.cpu().numpy().copy() for k, value in self._named().items()}
+        for name, adam in self._optimizers().items():
+            steps = [int(moments["step"]) for moments in adam.state.values()]
+            tensors[name] = np.array(steps[0], np.int64)
+        return tensors
+
+    def load_tensors(self, tensors: Arrays) -> None:
+        """The inverse of `tensors`; TensorError when names or shapes differ."""
+        named = self._named()
+        check_shapes(tensors, {k: tuple(v.shape) for k, v in named.items()} | _STEPS, "engine")
+        for name, value in named.items():
+            value.copy_(torch.from_numpy(tensors[name]))
+        for name, adam in self._optimizers().items():
+            for moments in adam.state.values():
+                moments["step"].fill_(int(tensors[name]))
+
+    def _named(self) -> dict[str, Tensor]:
+        """The live tensors by the names of `Engine.tensors`."""
+        named: dict[str, Tensor] = {}
+        for prefix in ("actor", "critic", "target_actor", "target_critic"):
+            module: nn.Module = getattr(self, f"_{prefix}")
+            named |= {f"{prefix}.{k}": v for k, v in module.state_dict().items()}
+        for prefix, module, adam in (
+            ("actor", self._actor, self._actor_adam),
+            ("critic", self._critic, self._critic_adam),
+        ):
+            moments = {name: adam.state[p] for name, p in module.named_parameters()}
+            named |= {f"adam.{prefix}.m.{k}": m["exp_avg"] for k, m in moments.items()}
+            named |= {f"adam.{prefix}.v.{k}": m["exp_avg_sq"] for k, m in moments.items()}
+        return named
+
+    def _optimizers(self) -> dict[str, torch.optim.Adam]:
+        return {"adam.actor.step": self._actor_adam, "adam.critic.step": self._critic_adam}
+
+    def _networks(
+        self, network: NetworkConfig, actor: Tensors, critic: Tensors
+    ) -> tuple[nn.Module, nn.Module]:
+        made = [kind(network).to(self._device, self._dtype) for kind in self._classes(network)]
+        for module, tensors in zip(made, (actor, critic), strict=True):
+            module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
+        return made[0], made[1]
+
+    def _classes(self, network: NetworkConfig) -> tuple[Any, Any]:
+        if network.kind == "canonical":
+            return CanonicalActor, CanonicalCritic
+        return ProgrammableActor, ProgrammableCritic
+
+    def _adam(self, module: nn.Module, rate: float) -> torch.optim.Adam:
+        config = self._config
+        betas = (config.adam_beta1, config.adam_beta2)
+        detectors = [p for name, p in module.named_parameters() if name.startswith("detectors.")]
+        others = [p for name, p in module.named_parameters() if not name.startswith("detectors.")]
+        groups: list[dict[str, Any]] = [{"params": others, "initial_lr": rate}]
+        if detectors:
+            groups.append({"params": detectors, "initial_lr": rate * config.detector_gain})
+        for group in groups:
+            group["lr"] = self._rate(group["initial_lr"])
+        adam = torch.optim.Adam(
+            groups,
+            betas=betas, eps=config.adam_epsilon, fused=True,
+            capturable=self._device.type == "cuda",
+        )  # fmt: skip
+        for parameter in module.parameters():  # else made by the first step, too late to load
+            adam.state[parameter] = {
+                "step": torch.zeros((), dtype=torch.float32, device=self._device),
+                "exp_avg": torch.zeros_like(parameter),
+                "exp_avg_sq": torch.zeros_like(parameter),
+            }
+        return adam
+
+    def _rate(self, rate: float) -> float | Tensor:
+        """What Adam is given: a tensor where the rate will be changed on the device."""
+        if not self._config.rates_fall_after:
+            return rate
+        on_gpu = self._device.type == "cuda"  # whose fused Adam reads float32
+        return torch.tensor(rate, dtype=torch.float32 if on_gpu else torch.float64,
+                            device=self._device)  # fmt: skip
+
+
+def _updates(adam: torch.optim.Adam) -> Tensor:
+    """How many updates were made, float64 [], on the device."""
+    step: Tensor = next(iter(adam.state.values()))["step"]
+    return step.double()
+
+
+def _device_named(name: str) -> torch.device:
+    try:
+        return torch.zeros(0, device=name).device
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ConfigError(
+            f"learner device: expected one that torch has here, got {name!r}: {reason}"
+        ) from error
+
+
+class _Goals:
+    """What the networks are told of each program: its flat form, or its target's one-hots."""
+
+    def __init__(
+        self, network: NetworkConfig, table: ProgramTable, device: torch.device, dtype: torch.dtype
+    ) -> None:
+        self._canonical = network.kind == "canonical"
+        self._table = table
+        self._device, self._dtype = device, dtype
+        self.size = 0  # rows of the table that are on the device
+        self._rows: tuple[Tensor, ...] = ()
+
+    def refresh(self) -> None:
+        """Bring rows that joined the table to the device."""
+        if self.size != len(self._table):
+            self._rows = (
+                self._one_hots() if self._canonical else program_tensors(self._table, self._device)
+            )
+            self.size = len(self._table)
+
+    def of(self, program: Tensor) -> Programs | Tensor:
+        """Flat programs, or one-hots [B, K, V], for rows [B, K] of the table."""
+        index = program.long()
+        goals = [rows[index] for rows in self._rows]
+        return goals[0] if self._canonical else Programs(*goals)
+
+    def _one_hots(self) -> tuple[Tensor]:
+        vocabulary = self._table.vocabulary
+        programs = [parse(text, vocabulary) for text in self._table.texts]
+        rows = np.stack([target_one_hots(program, vocabulary) for program in programs])
+        return (torch.from_numpy(rows).to(self._device, self._dtype),)

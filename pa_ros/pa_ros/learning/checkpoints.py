@@ -1,0 +1,285 @@
+"""Checkpoints: everything a learner needs to go on as if it had not stopped.
+
+Under one root directory, each checkpoint is a directory of safetensors files and a metadata.json,
+written elsewhere and renamed when complete; the file LATEST names the newest one and is replaced
+atomically. So a crash at any moment leaves a whole checkpoint. Nothing is ever unpickled.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save
+
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.learner import Counters, Learner
+from pa_ros.learning.errors import CheckpointError, FolderInUseError
+from pa_ros.networks.config import NetworkConfig
+
+FORMAT = 1
+LATEST = "LATEST"
+METADATA = "metadata.json"
+SHIPPED = Path(__file__).parents[1] / "shipped"
+SHIPPED_PREFIX = "shipped:"
+FREE_TO_CHANGE = ("engine", "device", "threads")  # on resuming; they say where, not what
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def claim(folder: Path) -> IO[bytes]:
+    """Take a run's folder for oneself, until what is returned is closed or the process ends.
+
+    Raises FolderInUseError if another run has it: two would overwrite each other's checkpoints;
+    CheckpointError if nothing can be written there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / ".lock").open("wb")
+    except OSError as error:
+        raise CheckpointError(f"{folder}: {error}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        lock.close()
+        raise FolderInUseError(
+            f"{folder}: expected a folder for this run alone, got one that another run writes into"
+        ) from error
+    return lock
+
+
+def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None = None) -> Path:
+    """Write a checkpoint of the learner, make it the latest, remove older ones; its directory.
+
+    `extra` is plain JSON of the caller's own. Raises CheckpointError if it cannot be written.
+    """
+    name = f"version-{learner.counters.version:09d}"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        if _latest_name(root) != name:
+            _write_directory(root, name, _files(learner, extra or {}))
+            _write_file(root / f".{LATEST}", name.encode())
+            os.replace(root / f".{LATEST}", root / LATEST)
+            _sync_directory(root)
+        for other in root.glob("version-*"):
+            if other.name != name:
+                shutil.rmtree(other)
+    except OSError as error:
+        raise CheckpointError(f"checkpoint: {root}: {error}") from error
+    return root / name
+
+
+def read_metadata(path: Path) -> dict[str, Any]:
+    """metadata.json of a checkpoint, or of the latest one under a root; `extra` is in it."""
+    directory = find_checkpoint(path)
+    try:
+        values = json.loads((directory / METADATA).read_text())
+        if values["format"] != FORMAT:
+            raise CheckpointError(
+                f"checkpoint: {directory}: expected format {FORMAT}, got {values['format']!r}"
+            )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise CheckpointError(f"checkpoint: {directory}: {METADATA}: {error!r}") from error
+    return dict(values)
+
+
+def load_policy(path: Path) -> PolicySnapshot:
+    """The newest published weights of a checkpoint: all that acting needs."""
+    values = read_metadata(path)
+    return _load_policies(find_checkpoint(path), values)[-1]
+
+
+def load_configs(path: Path) -> tuple[NetworkConfig, LearnerConfig]:
+    """The configurations that a checkpoint was made with."""
+    values = read_metadata(path)
+    return NetworkConfig.from_json(values["network"]), LearnerConfig.from_json(values["learner"])
+
+
+def restore(path: Path, learner: Learner) -> dict[str, Any]:
+    """Put a new learner where the checkpoint's was; returns the caller's `extra`.
+
+    Raises CheckpointError, naming both sides, if networks or settings differ, or if a file is
+    missing or damaged; the learner is then not to be used.
+    """
+    directory, values = find_checkpoint(path), read_metadata(path)
+    try:
+        _check_same(directory, values, learner)
+        for text in values["programs"]:
+            learner.table.add(parse(text, learner.network.vocabulary))
+        if list(learner.table.texts) != values["programs"]:
+            raise CheckpointError(
+                f"checkpoint: {directory}: expected programs {values['programs']}, "
+                f"got {list(learner.table.texts)}"
+            )
+        learner.engine.load_tensors(_load_arrays(directory / "engine.safetensors"))
+        learner.replay.restore(_load_arrays(directory / "replay.safetensors"), values["replay"])
+        learner.rng.bit_generator.state = values["rng"]
+        learner.counters = Counters(**values["counters"])
+        learner.published.clear()
+        learner.published.extend(_load_policies(directory, values))
+        extra: dict[str, Any] = values["extra"]
+        return extra
+    except CheckpointError:
+        raise
+    except (PaError, ValueError, KeyError, TypeError) as error:
+        raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
+
+
+def find_checkpoint(path: Path) -> Path:
+    """The checkpoint directory that `path` is, or that its LATEST names.
+
+    "shipped:NAME" is a policy that comes with the package.
+    """
+    if str(path).startswith(SHIPPED_PREFIX):
+        return _shipped(str(path).removeprefix(SHIPPED_PREFIX))
+    if (path / METADATA).is_file():
+        return path
+    name = _latest_name(path)
+    if name is None or Path(name).name != name or not (path / name / METADATA).is_file():
+        raise CheckpointError(f"checkpoint: expected one at {path}, found none")
+    return path / name
+
+
+def _shipped(name: str) -> Path:
+    names = sorted(card.parent.name for card in SHIPPED.glob(f"*/{METADATA}"))
+    if name not in names:
+        raise CheckpointError(f"checkpoint: expected shipped: and one of {names}, got {name!r}")
+    return SHIPPED / name
+
+
+def ship(run: Path, name: str, card: dict[str, Any], folder: Path = SHIPPED) -> Path:
+    """Keep what acting needs of a checkpoint as the shipped policy `name`; its directory.
+
+    `card` joins the metadata's `extra`: where the policy comes from and how it scores.
+    """
+    directory, values = find_checkpoint(run), read_metadata(run)
+    policy = _load_policies(directory, values)[-1]
+    values["published"] = [policy.version]
+    values["extra"] = values["extra"] | card
+    tensors = {f"{policy.version}/{k}": tensor for k, tensor in policy.tensors.items()}
+    out = folder / name
+    out.mkdir(parents=True, exist_ok=True)
+    _write_file(out / METADATA, (json.dumps(values, indent=1) + "\n").encode())
+    _write_file(out / "policies.safetensors", _save_arrays(tensors))
+    return out
+
+
+def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
+    policies = {
+        f"{snapshot.version}/{name}": tensor
+        for snapshot in learner.published
+        for name, tensor in snapshot.tensors.items()
+    }
+    values = {
+        "format": FORMAT,
+        "architecture": learner.network.architecture,
+        "network": learner.network.to_json(),
+        "learner": learner.config.to_json(),
+        "counters": asdict(learner.counters),
+        "rng": learner.rng.bit_generator.state,
+        "programs": list(learner.table.texts),
+        "replay": learner.replay.to_metadata(),
+        "published": [snapshot.version for snapshot in learner.published],
+        "extra": extra,
+    }
+    return {
+        METADATA: json.dumps(values, indent=1).encode(),
+        "engine.safetensors": _save_arrays(learner.engine.tensors()),
+        "replay.safetensors": _save_arrays(learner.replay.filled()),
+        "policies.safetensors": _save_arrays(policies),
+    }
+
+
+def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> None:
+    # An option that is younger than the checkpoint had what is its default now.
+    network = NetworkConfig.from_json(values["network"])
+    config = LearnerConfig.from_json(values["learner"])
+    theirs = json.loads(network.to_json()) | json.loads(config.to_json())
+    ours = json.loads(learner.network.to_json()) | json.loads(learner.config.to_json())
+    differing = [
+        f"{name}: checkpoint {theirs.get(name)!r}, here {ours.get(name)!r}"
+        for name in sorted(theirs.keys() | ours)
+        if theirs.get(name) != ours.get(name) and name not in FREE_TO_CHANGE
+    ]
+    if differing:
+        raise CheckpointError(f"checkpoint: {directory}: differs in {'; '.join(differing)}")
+
+
+def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapshot]:
+    arrays = _load_arrays(directory / "policies.safetensors")
+    try:
+        network = NetworkConfig.from_json(values["network"])
+        return [
+            PolicySnapshot(
+                version=version,
+                architecture=values["architecture"],
+                vocabulary_digest=network.vocabulary.digest,
+                tensors={
+                    name.partition("/")[2]: tensor
+                    for name, tensor in arrays.items()
+                    if name.partition("/")[0] == str(version)
+                },
+            )
+            for version in values["published"]
+        ]
+    except (PaError, KeyError, TypeError) as error:
+        raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
+
+
+def _save_arrays(arrays: Arrays) -> bytes:
+    """Safetensors; it writes strided arrays wrongly, and says nothing."""
+    content: bytes = save({k: np.asarray(array, order="C") for k, array in arrays.items()})
+    return content
+
+
+def _load_arrays(path: Path) -> Arrays:
+    try:
+        arrays: Arrays = load_file(path)
+    except (OSError, SafetensorError, ValueError) as error:
+        raise CheckpointError(f"checkpoint: {path}: {error}") from error
+    return {name: np.array(array) for name, array in arrays.items()}
+
+
+def _latest_name(root: Path) -> str | None:
+    try:
+        return (root / LATEST).read_text().strip()
+    except OSError:
+        return None
+
+
+def _write_directory(root: Path, name: str, files: dict[str, bytes]) -> None:
+    unfinished, finished = root / f".{name}", root / name
+    for leftover in (unfinished, finished):  # of a crash; LATEST names neither
+        shutil.rmtree(leftover, ignore_errors=True)
+    unfinished.mkdir()
+    for file_name, content in files.items():
+        _write_file(unfinished / file_name, content)
+    _sync_directory(unfinished)
+    os.rename(unfinished, finished)
+    _sync_directory(root)
+
+
+def _write_file(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync_directory(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

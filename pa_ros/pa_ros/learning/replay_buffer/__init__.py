@@ -1,0 +1,1 @@
+"""Experience kept for learning, and the account of what arrived."""

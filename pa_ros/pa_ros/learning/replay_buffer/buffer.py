@@ -1,0 +1,214 @@
+"""ReplayBuffer buffer: observations in a ring of preallocated arrays (paper, appendix: 1M frames).
+
+One row per observation. The transition of row r goes to the next row of the ring, unless row r is
+the last of its trajectory. Five objects take about 0.42 KB per row; memory is touched as rows fill.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Trajectory
+from pa_ros.learning.errors import (
+    EmptyPlaybackError,
+    NonFiniteError,
+    TrajectorySizeError,
+    TrajectoryVocabularyError,
+)
+from pa_ros.learning.replay_buffer.ledger import Ledger
+
+Int64 = NDArray[np.int64]
+UInt64 = NDArray[np.uint64]
+
+
+@dataclass(frozen=True, slots=True)
+class InsertReport:
+    """What became of one trajectory."""
+
+    accepted: bool  # False: (agent, sequence) was there already
+    transitions: int  # now sampleable because of it
+    missing: int  # trajectories skipped and not arrived since, over all agents
+    duplicates: int  # so far
+
+
+class ReplayBuffer:
+    """Ring of the latest `capacity` observations of scenes with `n_objects` objects.
+
+    The hand is stored first, whatever its index outside. The number of objects is fixed by the
+    first trajectory if it is not given.
+    """
+
+    def __init__(self, capacity: int, vocabulary_digest: str, n_objects: int | None = None) -> None:
+        self.capacity = capacity
+        self.vocabulary_digest = vocabulary_digest
+        self.ledger = Ledger()
+        self.rows = 0  # filled
+        self.head = 0  # next row to be written
+        self.arrays: dict[str, NDArray[Any]] = {}
+        if n_objects is not None:
+            self._allocate(n_objects)
+
+    @property
+    def transitions(self) -> int:
+        """Number of sampleable transitions."""
+        return int(np.count_nonzero(~self.arrays["last"][: self.rows])) if self.arrays else 0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays at full capacity."""
+        return sum(array.nbytes for array in self.arrays.values())
+
+    def check(self, trajectory: Trajectory) -> None:
+        """Raise a TrajectoryError unless the trajectory can be inserted."""
+        if trajectory.vocabulary_digest != self.vocabulary_digest:
+            raise TrajectoryVocabularyError(
+                f"trajectory: expected vocabulary {self.vocabulary_digest}, "
+                f"got {trajectory.vocabulary_digest} from {trajectory.agent_id!r}"
+            )
+        self._check_sizes(trajectory)
+        for name in ("objects", "arm", "actions", "rewards"):
+            if not np.isfinite(getattr(trajectory, name)).all():
+                raise NonFiniteError(f"trajectory: {name}: expected finite numbers")
+        if np.abs(trajectory.actions).max() > 1.0:
+            largest = np.abs(trajectory.actions).max()
+            raise NonFiniteError(f"trajectory: actions: expected [-1, 1], got ±{largest}")
+
+    def insert(
+        self,
+        trajectory: Trajectory,
+        program: int,
+        satisfied: UInt64 | None = None,
+        present: int = 0,
+    ) -> InsertReport:
+        """Insert once: a second time is counted and changes nothing else.
+
+        `program` is the row of the trajectory's program in the learner's table; `satisfied` [T + 1]
+        and `present` are the relabeling bits of `Relabeler.marks`.
+        Raises a TrajectoryError, leaving the replay as it was, if `check` does.
+        """
+        self.check(trajectory)
+        accepted = self.ledger.is_new(trajectory.agent_id, trajectory.sequence)
+        if accepted:
+            self.ledger.record(trajectory.agent_id, trajectory.sequence)
+            self._write(trajectory, program, satisfied, present)
+        else:
+            self.ledger.duplicates += 1
+        transitions = len(trajectory) if accepted else 0
+        return InsertReport(accepted, transitions, self.ledger.missing, self.ledger.duplicates)
+
+    def sample(self, rng: np.random.Generator, size: int) -> Int64:
+        """Draw rows [size] of transitions, uniformly and with replacement."""
+        if self.rows == 0:
+            raise EmptyPlaybackError("replay: expected transitions, got an empty buffer")
+        index = rng.integers(self.rows, size=size)
+        last = self.arrays["last"]
+        while (again := np.flatnonzero(last[index])).size:
+            index[again] = rng.integers(self.rows, size=again.size)
+        return index
+
+    def following(self, index: Int64) -> Int64:
+        """Row that the transition of each row goes to."""
+        return (index + 1) % self.capacity
+
+    def filled(self) -> dict[str, NDArray[Any]]:
+        """Views of the rows in use; with `to_metadata` all there is to save."""
+        return {name: array[: self.rows] for name, array in self.arrays.items()}
+
+    def to_metadata(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        ledger = self.ledger.to_metadata()
+        return {"rows": self.rows, "head": self.head, "ledger": ledger}
+
+    def restore(self, arrays: dict[str, NDArray[Any]], values: dict[str, Any]) -> None:
+        """The inverse of `filled` and `to_metadata`; TrajectorySizeError if they do not fit."""
+        rows, head = int(values["rows"]), int(values["head"])
+        if not (0 <= rows <= self.capacity and 0 <= head < self.capacity):
+            raise TrajectorySizeError(
+                f"replay: expected {self.capacity} rows, got {rows} at {head}"
+            )
+        if arrays:
+            self._allocate(arrays["objects"].shape[1])
+            for name, array in self.arrays.items():
+                if arrays[name].shape != (rows, *array.shape[1:]):
+                    raise TrajectorySizeError(
+                        f"replay: {name}: expected {rows} rows, got {arrays[name].shape}"
+                    )
+                array[:rows] = arrays[name]
+        self.rows, self.head = rows, head
+        self.ledger = Ledger.from_metadata(values["ledger"])
+
+    def _allocate(self, n_objects: int) -> None:
+        shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+            "objects": ((n_objects, OBJECT_FEATURES), np.float32),
+            "arm": ((ARM_FEATURES,), np.float32),
+            "action": ((JOINTS,), np.float32),
+            "reward": ((), np.float32),
+            "program": ((), np.int32),
+            "last": ((), np.bool_),  # of its trajectory: no transition starts here
+            "terminal": ((), np.bool_),  # its transition ends the task, not just the time
+            "satisfied": ((), np.uint64),  # bit j: relabeling program j, at this row
+            "present": ((), np.uint64),  # bit j: program j names an object of the scene
+        }
+        self.arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
+
+    def _check_sizes(self, trajectory: Trajectory) -> None:
+        steps, found = len(trajectory), trajectory.objects.shape
+        if len(found) != 3:
+            raise TrajectorySizeError(
+                f"trajectory: objects: expected three dimensions, got {found}"
+            )
+        n_objects = self.arrays["objects"].shape[1] if self.arrays else found[1]
+        expected = {
+            "objects": (steps + 1, n_objects, OBJECT_FEATURES),
+            "arm": (steps + 1, ARM_FEATURES),
+            "actions": (steps, JOINTS),
+            "rewards": (steps,),
+        }
+        for name, shape in expected.items():
+            if getattr(trajectory, name).shape != shape:
+                raise TrajectorySizeError(
+                    f"trajectory: {name}: expected {shape}, got {getattr(trajectory, name).shape}"
+                )
+        if not 1 <= steps < self.capacity:
+            raise TrajectorySizeError(
+                f"trajectory: expected 1 to {self.capacity - 1} steps, got {steps}"
+            )
+        if not 0 <= trajectory.hand_index < n_objects:
+            raise TrajectorySizeError(
+                f"trajectory: hand_index: expected one of {n_objects}, got {trajectory.hand_index}"
+            )
+
+    def _write(
+        self, trajectory: Trajectory, program: int, satisfied: UInt64 | None, present: int
+    ) -> None:
+        if not self.arrays:
+            self._allocate(trajectory.objects.shape[1])
+        steps = len(trajectory)
+        index = (self.head + np.arange(steps + 1)) % self.capacity
+        arrays, last = self.arrays, index[-1]
+        arrays["objects"][index] = hand_first(trajectory.objects, trajectory.hand_index)
+        arrays["arm"][index] = trajectory.arm
+        arrays["action"][index[:-1]] = trajectory.actions
+        arrays["reward"][index[:-1]] = trajectory.rewards
+        arrays["program"][index] = program
+        arrays["terminal"][index] = False
+        arrays["terminal"][index[-2]] = trajectory.terminated
+        arrays["last"][index] = False
+        arrays["last"][last] = True
+        arrays["action"][last] = arrays["reward"][last] = 0.0
+        arrays["satisfied"][index] = 0 if satisfied is None else satisfied
+        arrays["present"][index] = present
+        self.head = int(last + 1) % self.capacity
+        self.rows = max(self.rows, min(self.capacity, int(index.max()) + 1))
+
+
+def hand_first(objects: NDArray[np.float32], hand_index: int) -> NDArray[np.float32]:
+    """Move the hand to index 0 of axis -2, keeping the order of the others."""
+    if hand_index == 0:
+        return objects
+    others = [i for i in range(objects.shape[-2]) if i != hand_index]
+    return objects[..., [hand_index, *others], :]

@@ -1,0 +1,155 @@
+"""A network's tensors inside the flat buffers of the fused update."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
+from pa_ros.native import library as fused_library
+from pa_ros.native.library import Layout
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors, truth_matrix
+from pa_ros.networks.slots import slot_matrices
+
+_LINE = 16  # floats in a cache line, to which the library aligns rows
+
+
+def describe(network: NetworkConfig, critic: bool) -> fused_library.Network:
+    """What the library is told of the actor or the critic."""
+    if network.kind == "canonical":
+        return _describe_canonical(network, critic)
+    sizes = network.vocabulary.group_sizes
+    described = fused_library.Network(
+        hidden=network.hidden,
+        attention=network.attention,
+        words=len(network.vocabulary.words),
+        groups=len(sizes),
+        detectors=network.kind == "programmable" or (not critic and _actor_detects(network)),
+        hide_properties=not network.relations_see_properties,
+        critic=critic,
+        position_scale=network.position_scale,
+        self_weight=network.self_weight,
+    )
+    described.group_size[: len(sizes)] = sizes
+    truth = truth_matrix(network.vocabulary)  # [16, V]
+    named = np.where(truth.any(0), truth.argmax(0), -1)
+    described.truth[: len(named)] = named.tolist()
+    return described
+
+
+def _describe_canonical(network: NetworkConfig, critic: bool) -> fused_library.Network:
+    described = fused_library.Network(
+        hidden=network.canonical_hidden,
+        words=len(network.vocabulary.words),
+        critic=critic,
+        position_scale=network.position_scale,
+        canonical=1,
+    )
+    features = [matrix.argmax(0).tolist() for matrix in slot_matrices(network.vocabulary)]
+    described.slots = len(features[0])
+    described.slot_shape[: described.slots], described.slot_color[: described.slots] = features
+    return described
+
+
+def _actor_detects(network: NetworkConfig) -> bool:
+    return network.actor_kind == "programmable"
+
+
+class FlatNetwork:
+    """Named tensors stored in the library's layout: `read` and `write` by state-dict names."""
+
+    def __init__(self, network: fused_library.Network) -> None:
+        self.network = network
+        self._layout = fused_library.layout_of(network)
+
+    def buffer(self) -> Float32:
+        """A zero buffer of the network's size, aligned for the library."""
+        memory = np.zeros(self._layout.size + _LINE, np.float32)
+        start = -(memory.ctypes.data // 4) % _LINE
+        return memory[start : start + self._layout.size]
+
+    def read(self, buffer: Float32) -> Tensors:
+        """Copies of the tensors in a buffer."""
+        parts = self._views(buffer).items()
+        return {name: np.concatenate(views, axis=-1, dtype=np.float32) for name, views in parts}
+
+    def write(self, buffer: Float32, tensors: Tensors) -> None:
+        """Overwrite the tensors in a buffer; names and shapes have been checked."""
+        for name, views in self._views(buffer).items():
+            start = 0
+            for view in views:
+                view[:] = tensors[name][..., start : start + view.shape[-1]]
+                start += view.shape[-1]
+
+    def view(self, buffer: Float32, name: str) -> list[Float32]:
+        """What a buffer holds of a tensor, side by side along the last axis; nothing if none."""
+        return self._views(buffer).get(name, [])
+
+    def _views(self, buffer: Float32) -> dict[str, list[Float32]]:
+        """By name, what its values are side by side along the last axis; order of the networks."""
+        n, at = self.network, self._layout
+        views: dict[str, list[Float32]] = {}
+        if n.canonical:
+            return self._canonical_layers(buffer) | self._head(buffer)
+        if n.detectors:
+            views |= self._first(buffer, "detectors", at.detectors, n.words)
+        views |= self._first(buffer, "query", at.query, n.attention)
+        views |= self._first(buffer, "context", at.context, n.attention)
+        views["attention.weight"] = [buffer[at.attention_weight :][: n.attention]]
+        views |= self._first(buffer, "local.0", at.local, n.hidden)
+        views |= self._second(buffer, "local.1", 0)
+        views |= self._first(buffer, "message.0", at.receiver, n.hidden)
+        views["message.0.weight"] += self._first(buffer, "", at.sender, n.hidden)[".weight"]
+        views |= self._second(buffer, "message.1", 1)
+        return views | self._head(buffer)
+
+    def _first(
+        self, buffer: Float32, name: str, column: int, size: int
+    ) -> dict[str, list[Float32]]:
+        at = self._layout
+        rows = OBJECT_FEATURES + ARM_FEATURES + 1
+        matrix = buffer[at.first :][: rows * at.columns].reshape(rows, at.columns)
+        columns = matrix[:, column : column + size]
+        return {
+            f"{name}.weight": [columns[:COLUMN_FEATURES].T],
+            f"{name}.bias": [columns[COLUMN_FEATURES]],
+        }
+
+    def _second(self, buffer: Float32, name: str, index: int) -> dict[str, list[Float32]]:
+        at, size = self._layout, self.network.hidden
+        weight = _rows(buffer, at.second + index * at.hidden**2, at)[:size, :size]
+        bias = _rows(buffer, at.second_bias, at)[index, :size]
+        return {f"{name}.weight": [weight.T], f"{name}.bias": [bias]}
+
+    def _canonical_layers(self, buffer: Float32) -> dict[str, list[Float32]]:
+        at, size, critic = self._layout, self.network.hidden, bool(self.network.critic)
+        inputs = at.inputs + self.network.words
+        first = _rows(buffer, at.first, at)[: inputs + 1, :size]
+        weights = [_rows(buffer, at.second, at)[:size, :size].T]
+        bias = _rows(buffer, at.second_bias, at)[0, :size]
+        if critic:  # the action enters beside the hidden units, and brings the layer's bias
+            action = _rows(buffer, at.action, at)[: JOINTS + 1, :size]
+            weights, bias = [*weights, action[:JOINTS].T], action[JOINTS]
+        return {
+            "layers.0.weight": [first[:inputs].T],
+            "layers.0.bias": [first[inputs]],
+            "layers.1.weight": weights,
+            "layers.1.bias": [bias],
+        }
+
+    def _head(self, buffer: Float32) -> dict[str, list[Float32]]:
+        at, size, critic = self._layout, self.network.hidden, bool(self.network.critic)
+        outputs = 1 if critic else JOINTS
+        views: dict[str, list[Float32]] = {}
+        if critic and not self.network.canonical:
+            rows = _rows(buffer, at.action, at)[: JOINTS + 1, :size]
+            views |= {"action.weight": [rows[:JOINTS].T], "action.bias": [rows[JOINTS]]}
+        views["output.weight"] = [_rows(buffer, at.output, at)[:outputs, :size]]
+        views["output.bias"] = [buffer[at.output_bias :][:outputs]]
+        return views
+
+
+def _rows(buffer: Float32, offset: int, at: Layout) -> Float32:
+    """Rows of `hidden` floats from an offset to where no whole one is left."""
+    count = (len(buffer) - offset) // at.hidden
+    return buffer[offset : offset + count * at.hidden].reshape(count, at.hidden)

@@ -1,0 +1,95 @@
+"""What a run says of itself: its learner's provenance, its arena's description."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Final
+
+from pa_ros import __version__
+from pa_ros.arena import ArenaConfig, Design
+from pa_ros.arena.features import HAND_INDEX
+from pa_ros.core.experience import JOINTS
+from pa_ros.core.report import device, versions
+from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
+
+if TYPE_CHECKING:
+    from pa_ros.learning.algorithms.dpg.learner import (
+        Learner,  # brings torch, which an arena can do without
+    )
+
+JOINT_NAMES: Final = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
+
+
+def origin(node: str, instance: str, seed: int, **of_process: Any) -> Origin:
+    """A process's account of itself; the rest is as in Origin."""
+    return Origin(
+        node=node,
+        instance=instance,
+        seed=seed,
+        software_version=__version__,
+        versions=f"{versions()}, on {device()}",
+        stamp_ns=time.time_ns(),
+        **{"parameters": {}, **of_process},
+    )
+
+
+def learner_origin(
+    node: str,
+    instance: str,
+    seed: int,
+    learner: Learner,
+    training_programs: Iterable[str],
+    **of_process: Any,
+) -> Origin:
+    """A learner's account of itself, before or after it has learned something."""
+    vocabulary = learner.network.vocabulary
+    parameters = {"engine": learner.engine.name, **of_process.pop("parameters", {})}
+    return origin(
+        node,
+        instance,
+        seed,
+        shapes=vocabulary.shapes,
+        colors=vocabulary.colors,
+        vocabulary_digest=vocabulary.digest,
+        parameters=parameters,
+        learner=LearnerOrigin(
+            first_version=learner.counters.version,
+            network=learner.network.to_json(),
+            learner=learner.config.to_json(),
+            training_programs=tuple(training_programs),
+        ),
+        **of_process,
+    )
+
+
+def describe(
+    arena: ArenaConfig,
+    design: Design,
+    seed: int,
+    training_programs: Iterable[str],
+    instance: str,
+    mode: Mode = Mode.LOCKSTEP,
+) -> ArenaDescription:
+    """What an arena says of itself to whoever comes."""
+    return ArenaDescription(
+        mode=mode,
+        design=design.name,
+        preset=arena.preset,
+        seed=seed,
+        block_count=design.n_blocks,
+        shapes=design.vocabulary.shapes,
+        colors=design.vocabulary.colors,
+        vocabulary_digest=design.vocabulary.digest,
+        training_programs=tuple(training_programs),
+        joint_names=JOINT_NAMES,
+        joint_lower=arena.joint_lower,
+        joint_upper=arena.joint_upper,
+        speed_limits=arena.joint_speed_limits,
+        control_period=arena.control_period_s,
+        near_threshold=arena.near_threshold_m,
+        episode_steps=arena.episode_steps,
+        hand_index=HAND_INDEX,
+        arena_id=instance,
+        software_version=__version__,
+    )

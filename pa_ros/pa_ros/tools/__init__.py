@@ -1,0 +1,1 @@
+"""What people start on the graph: launching, watching, sending, recording, playback."""

@@ -1,0 +1,131 @@
+"""A running graph: nodes as child processes, and a node of ours beside them that watches."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from rclpy.node import Node
+
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.ros.executor import spin_until, steady_timer
+from pa_ros.tools.launch_params import Parameters, write_parameters
+from pa_ros.tools.launcher import Supervisor, node_command
+from pa_ros.tools.monitor import REFRESH_S
+
+DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 3 s
+DOMAINS = range(1, 102)  # whose ports are below Linux's ephemeral ones
+_FIRST_PORT, _PORTS_PER_DOMAIN = 7400, 250  # of DDS discovery
+
+
+def start_nodes(
+    supervisor: Supervisor, parameters: Parameters, folder: Path, namespace: str = ""
+) -> None:
+    """Write `folder`/params.yaml and start every node in it."""
+    path = folder / "params.yaml"
+    write_parameters(path, parameters, namespace)
+    for name in parameters:
+        supervisor.start(name, node_command(name, path, namespace))
+
+
+def refuse_occupied(node: Node, parameters: Parameters) -> None:
+    """Raise ConfigError if a node to be started is in the graph already: two would be mixed up."""
+    namespace = node.get_namespace()
+
+    def present() -> set[str]:
+        seen = node.get_node_names_and_namespaces()
+        return {name for name, where in seen if where == namespace} & set(parameters)
+
+    spin_until(node, lambda: bool(present()), DISCOVERY_S)
+    occupied = sorted(present())
+    if occupied:
+        raise ConfigError(
+            f"{', '.join(occupied)} already in the graph of ROS domain "
+            f"{os.environ.get('ROS_DOMAIN_ID', '0')}, namespace {namespace}: choose another "
+            "namespace or ROS_DOMAIN_ID (a node that was killed vanishes within half a minute)"
+        )
+
+
+def watch(
+    node: Node,
+    supervisor: Supervisor,
+    refresh: Callable[[], None],
+    finished: Callable[[], bool],
+    timeout_s: float | None = None,
+) -> bool:
+    """Serve callbacks and refresh a display until `finished`, or for `timeout_s`; whether it is.
+
+    Raises ChildError as soon as a child has ended by itself.
+    """
+    failure: list[PaError] = []
+
+    def tick() -> None:
+        refresh()
+        try:
+            supervisor.check()
+        except PaError as error:
+            failure.append(error)
+
+    timer = steady_timer(node, REFRESH_S, tick)
+    try:
+        spin_until(node, lambda: bool(failure) or finished(), timeout_s)
+    finally:
+        node.destroy_timer(timer)
+    if failure:
+        raise failure[0]
+    return finished()
+
+
+@contextmanager
+def signals_noted() -> Iterator[Callable[[], bool]]:
+    """SIGINT, SIGTERM and SIGHUP make the function yielded true instead of ending the process.
+
+    The next one raises KeyboardInterrupt, so that impatience is heard while things are stopped.
+    """
+    noted: list[int] = []
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        noted.append(number)
+        if len(noted) > 1:
+            raise KeyboardInterrupt
+
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, handle) for number in numbers}
+    try:
+        yield lambda: bool(noted)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def use_domain(domain_id: int | None) -> int:
+    """Put this process and its children into a ROS domain; None: one that nobody uses here.
+
+    Call before ROS is up. Raises ConfigError for a number outside DOMAINS (0 is allowed too).
+    """
+    if domain_id is None:
+        domain_id = _unused_domain()
+    if domain_id != 0 and domain_id not in DOMAINS:
+        raise ConfigError(f"ROS domain: expected 0 to {DOMAINS[-1]}, got {domain_id}")
+    os.environ["ROS_DOMAIN_ID"] = str(domain_id)
+    return domain_id
+
+
+def _unused_domain() -> int:
+    """A domain on whose discovery port nobody listens on this machine."""
+    candidates = list(DOMAINS)
+    random.SystemRandom().shuffle(candidates)
+    for domain_id in candidates:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", _FIRST_PORT + _PORTS_PER_DOMAIN * domain_id))
+            except OSError:
+                continue
+            return domain_id
+    raise ConfigError("ROS domain: every one is in use on this machine")

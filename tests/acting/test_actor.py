@@ -1,0 +1,165 @@
+"""The actor: noise, weights it refuses, and the order an agent must keep."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds import PROGRAMS, WORDS, PointWorld
+
+from pa_ros.acting.actor import Actor, _inference_for
+from pa_ros.acting.agent import LearningAgent
+from pa_ros.acting.exploration import OrnsteinUhlenbeck
+from pa_ros.acting.schedule import Schedule
+from pa_ros.acting.trajectories import TrajectoryBuilder
+from pa_ros.language import ProgramError, Vocabulary
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.errors import PolicyError, StepError
+from pa_ros.native.engine import FusedActor
+from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.inference import ProgrammableInference
+
+NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
+SETTINGS = LearnerConfig(replay_frames=100, trajectory_steps=20)
+
+
+def snapshot(network: NetworkConfig = NETWORK):
+    return Learner(network, SETTINGS, PROGRAMS, seed=0).snapshot()
+
+
+def test_exploring_is_acting_plus_the_episodes_noise() -> None:
+    actor = Actor(NETWORK, SETTINGS, seed=5)
+    actor.load(snapshot())
+    world = PointWorld()
+    for episode in (0, 4):
+        noise = OrnsteinUhlenbeck(SETTINGS, 5, episode)
+        observation, _ = world.reset(episode)
+        for _ in range(5):
+            greedy = actor.act(observation, world.program)
+            expected = np.clip(greedy + noise.sample(), -1, 1).astype(np.float32)
+            action = actor.explore(observation, world.program)
+            np.testing.assert_array_equal(action, expected)
+            assert action.dtype == np.float32
+            observation, _ = world.step(action.astype(np.float64))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"architecture": NetworkConfig(WORDS).architecture}, "expected architecture"),
+        ({"vocabulary_digest": Vocabulary(("CUBE",), ("RED",)).digest}, "expected vocabulary"),
+        ({"tensors": {}}, "version 0: actor: tensors missing"),
+    ],
+)
+def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message) -> None:
+    actor = Actor(NETWORK, SETTINGS, seed=0)
+    good = snapshot()
+    actor.load(good)
+    observation, _ = PointWorld().reset(0)
+    before = actor.act(observation, PROGRAMS[0])
+    with pytest.raises(PolicyError, match=message):
+        actor.load(replace(good, **change))
+    assert actor.version == 0
+    np.testing.assert_array_equal(actor.act(observation, PROGRAMS[0]), before)
+
+
+@pytest.mark.parametrize("engine", ["auto", "fused"])
+def test_acts_by_the_fused_code_where_it_applies(engine, caplog) -> None:
+    _inference_for.cache_clear()
+    with caplog.at_level(logging.INFO):
+        one, other = (Actor(NETWORK, replace(SETTINGS, engine=engine), 0) for _ in range(2))
+    assert [record.message for record in caplog.records] == ["actor inference: fused"]
+    given = snapshot()
+    one.load(given)
+    assert isinstance(one._inference, FusedActor)
+    observation, _ = PointWorld().reset(0)
+    program = one.parse(PROGRAMS[0])
+    plain = ProgrammableInference(NETWORK, given.tensors)
+    expected = plain.act(observation.objects, observation.arm, program, 0)
+    np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
+    other.load(given)
+    np.testing.assert_array_equal(
+        other.act(observation, PROGRAMS[0]), one.act(observation, PROGRAMS[0])
+    )
+
+
+def test_acts_by_numpy_if_asked_to_and_says_so(caplog) -> None:
+    _inference_for.cache_clear()
+    with caplog.at_level(logging.INFO):
+        actor = Actor(NETWORK, replace(SETTINGS, engine="torch"), 0)
+    assert "actor inference: numpy (the learner's is torch)" in caplog.text
+    actor.load(snapshot())
+    assert isinstance(actor._inference, ProgrammableInference)
+
+
+def test_the_graph_and_the_loop_choose_alike() -> None:
+    """An agent on the graph knows the network by its architecture alone."""
+    for kind in ("programmable", "distilled-critic", "true-properties", "canonical"):
+        network = replace(NETWORK, kind=kind)
+        there = actor_config(network.architecture)
+        assert _inference_for(network, "auto") is _inference_for(there, "auto")
+
+
+def test_other_refusals() -> None:
+    actor = Actor(NETWORK, SETTINGS, seed=0)
+    observation, _ = PointWorld().reset(0)
+    with pytest.raises(PolicyError, match="got none"):
+        actor.act(observation, PROGRAMS[0])
+    actor.load(snapshot())
+    with pytest.raises(ProgramError):
+        actor.act(observation, "NEAR(HAND, GREEN)")
+    with pytest.raises(PolicyError, match="architecture"):
+        Actor.of(replace(snapshot(), architecture="{}"))
+
+
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
+def test_an_actor_of_a_snapshot_needs_nothing_else(kind) -> None:
+    network = replace(NETWORK, kind=kind)
+    given = snapshot(network)
+    ours = Actor(network, SETTINGS, seed=0)
+    ours.load(given)
+    observation, _ = PointWorld().reset(0)
+    np.testing.assert_array_equal(
+        Actor.of(given).act(observation, PROGRAMS[0]), ours.act(observation, PROGRAMS[0])
+    )
+
+
+def agent(lag: int = 0) -> LearningAgent:
+    builder = TrajectoryBuilder("agent", 2, WORDS.digest)
+    return LearningAgent(Actor(NETWORK, SETTINGS, seed=0), builder, Schedule(lag))
+
+
+def test_an_agent_waits_for_its_weights() -> None:
+    world, one = PointWorld(), agent()
+    assert one.observe(*world.reset(0), world.program) is None
+    assert one.required_version == 0
+    with pytest.raises(PolicyError, match="expected version 0, got -1"):
+        one.act()
+    one.load(snapshot())
+    for _ in range(2):
+        assert one.required_version is None
+        velocity = one.act().astype(np.float64)
+        if one.builder.at_boundary is False:
+            with pytest.raises(PolicyError, match="end of a trajectory"):
+                one.load(snapshot())
+        trajectory = one.observe(*world.step(velocity), world.program)
+    assert trajectory is not None and len(trajectory) == 2
+    assert one.required_version == 1
+    one.load(replace(snapshot(), version=1))
+    assert one.required_version is None
+    one.act()
+    with pytest.raises(StepError, match="expected a step that goes on"):
+        one.act()
+
+
+def test_an_agent_does_not_act_on_the_last_step() -> None:
+    world, one = PointWorld(steps=1), agent()
+    one.load(snapshot())
+    one.observe(*world.reset(0), world.program)
+    trajectory = one.observe(*world.step(one.act().astype(np.float64)), world.program)
+    assert trajectory is not None and trajectory.ends_episode
+    with pytest.raises(StepError, match="expected a step that goes on"):
+        one.act()

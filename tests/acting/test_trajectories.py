@@ -1,0 +1,168 @@
+"""Transitions join consecutive steps of one episode, program and policy: by construction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from worlds import WORDS
+
+from pa_ros.acting.trajectories import TrajectoryBuilder
+from pa_ros.core.experience import Observation, Verdict
+from pa_ros.learning.errors import StepError
+
+AGENT = ("agent", 4, WORDS.digest)
+
+
+def step(episode: int, index: int, program: str = "P", truncated: bool = False):
+    """An observation whose arm's first velocity tells where it came from, and its verdict."""
+    stamp = 1000 * episode + index
+    velocity = np.full(6, 100.0 * episode + index)
+    program_id = f"{episode}.{program}"
+    objects = np.full((2, 16), index, np.float32)
+    observation = Observation(episode, index, stamp, objects, np.zeros(6), velocity, 0, program_id)
+    verdict = Verdict(episode, index, stamp, program_id, float(index), False, 0.0, truncated)
+    return observation, verdict, program
+
+
+def action(episode: int, index: int) -> np.ndarray:
+    return np.full(6, (100 * episode + index) / 1e4, np.float32)
+
+
+def feed(builder: TrajectoryBuilder, steps, version: int = 0) -> list:
+    """Observe and act at each (episode, step, program, truncated)."""
+    trajectories = []
+    for episode, index, program, truncated in steps:
+        trajectory = builder.observe(*step(episode, index, program, truncated))
+        trajectories += [trajectory] if trajectory else []
+        if not truncated:
+            builder.acted(action(episode, index), version)
+    return trajectories
+
+
+def test_an_episode_in_trajectories() -> None:
+    builder = TrajectoryBuilder(*AGENT)
+    trajectories = feed(builder, [(7, i, "P", i == 10) for i in range(11)])
+    assert [len(s) for s in trajectories] == [4, 4, 2]
+    assert [s.first_step for s in trajectories] == [0, 4, 8]
+    assert [s.sequence for s in trajectories] == [0, 1, 2]
+    assert [s.ends_episode for s in trajectories] == [False, False, True]
+    assert not any(s.terminated for s in trajectories)
+    assert builder.at_boundary
+    rewards = np.concatenate([s.rewards for s in trajectories])
+    np.testing.assert_array_equal(rewards, np.arange(1, 11))
+    np.testing.assert_allclose(trajectories[1].arm[:, -1], 700 + np.arange(4, 9))
+    np.testing.assert_array_equal(trajectories[1].objects[:, 0, 0], np.arange(4, 9))
+    np.testing.assert_allclose(trajectories[2].actions[:, 0], [0.0708, 0.0709])
+
+
+EVENTS = st.lists(
+    st.tuples(
+        st.sampled_from(["next"] * 8 + ["skip", "again", "episode", "program", "no action"]),
+        st.booleans(),
+    ),
+    max_size=80,
+)
+
+
+@settings(deadline=None, max_examples=200)
+@given(EVENTS)
+def test_no_transition_joins_what_did_not_follow(events) -> None:
+    """Whatever is dropped, repeated or restarted, a trajectory is one run of true transitions."""
+    builder = TrajectoryBuilder(*AGENT)
+    episode, index, program = 0, 0, "P"
+    taken: set[tuple[int, int, str]] = set()  # steps whose action was executed, by program
+    true: set[tuple[int, int, str]] = set()  # transitions that happened
+    trajectories = []
+    acted_at: tuple[int, int, str] | None = None
+    for event, truncated in events:
+        if event == "episode":
+            episode, index = episode + 1, 0
+        elif event == "program":
+            program = "Q" if program == "P" else "P"
+            index += 1
+        elif event != "again":
+            index += 2 if event == "skip" else 1
+        truncated = truncated and event == "next" and index > 8
+        if acted_at == (episode, index - 1, program):
+            true.add(acted_at)
+        trajectory = builder.observe(*step(episode, index, program, truncated))
+        trajectories += [trajectory] if trajectory else []
+        acted_at = None
+        if truncated:
+            episode, index = episode + 1, -1
+        elif event != "no action":
+            builder.acted(action(episode, index), 0)
+            acted_at = (episode, index, program)
+    last = builder.observe(*step(episode + 1, 0))
+    trajectories += [last] if last else []
+    for trajectory in trajectories:
+        steps = range(trajectory.first_step, trajectory.first_step + len(trajectory))
+        expected = 100.0 * trajectory.episode + np.arange(steps.start, steps.stop + 1)
+        np.testing.assert_array_equal(trajectory.arm[:, -1], expected)
+        np.testing.assert_allclose(trajectory.actions[:, 0], expected[:-1] / 1e4, rtol=1e-6)
+        np.testing.assert_array_equal(
+            trajectory.rewards, np.arange(1, len(steps) + 1) + steps.start
+        )
+        for at in steps:
+            key = (trajectory.episode, at, trajectory.program)
+            assert key in true and key not in taken
+            taken.add(key)
+    assert taken == true
+    assert [s.sequence for s in trajectories] == list(range(len(trajectories)))
+
+
+def test_a_restart_ends_the_episode_and_a_new_program_does_not() -> None:
+    builder = TrajectoryBuilder(*AGENT)
+    cut = feed(builder, [(0, 0, "P", False), (0, 1, "P", False), (1, 0, "P", False)])
+    assert [(s.ends_episode, len(s)) for s in cut] == [(True, 1)]
+    cut = feed(builder, [(1, 1, "P", False), (1, 2, "Q", False)])
+    assert [(s.ends_episode, len(s), s.program) for s in cut] == [(False, 1, "P")]
+
+
+def test_weights_change_between_trajectories_only() -> None:
+    builder = TrajectoryBuilder(*AGENT)
+    feed(builder, [(0, 0, "P", False)], version=3)
+    assert not builder.at_boundary
+    builder.observe(*step(0, 1))
+    with pytest.raises(StepError, match="expected policy version 3 .* got 4"):
+        builder.acted(action(0, 1), 4)
+    builder.acted(action(0, 1), 3)
+    feed(builder, [(0, 2, "P", False), (0, 3, "P", False)], version=3)
+    trajectory = builder.observe(*step(0, 4))
+    assert trajectory is not None and trajectory.policy_version == 3
+    assert builder.at_boundary
+    builder.acted(action(0, 4), 4)
+
+
+def test_refused_steps() -> None:
+    builder = TrajectoryBuilder(*AGENT)
+    with pytest.raises(StepError, match="expected an observation"):
+        builder.acted(action(0, 0), 0)
+    builder.observe(*step(0, 0))
+    builder.acted(action(0, 0), 0)
+    with pytest.raises(StepError, match="expected an observation"):
+        builder.acted(action(0, 0), 0)
+    observation, verdict, program = step(0, 1)
+    for wrong in (replace(verdict, step=2), replace(verdict, episode=1),
+                  replace(verdict, stamp_ns=0), replace(verdict, program_id="?")):  # fmt: skip
+        with pytest.raises(StepError, match="verdict"):
+            builder.observe(observation, wrong, program)
+
+
+def test_trajectories_own_their_arrays() -> None:
+    builder = TrajectoryBuilder(*AGENT)
+    given = [step(0, i, truncated=i == 2) for i in range(3)]
+    buffer = np.zeros(6, np.float32)
+    for observation, verdict, program in given:
+        trajectory = builder.observe(observation, verdict, program)
+        if not verdict.truncated:
+            buffer[:] = observation.step
+            builder.acted(buffer, 0)
+    given[0][0].objects[:] = 9.0
+    assert trajectory is not None
+    np.testing.assert_array_equal(trajectory.objects[:, 0, 0], [0, 1, 2])
+    np.testing.assert_array_equal(trajectory.actions[:, 0], [0, 1])

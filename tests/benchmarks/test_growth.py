@@ -1,0 +1,52 @@
+"""How cost grows: every point is measured, and the docs show what the command found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from worlds import PROGRAMS, WORDS
+
+from pa_ros.benchmarks.cost import Sizes
+from pa_ros.benchmarks.growth import AXES, Axis, bench_growth, markdown_table, series
+from pa_ros.benchmarks.growth_figure import growth_figure
+from pa_ros.benchmarks.learner import markdown_counts, markdown_rates
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.networks.config import NetworkConfig
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def test_points_differ_in_one_size() -> None:
+    blocks, batch, programs = AXES
+    assert blocks.sizes(4) == batch.sizes(64) == programs.sizes(1) == Sizes()
+    assert blocks.sizes(8) == Sizes(objects=9)
+    assert batch.sizes(128) == Sizes(transitions=128)
+    assert programs.sizes(8) == Sizes(programs=8)
+
+
+def test_measures_every_point() -> None:
+    network = NetworkConfig(WORDS, hidden=6, attention=4)
+    config = LearnerConfig(relabel="all-goals", replay_frames=3000)
+    axes = (Axis("blocks", "blocks", (1, 6)), Axis("programs", "programs", (1, 3)))
+    report = bench_growth(network, config, PROGRAMS, axes, rounds=1, slice_s=0.001)
+    assert len(report) == 12
+    assert all(float(value) > 0 for value in report.values())
+    for axis in axes:
+        one, more = series(report, axis, "floor")
+        assert one < more
+    rows = markdown_table(report, axes).splitlines()
+    assert len(rows) == 6
+    assert rows[2].startswith(f"| blocks | 1 | {report['growth.blocks.1.fused_us']:.0f} |")
+
+
+def test_the_docs_show_what_was_measured(tmp_path) -> None:
+    shown = (DOCS / "learner-cost.md").read_text()
+    for name in ("learner", "learner-canonical"):
+        measured = json.loads((DOCS / f"results/{name}.json").read_text())
+        assert markdown_counts(measured) in shown
+        assert markdown_rates(measured) in shown
+    report = json.loads((DOCS / "results/learner-growth.json").read_text())
+    assert markdown_table(report) in shown
+    growth_figure(tmp_path / "growth.png", report)
+    assert (tmp_path / "growth.png").read_bytes()[:4] == b"\x89PNG"

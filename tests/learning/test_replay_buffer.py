@@ -1,0 +1,178 @@
+"""The replay: what is stored is what comes back, once; what does not fit is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from worlds import WORDS, random_trajectory
+
+from pa_ros.learning.errors import (
+    EmptyPlaybackError,
+    NonFiniteError,
+    TrajectorySizeError,
+    TrajectoryVocabularyError,
+)
+from pa_ros.learning.replay_buffer.buffer import ReplayBuffer, hand_first
+from pa_ros.learning.replay_buffer.ledger import Ledger
+
+
+def test_memory_at_full_capacity() -> None:
+    """1M frames of five objects take less than 1.5 GB."""
+    assert ReplayBuffer(1_000_000, WORDS.digest, n_objects=5).nbytes < 1.5e9
+
+
+def test_a_transition_comes_back_as_it_was() -> None:
+    rng = np.random.default_rng(0)
+    replay = ReplayBuffer(100, WORDS.digest)
+    trajectory = random_trajectory(rng, 5, terminated=True)
+    report = replay.insert(trajectory, program=3)
+    assert (report.accepted, report.transitions, replay.transitions) == (True, 5, 5)
+    index = np.sort(np.unique(replay.sample(rng, 200)))
+    np.testing.assert_array_equal(index, np.arange(5))
+    following = replay.following(index)
+    np.testing.assert_array_equal(replay.arrays["objects"][index], trajectory.objects[:-1])
+    np.testing.assert_array_equal(replay.arrays["objects"][following], trajectory.objects[1:])
+    np.testing.assert_array_equal(replay.arrays["arm"][following], trajectory.arm[1:])
+    np.testing.assert_array_equal(replay.arrays["action"][index], trajectory.actions)
+    np.testing.assert_array_equal(replay.arrays["reward"][index], trajectory.rewards)
+    np.testing.assert_array_equal(replay.arrays["terminal"][index], [0, 0, 0, 0, 1])
+    assert (replay.arrays["program"][index] == 3).all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(lengths=st.lists(st.integers(1, 9), min_size=1, max_size=30), capacity=st.integers(10, 40))
+def test_samples_are_the_newest_whole_transitions(lengths, capacity) -> None:
+    """Each value is unique: whatever is sampled joins two consecutive rows of one trajectory."""
+    replay = ReplayBuffer(capacity, WORDS.digest)
+    inserted: list[float] = []
+    rng = np.random.default_rng(0)
+    for sequence, steps in enumerate(lengths):
+        numbers = 100.0 * sequence + np.arange(steps + 1, dtype=np.float32)
+        trajectory = random_trajectory(rng, steps, sequence=sequence)
+        arm = np.broadcast_to(numbers[:, None], (steps + 1, 18)).astype(np.float32)
+        replay.insert(replace(trajectory, arm=arm), 0)
+        inserted += numbers.tolist()
+    index = replay.sample(rng, 2000)
+    now, after = replay.arrays["arm"][index, 0], replay.arrays["arm"][replay.following(index), 0]
+    np.testing.assert_array_equal(after, now + 1)
+    kept = inserted[-capacity:]
+    starts = {x for x in kept if x + 1 in kept}
+    assert set(now.tolist()) == starts
+    assert replay.transitions == len(starts)
+
+
+def test_inserting_twice_is_inserting_once() -> None:
+    rng = np.random.default_rng(0)
+    once, twice = ReplayBuffer(50, WORDS.digest), ReplayBuffer(50, WORDS.digest)
+    trajectories = [random_trajectory(rng, 4, sequence=i) for i in range(4)]
+    for trajectory in trajectories:
+        once.insert(trajectory, 0)
+    for trajectory in trajectories + trajectories[::-1]:
+        report = twice.insert(trajectory, 0)
+    assert not report.accepted and report.transitions == 0 and report.duplicates == 4
+    assert (once.rows, once.head) == (twice.rows, twice.head)
+    for name, array in once.filled().items():
+        np.testing.assert_array_equal(array, twice.filled()[name])
+
+
+def test_gaps_are_counted_and_late_arrivals_fill_them() -> None:
+    rng = np.random.default_rng(0)
+    replay = ReplayBuffer(100, WORDS.digest)
+    missing = []
+    for sequence in (0, 3, 2, 7, 1, 1):
+        report = replay.insert(random_trajectory(rng, 1, sequence=sequence), 0)
+        missing.append(report.missing)
+    assert missing == [0, 2, 1, 4, 3, 3]
+    assert report.duplicates == 1
+    other = replay.insert(random_trajectory(rng, 1, agent_id="other", sequence=2), 0)
+    assert other.accepted and other.missing == 5
+
+
+@settings(max_examples=200)
+@given(st.lists(st.tuples(st.sampled_from("ab"), st.integers(0, 30)), max_size=60))
+def test_ledger_agrees_with_a_set(arrivals) -> None:
+    ledger, seen = Ledger(), set()
+    for agent, sequence in arrivals:
+        assert ledger.is_new(agent, sequence) == ((agent, sequence) not in seen)
+        if (agent, sequence) not in seen:
+            ledger.record(agent, sequence)
+            seen.add((agent, sequence))
+    largest = {agent: max(s for a, s in seen if a == agent) for agent, _ in seen}
+    assert ledger.missing == sum(n + 1 for n in largest.values()) - len(seen)
+    assert Ledger.from_metadata(ledger.to_metadata()) == ledger
+
+
+def test_a_huge_gap_costs_nothing() -> None:
+    ledger = Ledger()
+    ledger.record("agent", 10**15)
+    assert ledger.missing == 10**15 and not ledger.is_new("agent", 10**15)
+
+
+@pytest.mark.parametrize(
+    ("fields", "error", "message"),
+    [
+        ({"vocabulary_digest": "0" * 16}, TrajectoryVocabularyError, "0000000000000000"),
+        ({"objects": np.zeros((6, 3, 15), np.float32)}, TrajectorySizeError, r"\(6, 3, 15\)"),
+        ({"objects": np.zeros((6, 16), np.float32)}, TrajectorySizeError, r"\(6, 16\)"),
+        ({"objects": np.zeros((5, 3, 16), np.float32)}, TrajectorySizeError, r"\(5, 3, 16\)"),
+        ({"arm": np.zeros((6, 17), np.float32)}, TrajectorySizeError, r"\(6, 17\)"),
+        ({"actions": np.zeros((5, 7), np.float32)}, TrajectorySizeError, r"\(5, 7\)"),
+        ({"rewards": np.zeros(4, np.float32)}, TrajectorySizeError, r"\(4,\)"),
+        ({"hand_index": 3}, TrajectorySizeError, "got 3"),
+        ({"hand_index": -1}, TrajectorySizeError, "got -1"),
+        ({"arm": np.full((6, 18), np.nan, np.float32)}, NonFiniteError, "arm"),
+        ({"rewards": np.full(5, np.inf, np.float32)}, NonFiniteError, "rewards"),
+        ({"actions": np.full((5, 6), 1.5, np.float32)}, NonFiniteError, "1.5"),
+    ],
+)
+def test_what_does_not_fit_is_refused_and_changes_nothing(fields, error, message) -> None:
+    rng = np.random.default_rng(0)
+    replay = ReplayBuffer(100, WORDS.digest)
+    replay.insert(random_trajectory(rng), 0)
+    before = replay.to_metadata()
+    with pytest.raises(error, match=message):
+        replay.insert(random_trajectory(rng, sequence=1, **fields), 0)
+    assert replay.to_metadata() == before
+
+
+def test_other_refusals() -> None:
+    rng = np.random.default_rng(0)
+    replay = ReplayBuffer(10, WORDS.digest)
+    with pytest.raises(EmptyPlaybackError):
+        replay.sample(rng, 1)
+    with pytest.raises(TrajectorySizeError, match="got 10"):
+        replay.insert(random_trajectory(rng, 10), 0)
+    with pytest.raises(TrajectorySizeError, match="got 0"):
+        replay.insert(random_trajectory(rng, 0), 0)
+    replay.insert(random_trajectory(rng, 2), 0)
+    with pytest.raises(TrajectorySizeError, match=r"expected \(3, 3, 16\), got \(3, 4, 16\)"):
+        four = np.zeros((3, 4, 16), np.float32)
+        replay.insert(random_trajectory(rng, 2, sequence=1, objects=four), 0)
+
+
+def test_the_hand_is_stored_first() -> None:
+    objects = np.arange(2 * 4 * 16, dtype=np.float32).reshape(2, 4, 16)
+    np.testing.assert_array_equal(hand_first(objects, 2), objects[:, [2, 0, 1, 3]])
+    replay = ReplayBuffer(10, WORDS.digest)
+    trajectory = random_trajectory(np.random.default_rng(0), 1, objects=objects, hand_index=2)
+    replay.insert(trajectory, 0)
+    np.testing.assert_array_equal(replay.filled()["objects"], objects[:, [2, 0, 1, 3]])
+
+
+def test_restore_is_the_inverse() -> None:
+    rng = np.random.default_rng(0)
+    replay = ReplayBuffer(20, WORDS.digest)
+    for sequence in (0, 1, 3, 4, 5):
+        replay.insert(random_trajectory(rng, 5, sequence=sequence), 0)
+    again = ReplayBuffer(20, WORDS.digest)
+    again.restore({k: v.copy() for k, v in replay.filled().items()}, replay.to_metadata())
+    draws = [r.sample(np.random.default_rng(1), 50) for r in (replay, again)]
+    np.testing.assert_array_equal(*draws)
+    for name, array in replay.arrays.items():
+        np.testing.assert_array_equal(array, again.arrays[name])
+    with pytest.raises(TrajectorySizeError, match="expected 10 rows, got 20"):
+        ReplayBuffer(10, WORDS.digest).restore(replay.filled(), replay.to_metadata())

@@ -1,0 +1,330 @@
+"""The fused update against formulas in float64 autograd, written out as docs/DESIGN.md has them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from batched_oracle import (
+    PROGRAMS,
+    SMALL,
+    VOCABULARY,
+    Reference,
+    Setting,
+    assert_close,
+    check_gradients,
+    make_batch,
+    setting,
+)
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import parse
+from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.engine import make_engine
+from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
+from pa_ros.native import library as fused_library
+from pa_ros.native.engine import FusedActor, FusedError, fused_available, why_not
+from pa_ros.networks.parameters import TensorError
+
+
+def test_the_library_was_built() -> None:
+    assert fused_available() == (True, "")
+
+
+def test_a_missing_or_other_library_is_a_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = setting()
+    monkeypatch.setattr(fused_library, "NAME", "_absent.so")
+    monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
+    assert not fused_available()[0]
+    assert "_absent.so" in why_not(made.network, made.config)
+    monkeypatch.undo()
+    theirs = fused_library.INTERFACE
+    monkeypatch.setattr(fused_library, "INTERFACE", -1)
+    monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
+    with pytest.raises(FusedError, match=f"expected interface -1, got {theirs}: rebuild"):
+        made.engine()
+
+
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
+@pytest.mark.parametrize("objects", range(2, 10))
+def test_gradients_for_every_number_of_objects(kind: str, objects: int) -> None:
+    made = setting(kind)
+    batch = make_batch(np.random.default_rng(objects), 11, objects, 2, len(made.table))
+    check_gradients(made, batch)
+
+
+@pytest.mark.parametrize("programs", [1, 2, 3, 4, 5, 6, 7, 8, 11])
+def test_gradients_for_every_number_of_programs(programs: int) -> None:
+    made = setting()
+    check_gradients(made, make_batch(np.random.default_rng(programs), 9, 5, programs, 6))
+
+
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic"])
+@pytest.mark.parametrize("weight", [0.0, 0.3])
+@pytest.mark.parametrize(("objects", "programs"), [(2, 1), (3, 2), (5, 1), (9, 4)])
+def test_gradients_of_little_attention_to_oneself(
+    kind: str, weight: float, objects: int, programs: int
+) -> None:
+    made = setting(kind, self_weight=weight)
+    check_gradients(made, make_batch(np.random.default_rng(objects), 8, objects, programs, 6))
+
+
+@pytest.mark.parametrize("row", range(len(PROGRAMS)))
+@pytest.mark.parametrize("scale", [0.1, 1.0, 30.0, 300.0])
+def test_gradients_of_each_program_with_p_near_0_and_1(row: int, scale: float) -> None:
+    made = setting(scale=scale)
+    batch = make_batch(np.random.default_rng(row), 8, 5, 1, 1)
+    batch.program[:] = row
+    check_gradients(made, batch)
+
+
+@pytest.mark.parametrize(
+    ("objects", "hidden", "attention", "size"), [(1, 7, 3, 1), (17, 16, 16, 5), (20, 33, 17, 3)]
+)
+def test_gradients_of_unusual_sizes(objects: int, hidden: int, attention: int, size: int) -> None:
+    made = setting(vocabulary=SMALL, hidden=hidden, attention=attention)
+    batch = make_batch(np.random.default_rng(0), size, objects, 2, len(made.table))
+    check_gradients(made, batch)
+
+
+def saturated(factor: float) -> Setting:
+    made = setting()
+    for name in ("message.0.weight", "query.weight", "context.weight"):
+        made.critic[name] *= factor
+    return made
+
+
+def test_gradients_when_first_layers_saturate(caplog: pytest.LogCaptureFixture) -> None:
+    """Sums of large numbers of opposite sign, up to about 37 each, the arm's share included."""
+    check_gradients(saturated(20), make_batch(np.random.default_rng(3), 16, 4, 1, 6))
+    assert not caplog.records
+
+
+def test_warns_where_exponentials_end(caplog: pytest.LogCaptureFixture) -> None:
+    engine = saturated(150).engine()
+    for seed in range(2):
+        engine.update(make_batch(np.random.default_rng(seed), 16, 4, 1, 6))
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert np.isfinite(engine.tensors()["critic.message.0.weight"]).all()
+
+
+def test_thousand_updates_stay_with_float64() -> None:
+    made = setting(vocabulary=SMALL)
+    engine, reference = made.engine(), Reference(made)
+    rng = np.random.default_rng(5)
+    batches = [make_batch(rng, 16, 4, 1, len(made.table)) for _ in range(20)]
+    for step in range(1000):
+        engine.update(batches[step % len(batches)])
+        reference.update(batches[step % len(batches)])
+        if step % 100 == 99:
+            engine.copy_targets()
+            reference.copy_targets()
+    ours = engine.tensors()
+    for owner, tensors in (("actor", reference.actor), ("critic", reference.critic)):
+        for name, tensor in tensors.items():
+            expected = tensor.detach().numpy()
+            error = np.linalg.norm(ours[f"{owner}.{name}"] - expected)
+            assert error <= 1e-4 * np.linalg.norm(expected), (owner, name)
+
+
+def test_same_inputs_same_bits_and_instances_do_not_interfere() -> None:
+    made = setting()
+    rng = np.random.default_rng(2)
+    batches = [make_batch(rng, 64, 5, 2, 6) for _ in range(3)]
+    alone = made.engine()
+    for batch in batches:
+        alone.update(batch)
+    first, other = made.engine(), setting("distilled-critic", scale=3).engine()
+    for batch in batches:
+        first.update(batch)
+        other.update(make_batch(rng, 7, 3, 1, 6))
+    expected = alone.tensors()
+    for name, tensor in first.tensors().items():
+        np.testing.assert_array_equal(tensor, expected[name], err_msg=name)
+    assert not np.array_equal(other.tensors()["actor.query.weight"], expected["actor.query.weight"])
+
+
+def test_state_survives_a_round_trip() -> None:
+    made = setting()
+    rng = np.random.default_rng(4)
+    batches = [make_batch(rng, 12, 5, 1, 6) for _ in range(4)]
+    whole, before, after = made.engine(), made.engine(), setting(scale=2).engine()
+    for batch in batches:
+        whole.update(batch)
+    for batch in batches[:2]:
+        before.update(batch)
+    before.copy_targets()
+    whole.copy_targets()
+    state = before.tensors()
+    assert state["adam.actor.step"] == 2
+    after.load_tensors(state)
+    for batch in batches[2:]:
+        before.update(batch)
+        after.update(batch)
+    for name, tensor in before.tensors().items():
+        np.testing.assert_array_equal(after.tensors()[name], tensor, err_msg=name)
+    state.pop("critic.output.bias")
+    with pytest.raises(TensorError, match=r"critic\.output\.bias"):
+        after.load_tensors(state)
+
+
+def test_exchanges_state_with_the_torch_engine() -> None:
+    made = setting(vocabulary=SMALL)
+    rng = np.random.default_rng(9)
+    batches = [make_batch(rng, 16, 5, 1, len(made.table)) for _ in range(3)]
+    theirs = TorchEngine(made.network, made.config, made.table, made.actor, made.critic)
+    ours = setting(vocabulary=SMALL, scale=2).engine()
+    theirs.update(batches[0])
+    ours.load_tensors(theirs.tensors())
+    for batch in batches[1:]:
+        ours.update(batch)
+        theirs.update(batch)
+    expected = theirs.tensors()
+    for name, tensor in ours.tensors().items():
+        np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-5, err_msg=name)
+    assert ours.tensors()["adam.critic.step"] == expected["adam.critic.step"] == 3
+    theirs.load_tensors(ours.tensors())
+    assert ours.metrics() == pytest.approx(theirs.metrics(), rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["programmable", "true-properties"])
+def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str) -> None:
+    made = setting(kind, relations_see_properties=False)
+    ours = made.engine()
+    config = replace(made.config, engine="torch", dtype="float64")
+    theirs = TorchEngine(made.network, config, made.table, made.actor, made.critic)
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        batch = make_batch(rng, 16, 5, 2, len(made.table))
+        ours.update(batch)
+        theirs.update(batch)
+    expected = theirs.tensors()
+    for name, tensor in ours.tensors().items():
+        np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-6, err_msg=name)
+    properties = np.r_[7:16]
+    for name in ("query", "context", "local.0", "message.0"):
+        for network in ("actor", "critic"):
+            weight = ours.tensors()[f"{network}.{name}.weight"]
+            columns = weight.reshape(len(weight), -1, 34)
+            assert not columns[..., properties].any() and columns[..., :7].all()
+
+
+def test_targets_change_only_when_copied() -> None:
+    made = setting()
+    engine = made.engine()
+    engine.update(make_batch(np.random.default_rng(0), 8, 5, 1, 6))
+    kept = engine.tensors()
+    np.testing.assert_array_equal(kept["target_critic.output.weight"], made.critic["output.weight"])
+    assert not np.array_equal(kept["critic.output.weight"], made.critic["output.weight"])
+    engine.copy_targets()
+    copied = engine.tensors()["target_critic.output.weight"]
+    np.testing.assert_array_equal(copied, kept["critic.output.weight"])
+
+
+@pytest.mark.parametrize("size", [1, 5, 64])
+def test_threads_change_only_rounding(size: int) -> None:
+    made = setting()
+    check_gradients(made, make_batch(np.random.default_rng(6), size, 5, 2, 6), threads=2)
+
+
+def test_sizes_may_change_between_updates() -> None:
+    made = setting()
+    engine = made.engine()
+    rng = np.random.default_rng(8)
+    engine.update(make_batch(rng, 8, 5, 1, 6))
+    for size, objects, programs in ((4, 5, 1), (64, 5, 1), (8, 3, 2)):
+        engine.load_tensors(made.engine().tensors())
+        batch = make_batch(rng, size, objects, programs, 6)
+        engine.update(batch)
+        assert_close(engine.gradients(), Reference(made).gradients(batch)[0], 1e-5)
+
+
+def test_nan_is_not_hidden() -> None:
+    made = setting()
+    engine = made.engine()
+    batch = make_batch(np.random.default_rng(0), 8, 5, 1, 6)
+    batch.objects[3, 2, 1] = np.nan
+    engine.update(batch)
+    assert np.isnan(engine.metrics()["critic_loss"])
+    assert np.isnan(engine.tensors()["actor.message.0.weight"]).any()
+
+
+@pytest.mark.parametrize("kind", ["programmable", "true-properties"])
+@pytest.mark.parametrize(("hand", "self_weight"), [(0, 1.0), (2, 0.3), (2, 0.0)])
+def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float) -> None:
+    made = setting(kind, self_weight=self_weight)
+    actor, reference = FusedActor(made.network, made.actor), Reference(made)
+    for objects in (5, 3):
+        batch = make_batch(np.random.default_rng(objects), 1, objects, 1, 6)
+        order = np.roll(np.arange(objects), hand)  # the hand at its index; the rest in any order
+        for row, text in enumerate(PROGRAMS):
+            seen = torch.tensor(batch.objects).double(), torch.tensor(batch.arm).double()
+            expected = reference.act(reference.actor, *seen, torch.tensor([[row]]))
+            turned = batch.objects[0][order]
+            ours = actor.act(
+                turned, batch.arm[0], parse(text, VOCABULARY), int(np.flatnonzero(order == 0)[0])
+            )
+            np.testing.assert_allclose(ours, expected[0, 0].detach(), rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"arm": np.zeros((8, 17), np.float32)}, r"arm: expected contiguous float32 \(8, 18\)"),
+        ({"reward": np.zeros((8, 1))}, "reward: expected contiguous float32"),
+        ({"program": np.full((8, 1), 6, np.int32)}, "expected programs below 6, got 6"),
+        ({"program": np.zeros(8, np.int32)}, r"program \[B, K\]"),
+    ],
+)
+def test_refuses_batches_that_do_not_fit(change: dict[str, np.ndarray], message: str) -> None:
+    batch = replace(make_batch(np.random.default_rng(0), 8, 5, 1, 6), **change)
+    with pytest.raises(FusedError, match=message):
+        setting().engine().update(batch)
+
+
+def test_is_chosen_where_it_applies() -> None:
+    made = setting()
+    for choice, name in (("auto", "fused"), ("fused", "fused"), ("torch", "torch")):
+        config = replace(made.config, engine=choice)
+        assert make_engine(made.network, config, made.table, np.random.default_rng()).name == name
+
+
+def test_says_why_it_does_not_apply() -> None:
+    config, network = LearnerConfig(), setting().network
+    assert why_not(network, config) == ""
+    assert why_not(replace(network, kind="canonical"), config) == ""
+    words = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(fused_library.MAX_WORDS)))
+    assert "words" in why_not(replace(network, vocabulary=words), config)
+    assert "float64" in why_not(network, replace(config, dtype="float64"))
+    assert "cuda" in why_not(network, replace(config, device="cuda"))
+    with pytest.raises(FusedError, match="cuda"):
+        setting().engine(device="cuda")
+    assert not isinstance(FusedError("x"), ConfigError)
+
+
+@pytest.mark.parametrize("level", ["x86-64-v3", "generic"])
+def test_narrower_instruction_sets_agree(level: str) -> None:
+    """The same gradient tests in a process that is told to use fewer instructions."""
+    probe = "from pa_ros.native import library as fused_library; print(fused_library.level())"
+    environment = os.environ | {"PA_ROS_FUSED_LEVEL": level}
+    used = subprocess.run(
+        [sys.executable, "-c", probe], env=environment, capture_output=True, text=True, check=True
+    ).stdout.strip()
+    assert used == level or used == "generic"
+    if used == fused_library.level():
+        return  # this process ran them
+    chosen = "number_of_programs or number_of_objects or unusual_sizes or saturate or actor_equals"
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", __file__]
+    canonical = str(Path(__file__).with_name("test_fused_canonical.py"))
+    command += [canonical, "-k", f"{chosen} or canonical and gradients"]
+    result = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout[-3000:]

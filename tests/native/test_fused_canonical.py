@@ -1,0 +1,167 @@
+"""The fused update of canonical networks against the torch reference in float64."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from worlds import objects_at
+
+from pa_ros.language import Vocabulary, parse
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.engine import Batch, make_engine
+from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
+from pa_ros.native.engine import FusedActor, FusedEngine
+from pa_ros.networks.canonical import CanonicalActor
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
+from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
+
+WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A"))
+TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
+# some of ∂Q/∂a is clipped, some is not
+CONFIG = LearnerConfig(action_gradient_clip=0.05, action_l2=0.02)
+
+
+def network(hidden: int = 40) -> NetworkConfig:
+    return NetworkConfig(WORDS, "canonical", canonical_hidden=hidden)
+
+
+def tensors(config: NetworkConfig) -> tuple[Tensors, Tensors]:
+    """Larger than the initial ones, so that nothing is nearly linear."""
+    rng = np.random.default_rng(1)
+    made = initial_actor(config, rng), initial_critic(config, rng)
+    for one in made:
+        for name, tensor in one.items():
+            tensor *= 60.0 if name.startswith("output") else 2.0
+    return made
+
+
+def table() -> ProgramTable:
+    made = ProgramTable(WORDS)
+    for text in TEXTS:
+        made.add(parse(text, WORDS))
+    return made
+
+
+def both(hidden: int = 40, **changes: object) -> tuple[FusedEngine, TorchEngine]:
+    config, programs = network(hidden), table()
+    given = config, replace(CONFIG, **changes), programs  # type: ignore[arg-type]
+    reference = replace(CONFIG, engine="torch", dtype="float64")
+    return (
+        FusedEngine(*given, *tensors(config)),
+        TorchEngine(config, reference, programs, *tensors(config)),
+    )
+
+
+def batch_of(rng: np.random.Generator, size: int, programs: int) -> Batch:
+    """A hand and two blocks; one scene in four has two of one kind, which share a slot."""
+
+    def scenes() -> np.ndarray:
+        made = np.stack([objects_at(rng.normal(0, 0.3, (2, 3))) for _ in range(size)])
+        made[::4, 2, 7:] = made[::4, 1, 7:]
+        return made
+
+    return Batch(
+        objects=scenes(),
+        arm=rng.normal(size=(size, 18)).astype(np.float32),
+        action=rng.uniform(-1, 1, (size, 6)).astype(np.float32),
+        next_objects=scenes(),
+        next_arm=rng.normal(size=(size, 18)).astype(np.float32),
+        program=rng.integers(len(TEXTS), size=(size, programs)).astype(np.int32),
+        reward=rng.choice([-1.0, 1.0], (size, programs)).astype(np.float32),
+        discount=rng.choice([0.0, 0.99], size).astype(np.float32),
+    )
+
+
+def gradients_of(engine: TorchEngine) -> Tensors:
+    owners = {"actor": engine._actor, "critic": engine._critic}
+    return {
+        f"{owner}.{name}": parameter.grad.numpy()
+        for owner, module in owners.items()
+        for name, parameter in module.named_parameters()
+    }
+
+
+@pytest.mark.parametrize(("size", "k"), [(1, 1), (64, 1), (70, 1), (9, 2), (33, 3), (5, 11)])
+@pytest.mark.parametrize("hidden", [7, 40])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_gradients(size, k, hidden, threads) -> None:
+    ours, reference = both(hidden, threads=threads)
+    batch = batch_of(np.random.default_rng(size), size, k)
+    ours.update(batch)
+    reference.update(batch)
+    gradients, expected = ours.gradients(), gradients_of(reference)
+    assert gradients.keys() == expected.keys()
+    for name, tensor in expected.items():
+        scale = np.abs(tensor).max()
+        assert scale > 0, name
+        assert np.abs(gradients[name] - tensor).max() <= 1e-5 * scale + 1e-8, name
+    assert ours.metrics() == pytest.approx(reference.metrics(), rel=1e-5)
+
+
+def test_thousand_updates_stay_with_float64() -> None:
+    ours, reference = both()
+    rng = np.random.default_rng(5)
+    batches = [batch_of(rng, 16, 1) for _ in range(20)]
+    for step in range(1000):
+        for engine in (ours, reference):
+            engine.update(batches[step % len(batches)])
+            if step % 100 == 99:
+                engine.copy_targets()
+    found, expected = ours.tensors(), reference.tensors()
+    assert found.keys() == expected.keys()
+    for name, tensor in expected.items():
+        if name.startswith(("actor.", "critic.", "target")):
+            error = np.linalg.norm(found[name] - tensor)
+            assert error <= 1e-4 * np.linalg.norm(tensor), name
+
+
+def test_exchanges_state_with_torch_and_takes_programs_as_they_come() -> None:
+    ours, reference = both()
+    rng = np.random.default_rng(2)
+    reference.update(batch_of(rng, 16, 1))
+    ours.load_tensors(reference.tensors())
+    assert ours.tensors()["adam.actor.step"] == 1
+    for one in (ours._table, reference._goals._table):
+        assert one.add(parse("NEAR(HAND, AND(CUBE, BLUE))", WORDS)) == len(TEXTS)
+    batch = batch_of(rng, 16, 1)
+    batch.program[:] = len(TEXTS)
+    ours.update(batch)
+    reference.update(batch)
+    for name, tensor in reference.tensors().items():
+        np.testing.assert_allclose(ours.tensors()[name], tensor, rtol=1e-4, atol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize("hand", [0, 2])
+def test_actor(hand) -> None:
+    config = network()
+    actor, _ = tensors(config)
+    module = CanonicalActor(config).double()
+    module.load_state_dict({k: torch.from_numpy(v) for k, v in actor.items()})
+    ours = FusedActor(config, actor)
+    rng = np.random.default_rng(0)
+    for text in TEXTS:
+        program = parse(text, WORDS)
+        objects = np.roll(objects_at(rng.normal(0, 0.3, (2, 3))), hand, axis=0)
+        arm = rng.normal(size=18).astype(np.float32)
+        goal = torch.from_numpy(target_one_hots(program, WORDS)).double()[None, None]
+        seen = (torch.from_numpy(x).double()[None] for x in (objects, arm))
+        expected = module(*seen, goal, hand)[0, 0].detach().numpy()
+        np.testing.assert_allclose(ours.act(objects, arm, program, hand), expected, atol=2e-6)
+
+
+def test_is_chosen_and_refuses_what_it_cannot_be_told() -> None:
+    programs = table()
+    engine = make_engine(network(), LearnerConfig(), programs, np.random.default_rng(0))
+    assert engine.name == "fused"
+    actor, _ = tensors(network())
+    seen = objects_at(np.zeros((2, 3))), np.zeros(18, np.float32)
+    with pytest.raises(UnsupportedProgramError):
+        FusedActor(network(), actor).act(*seen, parse("NEAR(HAND, RED)", WORDS), 0)
+    programs.add(parse("NEAR(HAND, OR(RED, CUBE))", WORDS))
+    with pytest.raises(UnsupportedProgramError):
+        engine.update(batch_of(np.random.default_rng(0), 4, 1))

@@ -1,0 +1,167 @@
+"""`pa_ros demo` on the graph: what it leaves when it gives up, is interrupted, and executes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from pa_ros.arena import design_named, preset_named
+from pa_ros.cli import demo
+from pa_ros.cli.demo_results import Outcome, write_report
+from pa_ros.cli.demo_setup import DemoConfig
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.demo_report import demo_programs, find_scene
+from pa_ros.evaluation.tally import HeldOutTarget
+from pa_ros.evaluation.training import training_programs
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.checkpoints import load_policy, save_checkpoint
+from pa_ros.learning.protocols import protocol_named
+from pa_ros.tools.client import client_node
+from pa_ros.tools.execution import Execution
+
+DEADLINE_S = 90.0
+DESIGN, ARENA = design_named("2-L"), preset_named("fast")
+
+
+def start(folder: Path, *options: str) -> subprocess.Popen:
+    command = [sys.executable, "-m", "pa_ros", "demo", "--out", str(folder), *options]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
+
+
+def processes_of(folder: Path) -> list[Path]:
+    """Running processes that name a folder in their command, the demo's own left out."""
+    needle = f"{folder}/".encode()
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            if needle in entry.read_bytes():
+                found.append(entry)
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+    return found
+
+
+def test_too_little_time_is_said_and_leaves_what_was_learned(tmp_path):
+    folder = tmp_path / "demo"
+    with start(folder, "--no-shipped", "--minutes", "0.2", "--seed", "5") as process:
+        out, err = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 1, err
+    assert "Target NOT reached" in out and "No success within 0.2 minutes" in out
+    assert load_policy(folder / "checkpoint").version > 0
+    report = json.loads((folder / "demo.json").read_text())
+    assert report["demo.reached"] == report["demo.programs"] == 0
+    assert report["demo.frames"] > 100 and report["demo.train_wall_s"] >= 12
+    assert (folder / "learning-curve.png").exists() and (folder / "phi.png").exists()
+    assert not processes_of(tmp_path)
+
+
+def test_ctrl_c_stops_everything_promptly(tmp_path):
+    folder = tmp_path / "demo"
+    with start(folder, "--no-shipped") as process:
+        try:
+            deadline = time.monotonic() + DEADLINE_S
+            while len(processes_of(tmp_path)) < 3:
+                assert time.monotonic() < deadline
+                time.sleep(0.1)
+            time.sleep(3.0)
+            process.send_signal(signal.SIGINT)
+            asked = time.monotonic()
+            out, _ = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 130 and "interrupted" in out
+    assert time.monotonic() - asked < 15
+    assert not processes_of(tmp_path)
+
+
+def test_programs_are_executed_on_the_graph_and_recorded(tmp_path, monkeypatch):
+    """With untrained weights, and faster: the path is the same."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "79")
+    protocol = protocol_named("ours")
+    network = protocol.network_config(DESIGN.vocabulary)
+    config = DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo", real_time_factor=20.0)
+    learner = Learner(network, protocol.learner, training_programs(DESIGN), 0)
+    save_checkpoint(config.checkpoint, learner)
+    programs, outcome = demo_programs(DESIGN), Outcome(reached=True)
+    scenes = [find_scene(ARENA, DESIGN, config.scene_seed, p) for p in programs]
+    with client_node("test") as node:
+        asked = list(zip(programs, scenes, strict=True))
+        demo._execute(node, config, asked, outcome, lambda: False)
+    assert [program for program, _, _ in outcome.executions] == programs
+    for _, scene, execution in outcome.executions:
+        # The arm hardly moves, so the distance shows that the scene asked for was up.
+        assert execution.distance == pytest.approx(scene.distance, abs=0.2)
+        assert not execution.satisfied and execution.ended == "window"
+    assert not outcome.success
+    assert sent_programs(config.folder / "programs") == [program.text for program in programs]
+    assert not processes_of(tmp_path)
+
+
+def test_the_shipped_agent_executes_in_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "80")
+    config = DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo", real_time_factor=5.0)
+    shipped, outcome = config.of_shipped(), Outcome()
+    with client_node("test") as node:
+        demo._show_shipped(node, shipped, outcome, lambda: False)
+    assert shipped.folder == config.folder / "shipped" and shipped.design.name == "3-D"
+    assert outcome.executed, [e for _, _, e in outcome.executions]
+    assert len(sent_programs(shipped.folder / "programs")) == 6
+    target = HeldOutTarget(-0.97, 0.88)
+    write_report(config, target, Outcome(), outcome)
+    report = json.loads((config.folder / "demo.json").read_text())
+    assert report["shipped.programs"] == 6 and report["shipped.held_out.satisfied"] == 1
+    assert report["demo.programs"] == 0 and not processes_of(tmp_path)
+
+
+def sent_programs(bag: Path) -> list[str]:
+    with (bag / f"{bag.name}.mcap").open("rb") as stream:
+        rows = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(
+            topics=["/program"]
+        )
+        return [row.decoded_message.text for row in rows]
+
+
+def outcome_of(satisfied: list[bool], reached: bool = True) -> Outcome:
+    executions = [
+        (program, None, Execution(near, 0.1, 1.0 if near else None, 2.0, "held"))
+        for program, near in zip(demo_programs(DESIGN), satisfied, strict=True)
+    ]
+    return Outcome(reached=reached, executions=executions)
+
+
+@pytest.mark.parametrize(
+    ("satisfied", "reached", "success"),
+    [
+        ([True] * 6, True, True),
+        ([False] + [True] * 5, True, True),  # five, the held-out one among them
+        ([True, False] + [True] * 4, True, False),  # the held-out one is needed
+        ([False, True, False] + [True] * 3, True, False),
+        ([True] * 6, False, False),
+    ],
+)
+def test_success_is_the_held_out_program_and_five_of_six(satisfied, reached, success):
+    assert outcome_of(satisfied, reached).success is success
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"), [((-1, 20.0), "got -1"), ((0, 0.0), "got 0"), ((0, float("nan")), "nan")]
+)
+def test_options_that_cannot_be_are_refused(values, reason, tmp_path):
+    with pytest.raises(ConfigError, match=reason):
+        DemoConfig(DESIGN, ARENA, *values, tmp_path)
+
+
+@pytest.mark.parametrize(("preset", "protocol"), [("fast", "ours"), ("paper", "ours-slow")])
+def test_the_nodes_learn_as_is_usual_for_the_arm(preset, protocol, tmp_path):
+    training = DemoConfig(DESIGN, preset_named(preset), 0, 1.0, tmp_path).training()
+    assert training["sim_node"]["preset"] == preset
+    assert {training[name]["protocol"] for name in ("agent_node", "learner_node")} == {protocol}

@@ -1,0 +1,64 @@
+"""What counts as executing a program, from verdicts alone."""
+
+import pytest
+
+from pa_ros.core.experience import Verdict
+from pa_ros.tools.execution import ExecutionWatch
+
+STEP_NS = 100_000_000
+
+
+def verdict(step, near, program_id="mine", episode=0, truncated=False):
+    distance = 0.1 if near else 0.5
+    reward = 1.0 if near else -1.0
+    return Verdict(episode, step, step * STEP_NS, program_id, reward, near, distance, truncated)
+
+
+def run(near_by_step, **options):
+    """The result, and the step at which it was known."""
+    watch = ExecutionWatch("mine", **options)
+    for step, near in enumerate(near_by_step):
+        result = watch.observe(verdict(step, near))
+        if result is not None:
+            return result, step
+    return None, len(near_by_step)
+
+
+def test_held_for_a_second_is_satisfied_from_where_it_began():
+    result, step = run([False] * 20 + [True] * 20)
+    assert (result.satisfied, result.ended, step) == (True, "held", 30)
+    assert result.reached_s == pytest.approx(2.0)
+    assert result.distance == pytest.approx(0.1)
+
+
+def test_passing_by_is_not_enough():
+    result, step = run([False] * 20 + [True] * 9 + [False] * 100)
+    assert (result.satisfied, result.ended, step) == (False, "window", 100)
+    assert result.reached_s is None and result.distance == pytest.approx(0.5)
+
+
+def test_near_at_the_end_of_the_window_is_enough():
+    result, _ = run([False] * 95 + [True] * 10)
+    assert (result.satisfied, result.ended) == (True, "window")
+    assert result.reached_s == pytest.approx(9.5)
+
+
+def test_the_end_of_the_episode_ends_the_watch():
+    watch = ExecutionWatch("mine")
+    assert watch.observe(verdict(3, False)) is None
+    result = watch.observe(verdict(4, True, truncated=True))
+    assert (result.satisfied, result.ended, result.watched_s) == (True, "episode", 0.1)
+
+
+def test_steps_before_the_program_are_ignored_and_another_program_ends_it():
+    watch = ExecutionWatch("mine")
+    assert watch.observe(verdict(0, True, "other")) is None and not watch.begun
+    assert watch.observe(verdict(1, True)) is None and watch.begun
+    result = watch.observe(verdict(2, True, "other"))
+    assert (result.satisfied, result.ended) == (False, "replaced")
+
+
+def test_another_episode_under_the_same_id_ends_it():
+    watch = ExecutionWatch("mine")
+    watch.observe(verdict(1, True))
+    assert watch.observe(verdict(0, True, episode=1)).ended == "replaced"

@@ -1,0 +1,103 @@
+"""The parameters file of a launch: which nodes, with what, and what is refused."""
+
+import pytest
+import yaml
+
+from pa_ros.cli.launch import DEFAULT
+from pa_ros.core.errors import ConfigError
+from pa_ros.tools.launch_params import (
+    chosen,
+    load_parameters,
+    merged,
+    packaged,
+    packaged_names,
+    write_parameters,
+)
+
+GOOD = """
+/**:
+  ros__parameters: {seed: 3, design: 2-L}
+/arena1/sim_node:
+  ros__parameters: {seed: 4}
+agent_node:
+  ros__parameters: {}
+"""
+
+
+def written(tmp_path, text: str):
+    path = tmp_path / "params.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_nodes_named_are_started_with_what_is_common_and_their_own(tmp_path):
+    parameters = load_parameters(written(tmp_path, GOOD))
+    assert parameters == {
+        "sim_node": {"seed": 4, "design": "2-L"},
+        "agent_node": {"seed": 3, "design": "2-L"},
+    }
+
+
+def test_common_parameters_alone_start_all_three(tmp_path):
+    parameters = load_parameters(written(tmp_path, "/**: {ros__parameters: {seed: 1}}"))
+    assert parameters == dict.fromkeys(("sim_node", "agent_node", "learner_node"), {"seed": 1})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "got nothing"),
+        ("[1, 2]", "got list"),
+        ("sim_node: [", "params.yaml"),
+        ("sim_nod: {ros__parameters: {}}", "'sim_nod'"),
+        ("sim_node: {seed: 1}", "ros__parameters alone"),
+        ("sim_node: {ros__parameters: 3}", "names and values"),
+        ("sim_node: {ros__parameters: {1: 2}}", "names and values"),
+        ("!!python/object/apply:os.system ['true']: 1", "python/object"),
+    ],
+)
+def test_refusals_say_what_came(tmp_path, text, reason):
+    with pytest.raises(ConfigError, match=reason):
+        load_parameters(written(tmp_path, text))
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="absent.yaml"):
+        load_parameters(tmp_path / "absent.yaml")
+
+
+def test_changes_replace_and_add_but_only_for_nodes_that_are_started():
+    parameters = {"sim_node": {"seed": 1, "design": "2-L"}}
+    assert merged(parameters, {"sim_node": {"seed": 2}}) == {
+        "sim_node": {"seed": 2, "design": "2-L"}
+    }
+    with pytest.raises(ConfigError, match="learner_node"):
+        merged(parameters, {"learner_node": {}})
+
+
+def test_what_is_written_is_read_back_and_bears_full_names(tmp_path):
+    parameters = {"sim_node": {"design": "2-L", "rate": 0.5, "on": True}, "agent_node": {}}
+    path = tmp_path / "run" / "params.yaml"
+    write_parameters(path, parameters, "arena1")
+    assert list(yaml.safe_load(path.read_text())) == ["/arena1/sim_node"]
+    assert load_parameters(path)["sim_node"] == parameters["sim_node"]
+
+
+def test_an_unknown_packaged_file_names_the_known_ones():
+    with pytest.raises(ConfigError, match="train_2l"):
+        packaged("absent")
+
+
+def test_a_packaged_file_is_chosen_by_name_and_any_other_by_its_path(tmp_path):
+    assert chosen("train_2l") == packaged("train_2l")
+    assert chosen(str(tmp_path / "my.yaml")) == tmp_path / "my.yaml"
+    assert load_parameters(chosen(DEFAULT))["agent_node"]["checkpoint"] == "shipped:3-D"
+    assert all(load_parameters(packaged(name)) for name in packaged_names())
+
+
+def test_a_list_used_twice_is_written_twice_since_rcl_refuses_aliases(tmp_path):
+    options = ["learner.batch_size=32"]
+    path = tmp_path / "params.yaml"
+    write_parameters(path, {name: {"options": options} for name in ("agent_node", "learner_node")})
+    assert path.read_text().count("learner.batch_size=32") == 2
+    assert "&" not in path.read_text()

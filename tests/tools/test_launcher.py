@@ -1,0 +1,127 @@
+"""Children are watched, stopped in bounds, and never outlive their launcher."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.tools.launcher import ChildError, Patience, Supervisor, node_command, tail
+
+OBEDIENT = (  # also where the tests were started with SIGINT ignored, as a shell's `&` does
+    "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
+    "print('up', flush=True)\ntime.sleep(60)"
+)
+DEAF = (
+    "import signal, time\n"
+    "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SIG_IGN)\n"
+    "print('up', flush=True)\ntime.sleep(60)"
+)
+QUICK = Patience(interrupt_s=0.3, terminate_s=0.3, kill_s=5.0)
+DEADLINE_S = 20.0
+
+
+def wait_for(condition, deadline_s: float = DEADLINE_S) -> None:
+    deadline = time.monotonic() + deadline_s
+    while not condition():
+        assert time.monotonic() < deadline, "timed out"
+        time.sleep(0.02)
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def start(supervisor: Supervisor, folder: Path, name: str, code: str) -> int:
+    pid = supervisor.start(name, [sys.executable, "-c", code])
+    wait_for(lambda: "up" in (folder / f"{name}.log").read_text())
+    return pid
+
+
+def test_stop_interrupts_the_willing_and_kills_the_deaf(tmp_path):
+    with Supervisor(tmp_path, patience=QUICK) as supervisor:
+        pids = [start(supervisor, tmp_path, "a", OBEDIENT), start(supervisor, tmp_path, "b", DEAF)]
+        supervisor.check()
+        assert supervisor.stop() == {"a": -signal.SIGINT, "b": -signal.SIGKILL}
+    assert not any(map(alive, pids))
+    assert supervisor.names == []
+
+
+def test_stopping_one_leaves_the_other(tmp_path):
+    with Supervisor(tmp_path, patience=QUICK) as supervisor:
+        start(supervisor, tmp_path, "a", OBEDIENT)
+        kept = start(supervisor, tmp_path, "b", OBEDIENT)
+        supervisor.stop(["a"])
+        assert supervisor.names == ["b"] and alive(kept)
+
+
+def test_a_child_that_ends_is_reported_with_the_tail_of_its_log(tmp_path):
+    with Supervisor(tmp_path, patience=QUICK) as supervisor:
+        supervisor.start("a", [sys.executable, "-c", "print('why'); raise SystemExit(7)"])
+        wait_for(lambda: "why" in (tmp_path / "a.log").read_text())
+        with pytest.raises(ChildError, match=r"a ended by itself \(exit status 7\)(.|\n)*why"):
+            wait_for(lambda: supervisor.check())
+
+
+def test_what_cannot_be_executed_is_refused(tmp_path):
+    with Supervisor(tmp_path) as supervisor:
+        with pytest.raises(ChildError, match="cannot start"):
+            supervisor.start("a", [str(tmp_path / "absent")])
+
+
+LAUNCHER = """
+import sys, time
+from pathlib import Path
+from pa_ros.tools.launcher import Supervisor
+child = "from pa_ros.ros.process import die_with_parent; import time; die_with_parent(); " \\
+        "print('up', flush=True); time.sleep(60)"
+supervisor = Supervisor(Path(sys.argv[1]))
+print(*(supervisor.start(n, [sys.executable, "-c", child]) for n in "ab"), flush=True)
+time.sleep(60)
+"""
+
+
+def test_no_child_outlives_a_killed_launcher(tmp_path):
+    launcher = subprocess.Popen(
+        [sys.executable, "-c", LAUNCHER, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    with launcher:
+        pids = [int(word) for word in launcher.stdout.readline().split()]
+        try:
+            wait_for(lambda: all("up" in (tmp_path / f"{n}.log").read_text() for n in "ab"))
+            assert len(pids) == 2 and all(map(alive, pids))
+        finally:
+            launcher.kill()
+    wait_for(lambda: not any(map(alive, pids)), 5.0)
+
+
+def test_children_have_process_groups_of_their_own(tmp_path):
+    with Supervisor(tmp_path, patience=QUICK) as supervisor:
+        pids = [start(supervisor, tmp_path, name, OBEDIENT) for name in "ab"]
+        assert [os.getpgid(pid) for pid in pids] == pids
+
+
+def test_node_command_runs_this_interpreter_in_a_namespace(tmp_path):
+    command = node_command("sim_node", tmp_path / "p.yaml", "arena1")
+    assert command[:3] == [sys.executable, "-m", "sim_node.main"]
+    assert "__ns:=/arena1" in command and str(tmp_path / "p.yaml") in command
+    assert not any("__ns" in word for word in node_command("sim_node", tmp_path / "p.yaml"))
+
+
+def test_tail_reads_only_the_end(tmp_path):
+    log = tmp_path / "x.log"
+    log.write_text("".join(f"line {i}\n" for i in range(100_000)))
+    assert tail(log, 2) == "line 99998\nline 99999"
+    assert "No such file" in tail(tmp_path / "absent.log")
+
+
+def test_patience_refuses_a_negative_bound():
+    with pytest.raises(ConfigError, match="terminate_s.*-1"):
+        Patience(terminate_s=-1)

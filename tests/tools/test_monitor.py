@@ -1,0 +1,77 @@
+"""The table says what the nodes say, and nothing where they say nothing."""
+
+import io
+
+from pa_ros.tools.monitor import LINE_PERIOD_S, STALE_S, Display, GraphFigures
+from pa_ros.wire.records import Health
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def filled(clock=None) -> GraphFigures:
+    figures = GraphFigures(clock or Clock())
+    figures.take(
+        [
+            Health("/sim_node", 0, "running", {"steps_per_s": "512.4", "refused.wire.size": "2"}),
+            Health("/a/agent_node", 2, "stuck", {"refused.wire.size": "1", "policy_version": "7"}),
+            Health("/learner_node", 0, "learning", {"mean_q": "-4.5", "updates_per_s": "junk"}),
+        ]
+    )
+    return figures
+
+
+def test_rows_hold_the_newest_figures():
+    figures = filled()
+    rows = dict(figures.rows())
+    assert rows["frames/s"] == "512"
+    assert rows["weights version, agent"] == "7"
+    assert rows["actor loss (minus mean Q)"] == "+4.5000"
+    assert rows["updates/s"] == rows["critic loss"] == "-"
+    assert rows["refused messages"] == "wire.size 3"
+    assert rows["alarms"] == "/a/agent_node: stuck"
+    figures.take([Health("/sim_node", 0, "running", {"steps_per_s": "7"})])
+    assert dict(figures.rows())["frames/s"] == "7"
+
+
+def test_silence_is_an_alarm():
+    clock = Clock()
+    figures = filled(clock)
+    clock.now += STALE_S + 1
+    assert "/sim_node: silent for 6 s" in dict(figures.rows())["alarms"]
+
+
+def test_values_are_numbers_or_none():
+    figures = filled()
+    assert figures.value("agent_node", "policy_version") == 7.0
+    assert figures.value("learner_node", "updates_per_s") is None
+    assert figures.value("absent_node", "x") is None
+
+
+def test_without_a_terminal_there_are_plain_lines_now_and_then(monkeypatch):
+    stream, clock = io.StringIO(), Clock()
+    monkeypatch.setattr("pa_ros.tools.monitor.time.monotonic", clock)
+    figures = filled()
+    with Display("title", figures.rows, figures.line, stream) as display:
+        for _ in range(30):
+            display.refresh()
+            clock.now += LINE_PERIOD_S / 10
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("frames -  frames/s 512") and "\x1b" not in stream.getvalue()
+
+
+def test_on_a_terminal_there_is_a_table(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setenv("TERM", "xterm")
+    stream, figures = Terminal(), filled()
+    with Display("title", figures.rows, figures.line, stream) as display:
+        display.refresh()
+    assert "title" in stream.getvalue() and "512" in stream.getvalue()

@@ -1,0 +1,217 @@
+"""A bag of raw subscriptions says what was published, to readers that know nothing of us."""
+
+import json
+import os
+import resource
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from graphs import DEADLINE_S, decoded, pa_ros, publisher_heard, wait_for
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosbags.rosbag2 import Reader
+
+from pa_ros.bags.definitions import installed_types, message_type
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.repair import repair
+from pa_ros.core.experience import Observation
+from pa_ros.ros import topics
+from pa_ros.tools.client import client_node
+from pa_ros.tools.record import BAG_TOPICS, Recorder, topics_named
+from pa_ros.wire import codec
+from pa_ros.wire.records import Health, Origin, ProgramRequest
+
+DOMAIN = "71"
+REQUEST = codec.encode_program(ProgramRequest("id", "NEAR(HAND, RED)"))
+ORIGIN = Origin("/x", "1", "0", "v", 7, {})
+
+
+@pytest.fixture
+def own_domain(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
+
+
+def observation() -> Observation:
+    rng = np.random.default_rng(0)
+    objects = rng.normal(size=(5, 16)).astype(np.float32)
+    joints = rng.normal(size=(2, 6))
+    return Observation(7, 3, 1_234_567_891, objects, joints[0], joints[1], 0, "p")
+
+
+def information(bag: Path) -> dict:
+    content = yaml.safe_load((bag / "metadata.yaml").read_text())
+    return content["rosbag2_bagfile_information"]
+
+
+def test_what_is_decoded_equals_what_was_published(own_domain, tmp_path):
+    features, joints = codec.encode_observation(observation(), tuple("abcdef"))
+    sent = [
+        (topics.OBJECT_FEATURES, features),
+        (topics.JOINT_STATES, joints),
+        (topics.DIAGNOSTICS, codec.encode_diagnostics([Health("/x", 1, "hi", {"a": "b"})], 5)),
+        (topics.PROGRAM, REQUEST),
+        (topics.PROVENANCE, codec.encode_provenance(ORIGIN)),
+    ]
+    with client_node("test") as node:
+        with Recorder(tmp_path / "bag", node) as recorder:
+            publishers = [publisher_heard(node, topic) for topic, _ in sent]
+            for publisher, (_, message) in zip(publishers, sent, strict=True):
+                publisher.publish(message)
+            wait_for(lambda: sum(recorder.counts.values()) >= 5, "five messages")
+    found = dict(decoded(tmp_path / "bag"))
+    assert list(found["/object_features"].features) == list(features.features)
+    assert found["/object_features"].header.stamp.nanosec == 234_567_891
+    assert found["/joint_states"].name == list("abcdef")
+    assert list(found["/joint_states"].velocity) == list(joints.velocity)
+    assert found["/program"].text == "NEAR(HAND, RED)"
+    assert found["/diagnostics"].status[0].values[0].value == "b"
+    custom = information(tmp_path / "bag")["custom_data"]
+    assert json.loads(custom["pa_ros.provenance"])[0]["seed"] == 7
+    assert set(json.loads(custom["pa_ros.lost"]).values()) == {0}
+
+
+def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(own_domain, tmp_path):
+    plain = topics.Topic("program", topics.PROGRAM.type, topics.STEP, topics.STEP)
+    recorded = [topics.PROGRAM, topics.TRAJECTORIES, topics.VERDICT]
+    with client_node("test") as node, Recorder(tmp_path / "bag", node, recorded) as recorder:
+        volatile = publisher_heard(node, plain)
+        latched = publisher_heard(node, topics.PROGRAM, 2)
+        verdicts = publisher_heard(node, topics.VERDICT)
+        for _ in range(20):
+            volatile.publish(REQUEST)
+            latched.publish(REQUEST)
+        for _ in range(2000):
+            verdicts.publish(topics.VERDICT.type())
+        wait_for(lambda: recorder.counts["/verdict"] == 2000, "every verdict")
+        wait_for(lambda: recorder.counts["/program"] >= 40, "every program")
+    assert recorder.counts == {"/program": 40, "/trajectories": 0, "/verdict": 2000}
+    assert sum(recorder.lost.values()) == 0
+
+
+def test_what_a_publisher_had_to_drop_is_counted_as_lost(own_domain, tmp_path):
+    """A best-effort publisher that keeps one message, and messages of a megabyte each."""
+    careless = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    large = topics.Topic("program", topics.PROGRAM.type, careless, careless)
+    message = codec.encode_program(ProgramRequest("id", "X" * 1_000_000))
+    with client_node("test") as node, Recorder(tmp_path / "bag", node, [large]) as recorder:
+        publisher = publisher_heard(node, large)
+        for _ in range(200):
+            publisher.publish(message)
+        publisher.publish(REQUEST)  # the last one comes through
+        wait_for(lambda: sum([*recorder.counts.values(), *recorder.lost.values()]) >= 201, "all")
+        assert recorder.counts["/program"] + recorder.lost["/program"] == 201
+
+
+def test_metadata_states_qos_and_type_hashes_of_the_live_graph(own_domain, tmp_path):
+    bag, store = tmp_path / "bag", installed_types()
+    with client_node("test", "arena1") as node, Recorder(bag, node, BAG_TOPICS):
+        live = {}
+        for topic in (topics.PROGRAM, topics.POLICY_WEIGHTS, topics.TRAJECTORIES):
+            node.create_publisher(topic.type, topic.name, topic.writer)
+            (info,) = node.get_publishers_info_by_topic(topic.name)
+            live[node.resolve_topic_name(topic.name)] = str(info.topic_type_hash)
+            assert str(info.topic_type_hash) == store.hash_rihs01(message_type(topic.type))
+    about = information(bag)
+    entries = {
+        row["topic_metadata"]["name"]: row["topic_metadata"]
+        for row in about["topics_with_message_count"]
+    }
+    assert about["storage_identifier"] == "mcap" and about["ros_distro"] == "jazzy"
+    for name, digest in live.items():
+        assert entries[name]["type_description_hash"] == digest
+    assert entries["/arena1/program"]["offered_qos_profiles"][0]["durability"] == "transient_local"
+    assert entries["/arena1/trajectories"]["offered_qos_profiles"][0]["history"] == "keep_all"
+    assert entries["/clock"]["type"] == "rosgraph_msgs/msg/Clock"
+    with Reader(bag) as reader:
+        types = {connection.topic: connection.msgtype for connection in reader.connections}
+    assert types["/arena1/program"] == "msgs_schema/msg/Program"
+
+
+def test_an_existing_folder_and_a_topic_that_nobody_publishes_are_refused(own_domain, tmp_path):
+    with client_node("test") as node:
+        with pytest.raises(BagError, match="exists already"):
+            Recorder(tmp_path, node)
+        with pytest.raises(BagError, match="/nothing"):
+            topics_named(node, ["verdict", "nothing"])
+        stranger = node.create_publisher(topics.JOINT_STATES.type, "elsewhere", 10)
+        chosen = topics_named(node, ["verdict", "elsewhere"])
+        assert [topic.type for topic in chosen] == [topics.VERDICT.type, stranger.msg_type]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_recording_that_is_ended_is_readable(own_domain, tmp_path, number, storage):
+    bag = tmp_path / "bag"
+    with pa_ros("record", bag, "--storage", storage, domain=DOMAIN) as process:
+        try:
+            assert process.stdout.readline().startswith("recording into")
+            with client_node("test") as node:
+                publisher_heard(node, topics.PROGRAM).publish(REQUEST)
+                wait_for(lambda: grown(bag), "the message on disk")
+            process.send_signal(number)
+            assert process.wait(DEADLINE_S) == (-9 if number == signal.SIGKILL else 0)
+        finally:
+            process.kill()
+    if number == signal.SIGKILL:
+        with pa_ros("record", "--repair", bag, domain=DOMAIN) as repairing:
+            out, _ = repairing.communicate(timeout=DEADLINE_S)
+        assert repairing.returncode == 0 and "1 messages in 1 file(s)" in out
+    with Reader(bag) as reader:
+        store = installed_types()
+        texts = [store.deserialize_cdr(raw, c.msgtype).text for c, _, raw in reader.messages()]
+    assert texts == ["NEAR(HAND, RED)"]
+    assert not (bag / ".reserve").exists()
+    assert repair(bag).messages == 1
+
+
+def grown(bag: Path) -> bool:
+    """Whether a message has been flushed: a chunk, or a row in SQLite's file."""
+    (file,) = [path for path in bag.iterdir() if path.suffix in (".mcap", ".db3")]
+    return b"NEAR(HAND, RED)" in file.read_bytes()
+
+
+def test_memory_stays_bounded(own_domain, tmp_path):
+    """300 MB through a recorder grow the process by a fraction of that."""
+    message = codec.encode_program(ProgramRequest("id", "X" * 1_000_000))
+    with client_node("test") as node, Recorder(tmp_path / "b", node, [topics.TRAJECTORIES]) as bag:
+        large = topics.TRAJECTORIES.type(program="X" * 1_000_000)
+        publisher = publisher_heard(node, topics.TRAJECTORIES)
+        for count in range(1, 301):
+            publisher.publish(large)
+            wait_for(lambda count=count: bag.counts["/trajectories"] >= count - 5, "keeping up")
+            if count == 50:
+                before = resident_mb()
+        wait_for(lambda: bag.counts["/trajectories"] == 300, "all")
+        assert bag.size > 250e6
+        assert resident_mb() - before < 40
+    assert len(message.text) == 1_000_000
+
+
+def resident_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def test_a_full_disk_closes_the_bag_and_says_so(own_domain, tmp_path):
+    """The kernel refuses files beyond a limit, as a full disk would."""
+    bag = tmp_path / "bag"
+    limit = 3_000_000
+    with pa_ros("record", bag, "--topics", "trajectories", domain=DOMAIN) as process:
+        try:
+            assert process.stdout.readline().startswith("recording into")
+            resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (limit, limit))
+            with client_node("test") as node:
+                publisher = publisher_heard(node, topics.TRAJECTORIES)
+                large = topics.TRAJECTORIES.type(program="X" * 100_000)
+                for _ in range(60):
+                    publisher.publish(large)
+                _, err = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 1
+    assert "messages are in the bag, which was closed" in err and "Traceback" not in err
+    kept = [message.program for _, message in decoded(bag)]
+    assert 15 <= len(kept) < 30 and set(kept) == {"X" * 100_000}
+    assert information(bag)["message_count"] == len(kept)
