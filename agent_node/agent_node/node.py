@@ -15,7 +15,7 @@ from agent_node.config import AgentConfig
 from agent_node.drivers import Driver, GreedyDriver, LearningDriver, Step
 from agent_node.programs import HeardByOthers, ProgramBook, vocabulary_of
 from agent_node.steps import StepMatcher
-from pa_ros.core.experience import PolicySnapshot
+from pa_ros.core.experience import Observation, PolicySnapshot
 from pa_ros.language import Vocabulary
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.parameters import initial_actor
@@ -46,6 +46,7 @@ class AgentNode(Node):
         self._elsewhere = HeardByOthers()
         self._policy: PublishedPolicy | None = None  # the newest accepted
         self._unread: dict[str, Any] | None = None  # newest step whose program is not known yet
+        self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
         self._commands = self._trajectories = 0
@@ -162,9 +163,9 @@ class AgentNode(Node):
         started = time.perf_counter()
         action = self.driver.act()
         self._core_s += time.perf_counter() - started
-        if action is None:
-            return
         observation = self._observation
+        if action is None or observation is None:
+            return
         self._command = Command(
             observation.episode,
             observation.step,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import pytest
 
 from pa_ros.core.errors import ConfigError
@@ -48,3 +51,47 @@ def test_a_guarded_callback_lets_bugs_through_and_refuses_bad_input():
     assert refusals.counts["config"] == 1
     with pytest.raises(ZeroDivisionError):
         guarded("bug")
+
+
+class SlowCode(str):
+    """A code that Python itself hashes, so that another thread may come between."""
+
+    def __hash__(self) -> int:
+        return super().__hash__()
+
+
+def in_threads(count: int, act) -> None:
+    threads = [threading.Thread(target=act) for _ in range(count)]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+
+
+def test_none_is_lost_where_threads_refuse_at_once():
+    refusals, _, _ = make()
+    error = ConfigError("no")
+    error.code = SlowCode("config")
+    in_threads(4, lambda: [refusals.refuse("topic", error) for _ in range(2000)])
+    assert refusals.total == 8000
+
+
+def test_two_threads_log_the_first_of_a_code_once():
+    lines: list[str] = []
+    asked, both = [], threading.Event()
+
+    def clock() -> float:
+        asked.append(True)
+        if len(asked) > 1:
+            both.set()
+        both.wait(0.2)
+        return 0.0
+
+    refusals = Refusals(lines.append, clock)
+    in_threads(2, lambda: refusals.refuse("topic", ConfigError("no")))
+    assert lines == ["refused: topic: [config] no"]

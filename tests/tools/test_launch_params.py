@@ -19,7 +19,7 @@ GOOD = """
   ros__parameters: {seed: 3, design: 2-L}
 /arena1/sim_node:
   ros__parameters: {seed: 4}
-agent_node:
+/**/agent_node:
   ros__parameters: {}
 """
 
@@ -58,6 +58,15 @@ def test_common_parameters_alone_start_all_three(tmp_path):
 )
 def test_refusals_say_what_came(tmp_path, text, reason):
     with pytest.raises(ConfigError, match=reason):
+        load_parameters(written(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    "keys", [("/arena1/sim_node", "/arena0/sim_node"), ("/arena1/sim_node", "/agent_node")]
+)
+def test_nodes_of_two_namespaces_are_not_merged_but_refused(tmp_path, keys):
+    text = yaml.dump({key: {"ros__parameters": {"seed": i}} for i, key in enumerate(keys)})
+    with pytest.raises(ConfigError, match="of one namespace, got /.*/arena1"):
         load_parameters(written(tmp_path, text))
 
 

@@ -1,6 +1,6 @@
-"""Measure what the presets were chosen by: `python -m pa_ros.benchmarks.arena_measure [--episodes N]`.
+"""What the presets were chosen by: the tables of docs/arena.md.
 
-Prints the tables of docs/arena.md.
+`python -m pa_ros.benchmarks.arena_measure [--episodes N]`
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -13,7 +14,10 @@ LOG_PERIOD_S = 5.0
 
 
 class Refusals:
-    """Counts refusals by code; logs the first of a code, then at most one each LOG_PERIOD_S."""
+    """Counts refusals by code; logs the first of a code, then at most one each LOG_PERIOD_S.
+
+    Any thread may refuse and ask.
+    """
 
     def __init__(
         self,
@@ -21,7 +25,8 @@ class Refusals:
         clock: Callable[[], float] = time.monotonic,
         period_s: float = LOG_PERIOD_S,
     ) -> None:
-        self.counts: Counter[str] = Counter()
+        self._lock = threading.Lock()
+        self._counts: Counter[str] = Counter()
         self._log = log
         self._clock = clock
         self._period_s = period_s
@@ -29,16 +34,23 @@ class Refusals:
 
     def refuse(self, where: str, error: PaError) -> None:
         """Count a refusal, and log it unless one of its code was logged just now."""
+        with self._lock:
+            line = self._counted(where, error)
+        if line:
+            self._log(line)
+
+    def _counted(self, where: str, error: PaError) -> str:
+        """What to log of a refusal; empty: nothing this time."""
         code = error.code
-        self.counts[code] += 1
+        self._counts[code] += 1
         now = self._clock()
         when, count = self._logged.get(code, (-self._period_s, 0))
         if now - when < self._period_s:
-            return
-        self._logged[code] = (now, self.counts[code])
-        silent = self.counts[code] - count - 1
+            return ""
+        self._logged[code] = (now, self._counts[code])
+        silent = self._counts[code] - count - 1
         more = f" ({silent} more since the last report)" if silent else ""
-        self._log(f"refused: {where}: [{code}] {error}{more}")
+        return f"refused: {where}: [{code}] {error}{more}"
 
     def guard(self, where: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """The callback, with typed errors turned into refusals. Other errors are bugs, and pass."""
@@ -50,6 +62,12 @@ class Refusals:
                 self.refuse(where, error)
 
         return guarded
+
+    @property
+    def counts(self) -> Counter[str]:
+        """A copy: refusals by code."""
+        with self._lock:
+            return self._counts.copy()
 
     @property
     def total(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +40,10 @@ def chosen(named: str) -> Path:
 def load_parameters(path: Path) -> Parameters:
     """Read a ROS 2 parameters file: each node that it names is started.
 
-    Keys are names of nodes (`sim_node`, `/arena1/sim_node`, `/**/sim_node`: the last part counts)
-    or `/**`, whose parameters go to every node started; a file with `/**` alone starts all three.
-    Raises ConfigError if the file is missing, is not YAML or has another structure.
+    Keys are names of nodes (`sim_node`, `/arena1/sim_node`, `/**/sim_node`: the last part counts,
+    but the keys may name one namespace only) or `/**`, whose parameters go to every node started; a
+    file with `/**` alone starts all three. Raises ConfigError if the file is missing, is not YAML,
+    names nodes of several namespaces or has another structure.
     """
     try:
         content = yaml.safe_load(path.read_text())
@@ -51,6 +52,7 @@ def load_parameters(path: Path) -> Parameters:
     if not isinstance(content, dict) or not content:
         shown = type(content).__name__ if content else "nothing"
         raise ConfigError(f"parameters: {path}: expected nodes by name, got {shown}")
+    _check_one_namespace(path, content)
     by_node: dict[str, dict[str, Any]] = {}
     for key, value in content.items():
         name = _node_name(path, key)
@@ -88,6 +90,20 @@ def _node_name(path: Path, key: object) -> str:
     if name not in (*NODES, _EVERY):
         raise ConfigError(f"parameters: {path}: expected a node of {NODES} or /**, got {key!r}")
     return name
+
+
+def _check_one_namespace(path: Path, keys: Iterable[object]) -> None:
+    """A launch is one arena with its nodes: those of another namespace are another launch."""
+    within = {
+        str(key).strip("/").rpartition("/")[0] for key in keys if _node_name(path, key) != _EVERY
+    }
+    within.discard(_EVERY)
+    if len(within) > 1:
+        shown = ", ".join(sorted(f"/{namespace}" for namespace in within))
+        raise ConfigError(
+            f"parameters: {path}: expected nodes of one namespace, got {shown}: "
+            "a launch (and a file) for each"
+        )
 
 
 def _values(path: Path, key: object, value: object) -> dict[str, Any]:
