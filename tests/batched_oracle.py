@@ -20,9 +20,10 @@ from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX, Batch
 from pa_ros.native.engine import FusedEngine
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic, truth_matrix
-from pa_ros.networks.programs import ProgramTable
+from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
 from pa_ros.networks.relevance import program_tensors, relevant_objects
+from pa_ros.world.programs import ProgramTable
+from pa_ros.world.properties import truth_matrix
 
 PROGRAMS = (
     "NEAR(HAND, RED)",

@@ -16,9 +16,10 @@ PACKAGES = {
 }
 CORE = {"pa_ros.core", "pa_ros"}  # `pa_ros` itself holds the version alone
 LANGUAGE = CORE | {"pa_ros.language"}
-NETWORKS = LANGUAGE | {"pa_ros.networks"}
+WORLD = LANGUAGE | {"pa_ros.world"}
+NETWORKS = WORLD | {"pa_ros.networks"}
 LEARNING = NETWORKS | {"pa_ros.acting", "pa_ros.learning", "pa_ros.native"}
-ARENA = LANGUAGE | {"pa_ros.arena"}
+ARENA = WORLD | {"pa_ros.arena"}
 WIRE = CORE | {"pa_ros.wire"}
 PROVENANCE = LEARNING | ARENA | WIRE | {"pa_ros.provenance"}
 EVALUATION = LEARNING | ARENA | {"pa_ros.evaluation"}
@@ -29,6 +30,7 @@ NODES = LEARNING | ARENA | EVALUATION | PROVENANCE | ROS
 ALLOWED = {
     "pa_ros.core": CORE,
     "pa_ros.language": LANGUAGE,
+    "pa_ros.world": WORLD,
     "pa_ros.networks": NETWORKS,
     "pa_ros.acting": LEARNING,
     "pa_ros.native": LEARNING,
@@ -122,3 +124,9 @@ def test_language_needs_the_standard_library_alone():
     for module, path in SOURCES:
         if room(module) == "pa_ros.language":
             assert not {"numpy", "torch", "mujoco"} & {n.split(".")[0] for n in imports(path)}
+
+
+def test_the_world_needs_numpy_alone():
+    for module, path in SOURCES:
+        if room(module) == "pa_ros.world":
+            assert not {"torch", "mujoco", "gymnasium"} & {n.split(".")[0] for n in imports(path)}

@@ -25,7 +25,7 @@ from pa_ros.learning.algorithms.dpg.engine import Batch
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor, initial_critic
-from pa_ros.networks.programs import ProgramTable
+from pa_ros.world.programs import ProgramTable
 
 CPU = torch.device("cpu")
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))")

@@ -14,8 +14,8 @@ from pa_ros.learning.algorithms.dpg.engine import Batch, make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
-from pa_ros.networks.programs import ProgramTable
 from pa_ros.networks.slots import slot_matrices, target_one_hots
+from pa_ros.world.programs import ProgramTable
 
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, OR(RED, BLUE))")
 CLIP = 0.02  # small, so that some of ∂Q/∂a is clipped and some is not

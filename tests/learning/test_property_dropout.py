@@ -12,7 +12,7 @@ from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.programs import ProgramTable
+from pa_ros.world.programs import ProgramTable
 
 ALL = Vocabulary(SHAPES, COLORS)
 SHAPE, COLOR = slice(7, 11), slice(11, 16)

@@ -17,8 +17,8 @@ from pa_ros.native.engine import FusedActor, FusedEngine
 from pa_ros.networks.canonical import CanonicalActor
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
-from pa_ros.networks.programs import ProgramTable
 from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
+from pa_ros.world.programs import ProgramTable
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A"))
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")

@@ -12,13 +12,8 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.language import Vocabulary
 from pa_ros.networks.config import KINDS, NetworkConfig, actor_config
-from pa_ros.networks.parameters import (
-    actor_shapes,
-    critic_shapes,
-    initial_actor,
-    initial_critic,
-    truth_matrix,
-)
+from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
+from pa_ros.world.properties import truth_matrix
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("BLUE", "A"))
 

@@ -19,8 +19,8 @@ from pa_ros.networks.parameters import (
     initial_critic,
 )
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
-from pa_ros.networks.programs import ProgramTable
 from pa_ros.networks.relevance import program_tensors
+from pa_ros.world.programs import ProgramTable
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
 TEXTS = (

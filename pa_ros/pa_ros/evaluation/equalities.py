@@ -22,8 +22,8 @@ from pa_ros.evaluation.benchmark import EPISODES_SEED
 from pa_ros.language import And, Expression, Not, Or, Program, Word, parse
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import ProgrammableInference
-from pa_ros.networks.programs import ProgramTable
 from pa_ros.networks.relevance import program_tensors, relevant_objects
+from pa_ros.world.programs import ProgramTable
 
 CONDITIONS = ("eval", "depth-3")
 """Of the scenes and of the programs that the laws are applied to."""

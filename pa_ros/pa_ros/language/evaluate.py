@@ -1,7 +1,7 @@
 """What a program means: crisply over true properties, softly over a matrix Φ.
 
 These are the readable definitions, one object at a time. Batches of different programs run in
-`pa_ros.networks.programs`, which agrees with `relevance` to float precision.
+`pa_ros.world.programs`, which agrees with `relevance` to float precision.
 """
 
 from __future__ import annotations

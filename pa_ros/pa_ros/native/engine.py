@@ -33,8 +33,8 @@ from pa_ros.networks.parameters import (
     check_tensors,
     critic_shapes,
 )
-from pa_ros.networks.programs import ProgramTable
 from pa_ros.networks.slots import target_one_hots
+from pa_ros.world.programs import ProgramTable
 
 Arrays = dict[str, NDArray[np.generic]]
 Int32 = NDArray[np.int32]

@@ -8,8 +8,9 @@ from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float3
 from pa_ros.native import library as fused_library
 from pa_ros.native.library import Layout
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors, truth_matrix
+from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors
 from pa_ros.networks.slots import slot_matrices
+from pa_ros.world.properties import truth_matrix
 
 _LINE = 16  # floats in a cache line, to which the library aligns rows
 

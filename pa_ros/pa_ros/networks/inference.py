@@ -16,9 +16,9 @@ from pa_ros.networks.parameters import (
     Tensors,
     actor_shapes,
     check_tensors,
-    truth_matrix,
 )
 from pa_ros.networks.slots import slot_matrices, target_one_hots
+from pa_ros.world.properties import truth_matrix
 
 
 class Inference(Protocol):

@@ -15,11 +15,9 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import ARM_FEATURES, COLORS, JOINTS, OBJECT_FEATURES, SHAPES, Float32
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.world.properties import PROPERTIES
 
 COLUMN_FEATURES = OBJECT_FEATURES + ARM_FEATURES  # 34, one column ω of Ω (paper, appendix)
-COLOR = slice(OBJECT_FEATURES - len(COLORS), OBJECT_FEATURES)  # one-hot of Ω, and of ω
-SHAPE = slice(COLOR.start - len(SHAPES), COLOR.start)
-PROPERTIES = slice(SHAPE.start, COLOR.stop)  # both
 GEOMETRY = np.delete(np.arange(COLUMN_FEATURES), PROPERTIES)  # the rest of ω
 RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
@@ -84,20 +82,6 @@ def check_shapes(tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, who
     for name, shape in shapes.items():
         if tensors[name].shape != shape:
             raise TensorError(f"{whose}: {name}: expected {shape}, got {tensors[name].shape}")
-
-
-def truth_matrix(vocabulary: Vocabulary) -> Float32:
-    """[16, V]: `objects @ truth_matrix` is the true Φ, transposed (words of nothing: zero)."""
-    matrix = np.zeros((OBJECT_FEATURES, len(vocabulary.words)), np.float32)
-    for offset, (named, words) in zip(
-        (SHAPE.start, COLOR.start),
-        ((SHAPES, vocabulary.shapes), (COLORS, vocabulary.colors)),
-        strict=True,
-    ):
-        for word in words:
-            if word in named:
-                matrix[offset + named.index(word), vocabulary.row[word]] = 1.0
-    return matrix
 
 
 def slot_words(vocabulary: Vocabulary) -> list[tuple[str, str]]:

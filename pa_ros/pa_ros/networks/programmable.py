@@ -16,8 +16,9 @@ from torch.nn import functional as F
 
 from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING, PROPERTIES, truth_matrix
+from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING
 from pa_ros.networks.relevance import relevant_objects
+from pa_ros.world.properties import PROPERTIES, truth_matrix
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Programs:
     b: Tensor
 
     def relevant_objects(self, phi: Tensor, hand_index: int) -> Tensor:
-        """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.networks.programs`."""
+        """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.world.programs`."""
         return relevant_objects(phi, hand_index, self.op, self.a, self.b)
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from pa_ros.language.evaluate import check_hand
-from pa_ros.networks.programs import COEFFICIENTS, ProgramTable
+from pa_ros.world.programs import COEFFICIENTS, ProgramTable
 
 
 def program_tensors(

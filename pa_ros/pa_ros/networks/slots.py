@@ -7,7 +7,8 @@ import numpy as np
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32
 from pa_ros.language import And, Program, Vocabulary, Word
-from pa_ros.networks.parameters import slot_words, truth_matrix
+from pa_ros.networks.parameters import slot_words
+from pa_ros.world.properties import truth_matrix
 
 
 class UnsupportedProgramError(PaError):

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
 from pa_ros.language import Program, Vocabulary
-from pa_ros.networks.parameters import truth_matrix
-from pa_ros.networks.programs import ProgramTable, crisp
+from pa_ros.world.programs import ProgramTable, crisp
+from pa_ros.world.properties import truth_matrix
 
 MAX_PROGRAMS = 64  # bits of a mark
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import COLORS, OBJECT_FEATURES, SHAPES, Float32
 from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX
-from pa_ros.networks.parameters import COLOR, SHAPE, truth_matrix
-from pa_ros.networks.programs import ProgramTable, crisp
+from pa_ros.world.programs import ProgramTable, crisp
+from pa_ros.world.properties import COLOR, SHAPE, truth_matrix
 
 
 class PropertyDropout:

@@ -14,7 +14,7 @@ from pa_ros.core.experience import Float32
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
-from pa_ros.networks.programs import ProgramTable
+from pa_ros.world.programs import ProgramTable
 
 log = logging.getLogger(__name__)
 

@@ -19,8 +19,8 @@ from pa_ros.learning.relabeling.all_goals import Int32, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.programs import ProgramTable
 from pa_ros.networks.slots import target_one_hots
+from pa_ros.world.programs import ProgramTable
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
 

@@ -31,9 +31,9 @@ from pa_ros.networks.parameters import (
     critic_shapes,
 )
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
-from pa_ros.networks.programs import ProgramTable
 from pa_ros.networks.relevance import program_tensors
 from pa_ros.networks.slots import target_one_hots
+from pa_ros.world.programs import ProgramTable
 
 Arrays = dict[str, NDArray[np.generic]]
 

@@ -23,8 +23,8 @@ from pa_ros.language import (
     satisfying,
 )
 from pa_ros.language.flat import COPY
-from pa_ros.networks.programs import ProgramTable, crisp
 from pa_ros.networks.relevance import program_tensors, relevant_objects
+from pa_ros.world.programs import ProgramTable, crisp
 
 torch.set_num_threads(1)
 
