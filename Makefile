@@ -10,7 +10,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install install-dev install-bench run train test bench lint clean
+.PHONY: install install-dev install-bench run train test bench same-results lint clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -49,6 +49,13 @@ bench: install
 	$(BIN)/pa_ros bench codec
 	$(BIN)/pa_ros bench sim
 	$(BIN)/pa_ros bench graph
+
+# make same-results BASE=COMMIT: does what stands here learn the same as that commit, on this machine?
+same-results: install
+	@test -n "$(BASE)" || { echo "same-results: expected BASE=COMMIT"; exit 2; }
+	test -d build/base-$(BASE) || git worktree add --detach build/base-$(BASE) $(BASE)
+	$(MAKE) -C build/base-$(BASE) install
+	$(BIN)/python pa_ros/pa_ros/benchmarks/same_results.py $(VENV) build/base-$(BASE)/.venv
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

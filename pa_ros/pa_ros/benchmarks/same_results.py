@@ -1,0 +1,162 @@
+"""Do two builds learn the same? `make same-results BASE=COMMIT`.
+
+Hashes depend on the processor, so none is written down: both builds run here, and their weights are
+compared after short runs in one process, and version by version after a short run of the graph.
+The builds are told apart by their `pa_ros` command alone; this file needs the standard library.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import product, starmap
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Case(NamedTuple):
+    """Options of `pa_ros train`."""
+
+    design: str
+    protocol: str
+    preset: str
+    network: str = "programmable"
+
+
+CASES = (
+    *starmap(Case, product(("2-L", "3-D"), ("paper", "ours", "ours-slow"), ("fast", "paper"))),
+    *(Case("2-L", "ours", "fast", name) for name in ("distilled-critic", "canonical")),
+)
+GRAPH_S = 40.0  # of a graph that learns, its start included
+FEWEST_VERSIONS = 20  # that both graphs must have come to
+STOP_S = 60.0
+
+# Run by each build's own Python.
+HASH_CHECKPOINT = """
+import hashlib, sys
+from pathlib import Path
+from safetensors.numpy import load_file
+folder, digest, count = Path(sys.argv[1]), hashlib.sha256(), 0
+for path in sorted((folder / (folder / "LATEST").read_text().strip()).glob("*.safetensors")):
+    for name, value in sorted(load_file(path).items()):
+        if name.startswith(("actor.", "critic.", "target_", "adam.")):
+            digest.update(name.encode() + value.tobytes())
+            count += 1
+assert count, "no weights"
+print(digest.hexdigest()[:16])
+"""
+HASH_BAG = """
+import hashlib, sys
+from pathlib import Path
+from rosbags.highlevel import AnyReader
+with AnyReader([Path(sys.argv[1])]) as bag:
+    topics = [c for c in bag.connections if c.topic.endswith("policy_weights")]
+    for connection, _, raw in bag.messages(connections=topics):
+        message = bag.deserialize(raw, connection.msgtype)
+        payload, digest = message.payload.tobytes(), hashlib.sha256()
+        tensors = sorted(message.tensors, key=lambda tensor: tensor.offset)
+        ends = [tensor.offset for tensor in tensors[1:]] + [len(payload)]
+        parts = {t.name: payload[t.offset:end] for t, end in zip(tensors, ends)}
+        for name, part in sorted(parts.items()):
+            digest.update(name.encode() + part)
+        print(message.version, digest.hexdigest()[:16])
+"""
+
+
+class Build:
+    """An environment with a `pa_ros` command."""
+
+    def __init__(self, environment: Path) -> None:
+        self._bin = environment / "bin"
+
+    def weights(self, case: Case, frames: int) -> str:
+        """Hash of networks, targets and moments after a run in one process, seed 0."""
+        with tempfile.TemporaryDirectory() as folder:
+            options = case._asdict() | {"seed": "0", "frames": str(frames)}
+            options |= {"eval-every": "0", "out": folder}
+            given = [word for name, value in options.items() for word in (f"--{name}", value)]
+            self._run("pa_ros", "train", *given)
+            return self._run("python", "-c", HASH_CHECKPOINT, f"{folder}/checkpoint").strip()
+
+    def versions(self, domain: int) -> dict[str, str]:
+        """Hash of every version that a graph published within GRAPH_S, design 2-L."""
+        with tempfile.TemporaryDirectory() as folder:
+            command = [
+                str(self._bin / "pa_ros"),
+                "launch",
+                "--params",
+                "train_2l",
+                "--record",
+                "bag",
+            ]
+            environment = _environment() | {"ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": folder}
+            graph = subprocess.Popen(
+                command, cwd=folder, env=environment, stdout=subprocess.DEVNULL
+            )
+            try:
+                graph.wait(GRAPH_S)
+            except subprocess.TimeoutExpired:
+                graph.send_signal(signal.SIGINT)
+            if graph.wait(STOP_S):
+                raise SystemExit(f"{command}: expected to end with 0, got {graph.returncode}")
+            lines = self._run("python", "-c", HASH_BAG, f"{folder}/bag").splitlines()
+        pairs = (line.split() for line in lines)
+        return {version: digest for version, digest in pairs}
+
+    def _run(self, program: str, *arguments: str) -> str:
+        command = [str(self._bin / program), *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, env=_environment())
+        if done.returncode:
+            raise SystemExit(f"{command}: {done.stderr[-2000:]}")
+        return done.stdout
+
+
+def _environment() -> dict[str, str]:
+    """Without what another build's wheels left in it."""
+    left_out = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH")
+    kept = {name: value for name, value in os.environ.items() if name not in left_out}
+    return kept | {"OMP_NUM_THREADS": "1"}
+
+
+def compare(builds: tuple[Build, Build], frames: int) -> Iterator[tuple[str, str, str]]:
+    """What was run, and what either build made of it."""
+    with ThreadPoolExecutor(2) as pool:
+        for case in CASES:
+            ours, base = pool.map(partial(Build.weights, case=case, frames=frames), builds)
+            yield f"{frames} frames of {' '.join(case)}", ours, base
+    domains = random.SystemRandom().sample(range(1, 102), 2)
+    ours_heard, base_heard = map(Build.versions, builds, domains)
+    common = sorted(set(ours_heard) & set(base_heard), key=int)
+    if len(common) < FEWEST_VERSIONS:
+        raise SystemExit(f"graph: expected {FEWEST_VERSIONS} versions of both, got {len(common)}")
+    wrong = [version for version in common if ours_heard[version] != base_heard[version]]
+    shown = wrong[0] if wrong else common[-1]
+    yield f"graph, {len(common)} versions, {shown}", ours_heard[shown], base_heard[shown]
+
+
+def main() -> int:
+    """Exit status 1 if any weights differ."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("ours", type=Path, help="virtual environment of one build")
+    parser.add_argument("base", type=Path, help="of the other")
+    parser.add_argument("--frames", type=int, default=5000)
+    options = parser.parse_args()
+    builds = Build(options.ours.absolute()), Build(options.base.absolute())
+    differ = 0
+    for name, ours, base in compare(builds, options.frames):
+        print(f"{name:<32} {ours} {base} {'equal' if ours == base else 'DIFFERENT'}", flush=True)
+        differ += ours != base
+    print("EQUAL" if not differ else f"{differ} DIFFER")
+    return bool(differ)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
