@@ -6,14 +6,8 @@ import ast
 from pathlib import Path
 
 import pytest
+from sources import PACKAGES, files, room
 
-ROOT = Path(__file__).parents[1]
-PACKAGES = {
-    "pa_ros": ROOT / "pa_ros/pa_ros",
-    "sim_node": ROOT / "sim_node/sim_node",
-    "agent_node": ROOT / "agent_node/agent_node",
-    "learner_node": ROOT / "learner_node/learner_node",
-}
 CORE = {"pa_ros.core", "pa_ros"}  # `pa_ros` itself holds the version alone
 LANGUAGE = CORE | {"pa_ros.language"}
 WORLD = LANGUAGE | {"pa_ros.world"}
@@ -59,16 +53,6 @@ ROS_CLIENT = {
 }
 
 
-def files() -> list[tuple[str, Path]]:
-    """(module, path) of every source file."""
-    found = []
-    for package, folder in PACKAGES.items():
-        for path in sorted(folder.rglob("*.py")):
-            parts = path.relative_to(folder).with_suffix("").parts
-            found.append((".".join([package, *(p for p in parts if p != "__init__")]), path))
-    return found
-
-
 def imports(path: Path) -> set[str]:
     """Modules that a file imports, wherever in it."""
     found: set[str] = set()
@@ -80,12 +64,6 @@ def imports(path: Path) -> set[str]:
             assert node.module is not None
             found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return found
-
-
-def room(module: str) -> str:
-    """`pa_ros.language` of `pa_ros.language.parser`; a node's package is one room."""
-    parts = module.split(".")
-    return ".".join(parts[:2]) if parts[0] == "pa_ros" and len(parts) > 1 else parts[0]
 
 
 def rooms_imported(path: Path) -> set[str]:

@@ -6,7 +6,6 @@ import time
 import uuid
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -27,6 +26,7 @@ from pa_ros.ros.parameters import config_from_parameters
 from pa_ros.ros.programs import judge, subscribe_programs
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Command, ProgramRequest, PublishedPolicy
 
 
@@ -45,7 +45,7 @@ class AgentNode(Node):
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
         self._elsewhere = HeardByOthers()
         self._policy: PublishedPolicy | None = None  # the newest accepted
-        self._unread: dict[str, Any] | None = None  # newest step whose program is not known yet
+        self._unread: dict[str, Message] | None = None  # newest step whose program is not known yet
         self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
@@ -72,13 +72,10 @@ class AgentNode(Node):
         return GreedyDriver()  # random weights need the arena's vocabulary first
 
     def _make_publishers(self) -> None:
-        def publisher(topic: topics.Topic) -> Any:
-            return self.create_publisher(topic.type, topic.name, topic.writer)
-
-        self._commands_out = publisher(topics.JOINT_COMMANDS)
-        self._transitions_out = publisher(topics.TRAJECTORIES)
-        self._status_out = publisher(topics.PROGRAM_STATUS)
-        self._provenance = publisher(topics.PROVENANCE)
+        self._commands_out = topics.JOINT_COMMANDS.publisher(self)
+        self._transitions_out = topics.TRAJECTORIES.publisher(self)
+        self._status_out = topics.PROGRAM_STATUS.publisher(self)
+        self._provenance = topics.PROVENANCE.publisher(self)
         parameters, name = asdict(self.config), self.get_fully_qualified_name()
         account = origin(name, self.agent_id, self.config.seed, parameters=parameters)
         self._provenance.publish(codec.encode_provenance(account))
@@ -95,13 +92,12 @@ class AgentNode(Node):
         if self.config.weights == "topic":
             callbacks.append((topics.POLICY_WEIGHTS, self._on_policy))
         for topic, callback in callbacks:
-            guarded = self.refusals.guard(topic.name, callback)
-            self.create_subscription(topic.type, topic.name, guarded, topic.reader)
+            topic.subscribe(self, self.refusals.guard(topic.name, callback))
         subscribe_programs(self, self._on_program, self.refusals)
 
     # What the arena says
 
-    def _on_arena(self, message: Any) -> None:
+    def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
         vocabulary = vocabulary_of(arena)
         restarted = self._arena is not None and self._arena.arena_id != arena.arena_id
@@ -117,7 +113,7 @@ class AgentNode(Node):
         for request in early:
             self._on_program(request)
 
-    def _on_part(self, part: str, message: Any) -> None:
+    def _on_part(self, part: str, message: Message) -> None:
         if self._arena is None:
             return  # arena_info is on its way; the arena repeats a step that nobody answers
         self._heard_at = time.monotonic()
@@ -125,7 +121,7 @@ class AgentNode(Node):
         if step is not None:
             self._on_step(step)
 
-    def _on_step(self, parts: dict[str, Any]) -> None:
+    def _on_step(self, parts: dict[str, Message]) -> None:
         assert self._arena is not None and self._book is not None
         observation = codec.decode_observation(
             parts["features"], parts["joints"], self._arena.joint_names
@@ -202,7 +198,7 @@ class AgentNode(Node):
         if judgement.accepted:
             self._retry()
 
-    def _on_judgement(self, message: Any) -> None:
+    def _on_judgement(self, message: Message) -> None:
         judgement = codec.decode_program_status(message)
         if judgement.node == self.get_fully_qualified_name():
             return
@@ -216,7 +212,7 @@ class AgentNode(Node):
         if request is not None:
             self._on_program(request)
 
-    def _on_policy(self, message: Any) -> None:
+    def _on_policy(self, message: Message) -> None:
         known = self._policy.snapshot if self._policy else None
         digest = self._book.vocabulary.digest if self._book else None
         policy = codec.decode_weights(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from agent_node.errors import StaleObservationError
+from pa_ros.wire.interfaces import Message
 
 KEPT = 8  # incomplete steps; in lockstep there are two at most
 
@@ -15,10 +15,10 @@ class StepMatcher:
 
     def __init__(self, parts: Iterable[str]) -> None:
         self._parts = frozenset(parts)
-        self._partial: dict[int, dict[str, Any]] = {}
+        self._partial: dict[int, dict[str, Message]] = {}
         self._newest = -1  # stamp of the newest step handed out
 
-    def add(self, part: str, stamp_ns: int, message: Any) -> dict[str, Any] | None:
+    def add(self, part: str, stamp_ns: int, message: Message) -> dict[str, Message] | None:
         """Take a message; the whole step's messages by part, if it was the last that lacked.
 
         Raises StaleObservationError for a step older than one handed out. The newest one itself

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
 from rclpy.node import Node
 
@@ -19,6 +18,7 @@ from pa_ros.ros.parameters import config_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.errors import VocabularyError
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, PublishedPolicy
 
 WATCH_S = 0.5
@@ -42,18 +42,14 @@ class LearnerNode(Node):
         if self.config.resume:
             find_checkpoint(Path(self.config.out) / "checkpoint")
         self._failure: BaseException | None = None
-        self._early: list[Any] = []  # transitions that came before arena_info
+        self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
         self._rate = (time.monotonic(), 0.0, 0.0)  # since when, frames and updates then
-        weights = topics.POLICY_WEIGHTS
-        self._weights = self.create_publisher(weights.type, weights.name, weights.writer)
-        account = topics.PROVENANCE
-        self._provenance = self.create_publisher(account.type, account.name, account.writer)
-        for topic, callback in (
-            (topics.ARENA_INFO, self.refusals.guard(topics.ARENA_INFO.name, self._on_arena)),
-            (topics.TRAJECTORIES, self._take),
-        ):
-            self.create_subscription(topic.type, topic.name, callback, topic.reader)
+        self._weights = topics.POLICY_WEIGHTS.publisher(self)
+        self._provenance = topics.PROVENANCE.publisher(self)
+        info = topics.ARENA_INFO
+        info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
+        topics.TRAJECTORIES.subscribe(self, self._take)
         HealthReporter(self, self.refusals, self._collect)
         steady_timer(self, WATCH_S, self._watch)
 
@@ -62,7 +58,7 @@ class LearnerNode(Node):
         if self.worker is not None:
             self.worker.close()
 
-    def _on_arena(self, message: Any) -> None:
+    def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
         if self.worker is None:
             self._start(arena)
@@ -84,7 +80,7 @@ class LearnerNode(Node):
         for message in early:
             self._take(message)
 
-    def _on_trajectory(self, message: Any) -> None:
+    def _on_trajectory(self, message: Message) -> None:
         if self.worker is None:  # the arena's own description may come later than experience
             if len(self._early) == EARLY_TRAJECTORIES:
                 raise EarlyTrajectoryError(

@@ -19,6 +19,7 @@ from pa_ros.ros.parameters import config_from_parameters
 from pa_ros.ros.programs import judge, subscribe_programs
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Outcome, ProgramRequest
 from sim_node.config import SimConfig
 from sim_node.description import JOINT_NAMES, describe, origin
@@ -60,29 +61,25 @@ class SimNode(Node):
         """Nothing to save."""
 
     def _make_publishers(self) -> None:
-        def publisher(topic: topics.Topic) -> Any:
-            return self.create_publisher(topic.type, topic.name, topic.writer)
-
-        self._features = publisher(topics.OBJECT_FEATURES)
-        self._joints = publisher(topics.JOINT_STATES)
-        self._verdict = publisher(topics.VERDICT)
-        self._clock_topic = publisher(topics.CLOCK)
-        self._program = publisher(topics.PROGRAM)
-        self._status = publisher(topics.PROGRAM_STATUS)
-        self._info = publisher(topics.ARENA_INFO)
+        self._features = topics.OBJECT_FEATURES.publisher(self)
+        self._joints = topics.JOINT_STATES.publisher(self)
+        self._verdict = topics.VERDICT.publisher(self)
+        self._clock_topic = topics.CLOCK.publisher(self)
+        self._program = topics.PROGRAM.publisher(self)
+        self._status = topics.PROGRAM_STATUS.publisher(self)
+        self._info = topics.ARENA_INFO.publisher(self)
         self._info.publish(codec.encode_arena_info(describe(self.session)))
-        self._provenance = publisher(topics.PROVENANCE)
+        self._provenance = topics.PROVENANCE.publisher(self)
         account = origin(self.session, self.get_fully_qualified_name())
         self._provenance.publish(codec.encode_provenance(account))
 
     def _make_subscriptions(self) -> None:
         command = topics.JOINT_COMMANDS
-        guarded = self.refusals.guard(command.name, self._on_command)
-        self.create_subscription(command.type, command.name, guarded, command.reader)
+        command.subscribe(self, self.refusals.guard(command.name, self._on_command))
         subscribe_programs(self, self._on_program, self.refusals)
 
     def _make_services(self) -> None:
-        services: list[tuple[tuple[str, Any], Callable[[Any], Outcome]]] = [
+        services: list[tuple[tuple[str, Any], Callable[[Message], Outcome]]] = [
             (topics.RESET, self._reset),
             (topics.STEP_SERVICE, self._step),
             (topics.PAUSE, self._pause),
@@ -93,7 +90,7 @@ class SimNode(Node):
 
     # One control step
 
-    def _on_command(self, message: Any) -> None:
+    def _on_command(self, message: Message) -> None:
         command = codec.decode_command(message)
         if self.paused:
             raise PausedError("joint_commands: expected none while the arena is paused")
@@ -162,24 +159,26 @@ class SimNode(Node):
 
     # Services
 
-    def _answering(self, name: str, act: Callable[[Any], Outcome]) -> Callable[[Any, Any], Any]:
+    def _answering(
+        self, name: str, act: Callable[[Message], Outcome]
+    ) -> Callable[[Message, Message], Message]:
         """A service that answers a refusal with its cause."""
 
-        def answer(request: Any, response: Any) -> Any:
+        def answer(request: Message, response: Message) -> Message:
             try:
                 outcome = act(request)
             except PaError as error:
                 self.refusals.refuse(name, error)
                 outcome = self._outcome(False, error.code, str(error))
-            return codec.encode_outcome(response, outcome)
+            return Message(codec.encode_outcome(response, outcome))
 
         return answer
 
-    def _reset(self, message: Any) -> Outcome:
+    def _reset(self, message: Message) -> Outcome:
         self._send(self.session.begin(codec.decode_reset(message)))
         return self._outcome(True)
 
-    def _step(self, message: Any) -> Outcome:
+    def _step(self, message: Message) -> Outcome:
         steps = codec.decode_steps(message)
         if not self.paused:
             raise NotPausedError("step: expected a paused arena, got a running one")
@@ -187,13 +186,13 @@ class SimNode(Node):
             self._run(self.session.advance(self.session.hold))
         return self._outcome(True)
 
-    def _pause(self, message: Any) -> Outcome:
+    def _pause(self, message: Message) -> Outcome:
         self.paused = codec.decode_pause(message)
         if not self.paused and self._real_time and self._sent_at == -math.inf:
             self._send(self.session.frame)
         return self._outcome(True)
 
-    def _speed(self, message: Any) -> Outcome:
+    def _speed(self, message: Message) -> Outcome:
         factor = codec.decode_speed(message)
         if not self._real_time:
             raise LockstepError("speed: expected mode real_time, got lockstep")

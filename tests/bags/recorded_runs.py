@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from pa_ros.bags.contents import topic
-from pa_ros.bags.definitions import installed_types
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
+from pa_ros.wire.definitions import installed_types
 
 SMALL = ["learner.warmup_frames=20", "learner.batch_size=8", "network.hidden=16"]
 
@@ -29,7 +29,7 @@ def rewritten(bag: Path, copy: Path, change: Callable[[str, Any], list[Any]]) ->
         for name, type_name in source.types.items():
             target.add(topic(store, name, type_name, source.qos(name)))
         for recorded in source.messages():
-            for message in change(recorded.topic, source.decode(recorded)):
+            for message in change(recorded.topic, source.deserialize(recorded)):
                 payload = bytes(store.serialize_cdr(message, recorded.type_name))
                 target.write(recorded.topic, payload, recorded.stamp_ns)
     return copy

@@ -17,7 +17,6 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pa_ros.bags.contents import reliable_qos, topic
-from pa_ros.bags.definitions import installed_types, to_cdr
 from pa_ros.bags.errors import BagError, BagFullError, DamagedBagError, UnfinishedBagError
 from pa_ros.bags.losses import Losses
 from pa_ros.bags.reader import Bag
@@ -26,6 +25,7 @@ from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.wire import codec
+from pa_ros.wire.definitions import installed_types, to_cdr
 from pa_ros.wire.records import ProgramRequest
 
 STORE = installed_types()
@@ -51,7 +51,7 @@ def written(folder: Path, count: int, size: int = 10, close: bool = True, **opti
 
 def identifiers(path: Path) -> list[int]:
     with Bag(path) as bag:
-        return [int(bag.decode(recorded).program_id) for recorded in bag.messages()]
+        return [int(bag.deserialize(recorded).program_id) for recorded in bag.messages()]
 
 
 def storage_file(folder: Path) -> Path:

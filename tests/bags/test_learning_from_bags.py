@@ -9,7 +9,6 @@ import pytest
 from recorded_runs import rewritten, train
 
 from pa_ros.bags.contents import topic
-from pa_ros.bags.definitions import installed_types
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
@@ -17,6 +16,7 @@ from pa_ros.bags.verify import verify
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.learning.checkpoints import find_checkpoint
+from pa_ros.wire.definitions import installed_types
 
 FRAMES = 500
 

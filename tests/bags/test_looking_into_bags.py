@@ -12,7 +12,6 @@ from recorded_runs import rewritten, train
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.bags.contents import reliable_qos, topic
-from pa_ros.bags.definitions import installed_types, message_type, to_cdr
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.film import Stage
@@ -22,6 +21,7 @@ from pa_ros.cli.main import main
 from pa_ros.core.experience import Observation, Verdict
 from pa_ros.provenance.origins import JOINT_NAMES, describe
 from pa_ros.wire import codec
+from pa_ros.wire.definitions import installed_types, message_type, to_cdr
 from pa_ros.wire.records import Command, ProgramRequest
 
 STEPS = 30

@@ -18,7 +18,6 @@ from recorded_runs import SMALL, train
 from rosbags.typesys import get_types_from_msg
 
 from pa_ros.bags.contents import reliable_qos, topic
-from pa_ros.bags.definitions import installed_types, to_cdr
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
@@ -30,6 +29,7 @@ from pa_ros.tools.client import client_node
 from pa_ros.tools.playback import PlaybackError, PlaybackOptions, Player
 from pa_ros.tools.record import Recorder
 from pa_ros.wire import codec
+from pa_ros.wire.definitions import installed_types, to_cdr
 from pa_ros.wire.records import Command, ProgramRequest
 
 DOMAIN = "73"

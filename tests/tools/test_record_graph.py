@@ -13,7 +13,6 @@ from graphs import DEADLINE_S, decoded, pa_ros, publisher_heard, wait_for
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import Reader
 
-from pa_ros.bags.definitions import installed_types, message_type
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair
 from pa_ros.core.experience import Observation
@@ -21,6 +20,7 @@ from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.record import BAG_TOPICS, Recorder, topics_named
 from pa_ros.wire import codec
+from pa_ros.wire.definitions import installed_types, message_type
 from pa_ros.wire.records import Health, Origin, ProgramRequest
 
 DOMAIN = "71"

@@ -16,6 +16,7 @@ from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import JOINTS, Float32, Float64, Trajectory
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
 JOINT_STATES: Final = "sensor_msgs/msg/JointState"
@@ -153,9 +154,9 @@ class _Builder:
         self._texts: dict[str, str] = {}  # of programs, by id
         self._open: list[RecordedEpisode] = []  # the newest last
         self._rows: dict[int, Row] = {}  # of the open ones, by stamp
-        self._early: dict[int, list[tuple[str, Any]]] = {}
+        self._early: dict[int, list[tuple[str, Message]]] = {}
 
-    def take(self, type_name: str, message: Any) -> None:
+    def take(self, type_name: str, message: Message) -> None:
         if type_name == PROGRAM:
             request = codec.decode_program(message)
             self._texts[request.program_id] = request.text
@@ -183,32 +184,31 @@ class _Builder:
                 self._rows.pop(row.stamp_ns, None)
             yield episode
 
-    def _begin_row(self, stamp_ns: int, message: Any) -> None:
+    def _begin_row(self, stamp_ns: int, message: Message) -> None:
         if stamp_ns in self._rows:
             return  # sent again, because nobody answered
         newest = self._open[-1] if self._open else None
-        mark = (int(message.episode), bool(message.evaluation))
-        again = newest is None or (newest.number, newest.evaluation) != mark
-        if newest is None or again or int(message.step) <= newest.rows[-1].step:
-            newest = RecordedEpisode(*mark)
+        mark = codec.decode_step_mark(message)
+        of = (mark.episode, mark.evaluation)
+        again = newest is None or (newest.number, newest.evaluation) != of
+        if newest is None or again or mark.step <= newest.rows[-1].step:
+            newest = RecordedEpisode(*of)
             self._open.append(newest)
-        objects = np.array(message.features, dtype=np.float32).reshape(message.object_count, -1)
-        program = self._texts.get(message.program_id, str(message.program_id))
-        row = Row(int(message.step), stamp_ns, objects, int(message.hand_index), program)
+        program = self._texts.get(mark.program_id, mark.program_id)
+        row = Row(mark.step, stamp_ns, *codec.decode_objects(message), program)
         newest.rows.append(row)
         self._rows[stamp_ns] = row
 
-    def _fill(self, row: Row, type_name: str, message: Any) -> None:
+    def _fill(self, row: Row, type_name: str, message: Message) -> None:
         if type_name == JOINT_STATES:
-            names = list(message.name)
-            order = [names.index(n) for n in self._joint_names] if self._joint_names else ...
-            row.joint_position = np.array(message.position, dtype=np.float64)[order]
-            row.joint_velocity = np.array(message.velocity, dtype=np.float64)[order]
+            joints = codec.decode_joints(message, self._joint_names)
+            row.joint_position, row.joint_velocity = joints
         elif type_name == VERDICT:
-            row.reward, row.distance = float(message.reward), float(message.distance)
+            verdict = codec.decode_verdict(message)
+            row.reward, row.distance = verdict.reward, verdict.distance
         else:
-            row.action = np.array(message.action, dtype=np.float32)
-            row.policy_version = int(message.policy_version)
+            command = codec.decode_command(message)
+            row.action, row.policy_version = command.action, command.policy_version
 
 
 def _joint_names(bag: Bag, namespace: str | None) -> tuple[str, ...]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.experience import Trajectory
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
 
 TRAJECTORIES: Final = "msgs_schema/msg/Trajectory"
@@ -129,7 +130,7 @@ class Experience:
     def _arrivals(self) -> list[Key]:
         """Trajectories in the order of the recording, each once."""
         keys = dict.fromkeys(
-            self._bag.through(recorded, lambda m: (str(m.agent_id), int(m.sequence)))
+            self._bag.through(recorded, codec.decode_trajectory_key)
             for recorded in self._bag.messages([self._topic])
         )
         if not keys:
@@ -154,8 +155,7 @@ def _of_type(bag: Bag, type_name: str, namespace: str | None) -> Iterator[Record
         yield from bag.messages([bag.topic_of(type_name, namespace)])
 
 
-def _published(message: Any) -> Published:
-    policy = codec.decode_weights(message)  # checks the checksum
-    return Published(
-        int(policy.snapshot.version), str(message.checksum), policy.consumed, policy.run_id
-    )
+def _published(message: Message) -> Published:
+    policy = codec.decode_weights(message)
+    checksum = codec.weights_checksum(policy.snapshot)
+    return Published(policy.snapshot.version, checksum, policy.consumed, policy.run_id)

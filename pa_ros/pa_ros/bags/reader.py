@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
 from rosbags.rosbag2 import Reader
@@ -13,7 +13,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.contents import METADATA
-from pa_ros.bags.definitions import installed_types
 from pa_ros.bags.errors import (
     BagError,
     DamagedBagError,
@@ -22,6 +21,8 @@ from pa_ros.bags.errors import (
     UnfinishedBagError,
 )
 from pa_ros.bags.repair import custom_data, storage_files
+from pa_ros.wire.definitions import installed_types
+from pa_ros.wire.interfaces import Message
 
 T = TypeVar("T")
 
@@ -138,22 +139,22 @@ class Bag:
                 f"`pa_ros record --repair {self.path}` makes the rest readable"
             ) from error
 
-    def decode(self, recorded: Recorded) -> Any:
+    def deserialize(self, recorded: Recorded) -> Message:
         """The message as an object, by the definition in the bag. Raises DefinitionError."""
         store = self._store(recorded.topic)
         try:
-            return store.deserialize_cdr(recorded.payload, recorded.type_name)
+            return Message(store.deserialize_cdr(recorded.payload, recorded.type_name))
         except Exception as error:  # a payload that is not what its definition says
             raise DefinitionError(
                 f"bag: {self.path}: {recorded.topic} at {recorded.stamp_ns} ns: not a "
                 f"{recorded.type_name} ({type(error).__name__}: {error})"
             ) from error
 
-    def through(self, recorded: Recorded, read: Callable[[Any], T]) -> T:
+    def through(self, recorded: Recorded, read: Callable[[Message], T]) -> T:
         """What `read` makes of the message. DefinitionError if it lacks a field that `read` needs;
         raises whatever else `read` does."""
         try:
-            return read(self.decode(recorded))
+            return read(self.deserialize(recorded))
         except AttributeError as error:
             raise DefinitionError(
                 f"bag: {self.path}: {recorded.topic}: another edition of {recorded.type_name} "

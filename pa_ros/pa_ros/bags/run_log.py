@@ -10,7 +10,6 @@ from typing import Any, Final
 
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.contents import reliable_qos, topic
-from pa_ros.bags.definitions import installed_types, message_type, to_cdr
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.provenance import as_custom_data
 from pa_ros.bags.writer import BagOptions, BagWriter
@@ -18,7 +17,8 @@ from pa_ros.core.experience import Trajectory
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.provenance.origins import describe, learner_origin
 from pa_ros.wire import codec
-from pa_ros.wire.interfaces import ArenaInfo, PolicyWeights, Provenance
+from pa_ros.wire.definitions import installed_types, message_type, to_cdr
+from pa_ros.wire.interfaces import ArenaInfo, Message, PolicyWeights, Provenance
 from pa_ros.wire.interfaces import Trajectory as TrajectoryMessage
 from pa_ros.wire.records import PublishedPolicy
 
@@ -108,7 +108,7 @@ class RunLog:
         policy = PublishedPolicy(learner.snapshot(), self._run_id, consumed, time.time_ns())
         self._write("/policy_weights", codec.encode_weights(policy))
 
-    def _write(self, name: str, message: Any) -> None:
+    def _write(self, name: str, message: Message) -> None:
         """Stamps grow, so that the order in the bag is the order of the run."""
         self._stamp_ns = max(self._stamp_ns + 1, time.time_ns())
         payload = to_cdr(self._types, message)

@@ -20,7 +20,7 @@ from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire import codec
-from pa_ros.wire.records import Origin, PublishedPolicy
+from pa_ros.wire.records import Origin
 
 NAMED = 5  # altered transitions that are spelt out
 
@@ -105,11 +105,6 @@ def verify(
     return found
 
 
-def checksum(learner: Learner) -> str:
-    """Hash of the newest published weights, as policy_weights states it."""
-    return str(codec.encode_weights(PublishedPolicy(learner.snapshot(), "", {})).checksum)
-
-
 def _compare(experience: Experience, learner: Learner, found: Verification) -> None:
     """Hold this version against the recorded one, if it was recorded."""
     before, counters = found.updates, learner.counters
@@ -117,7 +112,7 @@ def _compare(experience: Experience, learner: Learner, found: Verification) -> N
     published = experience.published.get(counters.version)
     if published is None or found.difference:
         return
-    found.recorded, found.remade = published.checksum, checksum(learner)
+    found.recorded, found.remade = published.checksum, codec.weights_checksum(learner.snapshot())
     if found.recorded == found.remade:
         found.compared += 1
     else:

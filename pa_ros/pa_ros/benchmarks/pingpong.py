@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from typing import Any
 
 from pa_ros.benchmarks.codec import JOINT_NAMES, sample_step
@@ -36,14 +37,14 @@ def measure_round_trips(
     features, joints = codec.encode_observation(observation, JOINT_NAMES)
     clock = codec.encode_clock(observation.stamp_ns)
     messages = (joints, features, codec.encode_verdict(verdict), clock)
-    writers = [node.create_publisher(t.type, _name(t), t.writer) for t in _QUESTION]
+    writers = [_bare(topic).publisher(node) for topic in _QUESTION]
     answers, started, ended = 0, 0.0, 0.0
 
     def ask() -> None:
         for writer, message in zip(writers, messages, strict=True):
             writer.publish(message)
 
-    def receive(_: Any) -> None:
+    def receive(_: object) -> None:
         nonlocal answers, started, ended
         answers += 1
         ended = time.perf_counter()
@@ -53,8 +54,7 @@ def measure_round_trips(
             started = ended
         ask()
 
-    command = topics.JOINT_COMMANDS
-    answering = node.create_subscription(command.type, _name(command), receive, command.reader)
+    answering = _bare(topics.JOINT_COMMANDS).subscribe(node, receive)
     heard = writers[: _QUESTION.index(topics.CLOCK)]
     spin_until(
         node,
@@ -68,8 +68,8 @@ def measure_round_trips(
     return (answers - WARM_UP) / (ended - started) if finished else 0.0
 
 
-def _name(topic: topics.Topic) -> str:
-    return f"bare/{topic.name.strip('/')}"
+def _bare(topic: topics.Topic) -> topics.Topic:
+    return replace(topic, name=f"bare/{topic.name.strip('/')}")
 
 
 def _answerer() -> Any:
@@ -81,14 +81,10 @@ def _answerer() -> Any:
         def __init__(self) -> None:
             super().__init__("pingpong")
             command = codec.encode_command(sample_step()[2])
-            topic = topics.JOINT_COMMANDS
-            writer = self.create_publisher(topic.type, _name(topic), topic.writer)
+            writer = _bare(topics.JOINT_COMMANDS).publisher(self)
             for heard in (topics.JOINT_STATES, topics.VERDICT):
-                self.create_subscription(heard.type, _name(heard), lambda _: None, heard.reader)
-            last = topics.OBJECT_FEATURES
-            self.create_subscription(
-                last.type, _name(last), lambda _: writer.publish(command), last.reader
-            )
+                _bare(heard).subscribe(self, lambda _: None)
+            _bare(topics.OBJECT_FEATURES).subscribe(self, lambda _: writer.publish(command))
 
         def close(self) -> None:
             """Nothing to save."""

@@ -14,7 +14,6 @@ from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
-from pa_ros.bags.verify import checksum
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.training import training_programs
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
@@ -22,6 +21,7 @@ from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.wire.codec import weights_checksum
 
 log = logging.getLogger(__name__)
 REPORT_S = 5.0
@@ -101,4 +101,4 @@ def _conclude(found: Lessons, learner: Learner, out: Path) -> None:
     ):
         if count:
             print(f"{count} {what}")
-    print(f"weights of version {counters.version}: {checksum(learner)}")
+    print(f"weights of version {counters.version}: {weights_checksum(learner.snapshot())}")

@@ -27,9 +27,7 @@ class HealthReporter:
         period_s: float = PERIOD_S,
     ) -> None:
         self._node, self._refusals, self._collect = node, refusals, collect
-        self._publisher = node.create_publisher(
-            DIAGNOSTICS.type, DIAGNOSTICS.name, DIAGNOSTICS.writer
-        )
+        self._publisher = DIAGNOSTICS.publisher(node)
         steady_timer(node, period_s, self.publish)
 
     def publish(self) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from rclpy.node import Node
 
@@ -13,6 +12,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import PROGRAM, PROGRAM_LIVE
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
 TWIN_S = 2.0
@@ -50,14 +50,14 @@ def subscribe_programs(
     """Call back once per program published on `program`, latched ones of the past included."""
     twins = Twins()
 
-    def receive(reader: int, message: Any) -> None:
+    def receive(reader: int, message: Message) -> None:
         request = codec.decode_program(message)
         if twins.is_new(reader, request):
             callback(request)
 
     for reader, topic in enumerate((PROGRAM, PROGRAM_LIVE)):
         guarded = refusals.guard(topic.name, partial(receive, reader))
-        node.create_subscription(topic.type, topic.name, guarded, topic.reader)
+        topic.subscribe(node, guarded)
 
 
 def judge(

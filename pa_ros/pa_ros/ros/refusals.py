@@ -6,11 +6,12 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
 from pa_ros.core.errors import PaError
 
 LOG_PERIOD_S = 5.0
+Argument = TypeVar("Argument")
 
 
 class Refusals:
@@ -52,10 +53,10 @@ class Refusals:
         more = f" ({silent} more since the last report)" if silent else ""
         return f"refused: {where}: [{code}] {error}{more}"
 
-    def guard(self, where: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+    def guard(self, where: str, callback: Callable[[Argument], None]) -> Callable[[Argument], None]:
         """The callback, with typed errors turned into refusals. Other errors are bugs, and pass."""
 
-        def guarded(argument: Any) -> None:
+        def guarded(argument: Argument) -> None:
             try:
                 callback(argument)
             except PaError as error:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from pa_ros.wire import interfaces as types
+from pa_ros.wire.interfaces import Message
 
 
 def _reliable(depth: int, latched: bool = False) -> QoSProfile:
@@ -42,6 +45,14 @@ class Topic:
     type: Any
     writer: QoSProfile
     reader: QoSProfile
+
+    def publisher(self, node: Node) -> Any:
+        """What a node publishes with."""
+        return node.create_publisher(self.type, self.name, self.writer)
+
+    def subscribe(self, node: Node, callback: Callable[[Message], object]) -> Any:
+        """Call back with each message."""
+        return node.create_subscription(self.type, self.name, callback, self.reader)
 
 
 OBJECT_FEATURES = Topic("object_features", types.ObjectFeatures, STEP, STEP)

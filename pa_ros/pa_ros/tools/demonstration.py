@@ -6,7 +6,6 @@ What is learned and which scenes are asked for is the caller's affair.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from rclpy.node import Node
 
@@ -20,6 +19,7 @@ from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures
 from pa_ros.tools.send import ProgramSender
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ResetRequest
 
 READY_S, ANSWER_S = 60.0, 30.0  # wall time that a node has to start, and to answer
@@ -40,10 +40,10 @@ class ProgramRefusedError(PaError):
 def hear_verdicts(node: Node, receive: Callable[[Verdict, bool], object]) -> None:
     """Call back with each verdict, and whether it is of an evaluation episode."""
 
-    def decode(message: Any) -> None:
+    def decode(message: Message) -> None:
         receive(codec.decode_verdict(message), codec.is_evaluation(message))
 
-    node.create_subscription(VERDICT.type, VERDICT.name, decode, VERDICT.reader)
+    VERDICT.subscribe(node, decode)
 
 
 class Executor:

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TextIO
+from typing import TextIO
 
 from rclpy.node import Node
 from rich.console import Console
@@ -18,6 +18,7 @@ from rich.table import Table
 
 from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Health
 
 REFRESH_S = 0.5  # of the table
@@ -116,10 +117,10 @@ class GraphFigures:
 def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
     """Feed figures from /diagnostics for as long as the node lives."""
 
-    def receive(message: Any) -> None:
+    def receive(message: Message) -> None:
         figures.take(codec.decode_diagnostics(message))
 
-    node.create_subscription(DIAGNOSTICS.type, DIAGNOSTICS.name, receive, DIAGNOSTICS.reader)
+    DIAGNOSTICS.subscribe(node, receive)
 
 
 class Display:

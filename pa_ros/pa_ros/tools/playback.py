@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any, Final
 
@@ -13,13 +13,13 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from pa_ros.bags.definitions import message_type
 from pa_ros.bags.errors import BagError, ForeignBagError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros import topics
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire import codec
+from pa_ros.wire.definitions import message_type
 
 WINDOW: Final = 20  # messages of a topic that may be under way when not paced by the clock
 ACK_S: Final = 5.0  # what a reader may take to acknowledge, an arena to come to a step
@@ -83,11 +83,7 @@ class Player:
             self._advertise(name)
         if not self._publishers:
             raise ForeignBagError(f"bag: {bag.path}: nothing to play: {self.played.passed_over}")
-        clock = topics.CLOCK
-        self._clock = (
-            node.create_publisher(clock.type, clock.name, clock.writer)
-            if self._options.clock else None
-        )  # fmt: skip
+        self._clock = topics.CLOCK.publisher(node) if self._options.clock else None
         self._gates = {
             name: _Gate(node, name)
             for name in self._publishers
@@ -175,7 +171,7 @@ class Player:
             self._tell_time(recorded.stamp_ns)
             gate = self._gates.get(recorded.topic)
             if gate is not None:
-                gate.wait(codec.header_stamp(self._bag.decode(recorded)), stopped)
+                gate.wait(codec.header_stamp(self._bag.deserialize(recorded)), stopped)
             self._publish(recorded)
 
     def _messages(self, first_ns: int) -> Iterator[Recorded]:
@@ -225,8 +221,7 @@ class _Gate:
     def __init__(self, node: Node, commands: str) -> None:
         self._node = node
         self._name = f"{commands.rpartition('/')[0]}/{topics.OBJECT_FEATURES.name}"
-        one = topics.OBJECT_FEATURES
-        self._subscription = node.create_subscription(one.type, self._name, id, one.reader)
+        self._subscription = replace(topics.OBJECT_FEATURES, name=self._name).subscribe(node, id)
         self._stands = -1
         self._active = False
 

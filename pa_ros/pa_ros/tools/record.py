@@ -24,7 +24,6 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
 
 from pa_ros.bags.contents import FOREVER, topic
-from pa_ros.bags.definitions import installed_types, message_type, register
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.losses import Losses
 from pa_ros.bags.provenance import LOST, as_custom_data
@@ -38,6 +37,7 @@ from pa_ros.tools.graph import DISCOVERY_S, start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, merged
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
+from pa_ros.wire.definitions import installed_types, message_type, register
 
 # Everything: what was asked, seen, done and judged, and what was learned from it.
 BAG_TOPICS = (
@@ -298,9 +298,7 @@ def start_recorder(supervisor: Supervisor, node: Node, folder: Path, namespace: 
     """Record everything in a process of its own; returns once it listens. Raises ChildError."""
     command = [sys.executable, "-m", "pa_ros", "record", str(folder), "--namespace", namespace]
     supervisor.start(RECORDER, command)
-    probe = node.create_publisher(
-        topics.TRAJECTORIES.type, topics.TRAJECTORIES.name, topics.TRAJECTORIES.writer
-    )
+    probe = topics.TRAJECTORIES.publisher(node)
     ready = watch(
         node, supervisor, lambda: None, lambda: probe.get_subscription_count() > 0, READY_S
     )

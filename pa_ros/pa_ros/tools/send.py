@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
-from typing import Any
 
 from rclpy.node import Node
 
@@ -17,6 +16,7 @@ from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
 from pa_ros.tools.execution import Execution, ExecutionWatch
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
 SETTLE_S = 1.0  # in which nodes on one machine find each other
@@ -60,11 +60,9 @@ class ProgramSender:
         self.answers = Answers()  # to the program sent last
         self._watch = ExecutionWatch("")
         self._execution: Execution | None = None
-        self._publisher = node.create_publisher(PROGRAM.type, PROGRAM.name, PROGRAM.writer)
-        node.create_subscription(
-            PROGRAM_STATUS.type, PROGRAM_STATUS.name, self._on_status, PROGRAM_STATUS.reader
-        )
-        node.create_subscription(VERDICT.type, VERDICT.name, self._on_verdict, VERDICT.reader)
+        self._publisher = PROGRAM.publisher(node)
+        PROGRAM_STATUS.subscribe(node, self._on_status)
+        VERDICT.subscribe(node, self._on_verdict)
 
     def send(self, text: str, timeout_s: float) -> Answers:
         """Publish a program and wait until every node that judges programs has answered.
@@ -107,12 +105,12 @@ class ProgramSender:
             for info in self._node.get_publishers_info_by_topic(topic.name)
         }
 
-    def _on_status(self, message: Any) -> None:
+    def _on_status(self, message: Message) -> None:
         judgement = codec.decode_program_status(message)
         if judgement.program_id == self._program_id:
             self.answers.judgements[judgement.node] = judgement
 
-    def _on_verdict(self, message: Any) -> None:
+    def _on_verdict(self, message: Message) -> None:
         if self._execution is None:
             self._execution = self._watch.observe(codec.decode_verdict(message))
 

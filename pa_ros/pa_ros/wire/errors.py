@@ -86,6 +86,12 @@ class VersionError(WireError):
     code = "wire.version"
 
 
+class UnknownTypeError(WireError):
+    """A message type that no package installed here defines."""
+
+    code = "wire.unknown_type"
+
+
 def _short(value: object) -> str:
     text = str(value)
     return text if len(text) <= 200 else text[:197] + "..."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NewType
+
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -22,6 +24,9 @@ from msgs_schema.msg import (
 )
 from msgs_schema.srv import Reset, SetSpeed, Step
 
+Message = NewType("Message", object)
+"""A message as it came or goes, whose fields are this room's affair: nobody else can name one."""
+
 __all__ = [
     "ArenaInfo",
     "Clock",
@@ -30,6 +35,7 @@ __all__ = [
     "JointCommand",
     "JointState",
     "KeyValue",
+    "Message",
     "ObjectFeatures",
     "PolicyWeights",
     "Program",

@@ -34,6 +34,16 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
+class StepMark:
+    """Which control step something is of."""
+
+    episode: int
+    step: int
+    evaluation: bool  # episodes of either kind are numbered apart
+    program_id: str  # in force; empty: none
+
+
+@dataclass(frozen=True, slots=True)
 class ArenaDescription:
     """What an arena offers; see ArenaInfo.msg for units."""
 

@@ -7,7 +7,7 @@ what was expected and what came, and returns arrays that own their memory.
 from __future__ import annotations
 
 from pa_ros.wire.codec.arena import decode_arena_info, encode_arena_info
-from pa_ros.wire.codec.experience import decode_trajectory, encode_trajectory
+from pa_ros.wire.codec.experience import decode_trajectory, decode_trajectory_key, encode_trajectory
 from pa_ros.wire.codec.health import decode_diagnostics, encode_diagnostics
 from pa_ros.wire.codec.program import (
     decode_program,
@@ -32,14 +32,17 @@ from pa_ros.wire.codec.stamp import decode_clock, encode_clock, header_stamp
 from pa_ros.wire.codec.step import (
     commanded_by,
     decode_command,
+    decode_joints,
+    decode_objects,
     decode_observation,
+    decode_step_mark,
     decode_verdict,
     encode_command,
     encode_observation,
     encode_verdict,
     is_evaluation,
 )
-from pa_ros.wire.codec.weights import decode_weights, encode_weights
+from pa_ros.wire.codec.weights import decode_weights, encode_weights, weights_checksum
 
 __all__ = [
     "commanded_by",
@@ -47,6 +50,8 @@ __all__ = [
     "decode_clock",
     "decode_command",
     "decode_diagnostics",
+    "decode_joints",
+    "decode_objects",
     "decode_observation",
     "decode_outcome",
     "decode_pause",
@@ -55,8 +60,10 @@ __all__ = [
     "decode_provenance",
     "decode_reset",
     "decode_speed",
+    "decode_step_mark",
     "decode_steps",
     "decode_trajectory",
+    "decode_trajectory_key",
     "decode_verdict",
     "decode_weights",
     "encode_arena_info",
@@ -77,4 +84,5 @@ __all__ = [
     "encode_weights",
     "header_stamp",
     "is_evaluation",
+    "weights_checksum",
 ]

@@ -37,6 +37,11 @@ def encode_trajectory(trajectory: Trajectory, stamp_ns: int = 0) -> types.Trajec
     return message
 
 
+def decode_trajectory_key(message: types.Trajectory) -> tuple[str, int]:
+    """Agent and sequence number alone, of a trajectory that is decoded later, or not at all."""
+    return str(message.agent_id), int(message.sequence)
+
+
 def decode_trajectory(
     message: types.Trajectory, vocabulary_digest: str | None = None
 ) -> Trajectory:

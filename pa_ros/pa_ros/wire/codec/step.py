@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import math
 
-from pa_ros.core.experience import JOINTS, OBJECT_FEATURES, Float64, Observation, Verdict
+from pa_ros.core.experience import (
+    JOINTS,
+    OBJECT_FEATURES,
+    Float32,
+    Float64,
+    Observation,
+    Verdict,
+)
 from pa_ros.wire import errors
 from pa_ros.wire.arrays import float32_field, float64_field, read_float32, read_float64
 from pa_ros.wire.codec.stamp import header_stamp, write_stamp
 from pa_ros.wire.interfaces import JointCommand, JointState, ObjectFeatures, Trajectory
 from pa_ros.wire.interfaces import Verdict as VerdictMessage
-from pa_ros.wire.records import Command
+from pa_ros.wire.records import Command, StepMark
 
 HAND_FRAME = "hand"
 MAX_OBJECTS = 64
@@ -62,10 +69,8 @@ def decode_observation(
     stamp_ns = header_stamp(features)
     if header_stamp(joints) != stamp_ns:
         raise errors.StampError("joint_states.header.stamp", stamp_ns, header_stamp(joints))
-    count, hand_index = objects_and_hand("object_features", features)
-    shape = (count, OBJECT_FEATURES)
-    objects = read_float32("object_features.features", features.features, shape)
-    position, velocity = _read_joints(joints, joint_names)
+    objects, hand_index = decode_objects(features)
+    position, velocity = decode_joints(joints, joint_names)
     return Observation(
         episode=features.episode,
         step=features.step,
@@ -78,6 +83,21 @@ def decode_observation(
     )
 
 
+def decode_step_mark(message: ObjectFeatures | VerdictMessage) -> StepMark:
+    """Which step a message is of."""
+    return StepMark(message.episode, message.step, bool(message.evaluation), message.program_id)
+
+
+def decode_objects(message: ObjectFeatures) -> tuple[Float32, int]:
+    """Features of the objects, [N, 16], and which is the hand.
+
+    Raises SizeError, RangeError, NonFiniteError.
+    """
+    count, hand_index = objects_and_hand("object_features", message)
+    shape = (count, OBJECT_FEATURES)
+    return read_float32("object_features.features", message.features, shape), hand_index
+
+
 def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[int, int]:
     """Checked number of objects and index of the hand. Raises RangeError."""
     count, hand_index = message.object_count, message.hand_index
@@ -88,14 +108,16 @@ def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[
     return count, hand_index
 
 
-def _read_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
+def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
+    """Positions (rad) and velocities (rad/s) of the joints named, in that order; of six as they
+    come if none is named. Raises SizeError, NonFiniteError, JointNamesError."""
     received = tuple(joints.name)
     if not set(names) <= set(received):
         raise errors.JointNamesError("joint_states.name", names, received)
-    shape = (len(received),)
+    shape = (len(received),) if names else (JOINTS,)
     position = read_float64("joint_states.position", joints.position, shape)
     velocity = read_float64("joint_states.velocity", joints.velocity, shape)
-    if received == names:
+    if not names or received == names:
         return position, velocity
     order = [received.index(name) for name in names]
     return position[order], velocity[order]

@@ -31,18 +31,26 @@ def encode_weights(policy: PublishedPolicy) -> PolicyWeights:
         SequenceMark(agent_id=agent, sequence=sequence)
         for agent, sequence in sorted(policy.consumed.items())
     ]
-    chunks: list[bytes] = []
     tensors, offset = [], 0
     for name, tensor in snapshot.tensors.items():
-        chunks.append(np.ascontiguousarray(tensor, dtype="<f4").tobytes())
         shape = array.array("I", tensor.shape)
         tensors.append(Tensor(name=name, dtype=_DTYPE, shape=shape, offset=offset))
-        offset += len(chunks[-1])
-    payload = b"".join(chunks)
+        offset += _ITEM * tensor.size
+    payload = _payload(snapshot)
     message.tensors = tensors
     message.payload = array.array("B", payload)
     message.checksum = hashlib.sha256(payload).hexdigest()
     return message
+
+
+def weights_checksum(snapshot: PolicySnapshot) -> str:
+    """SHA-256 of a snapshot's payload, as its message states it."""
+    return hashlib.sha256(_payload(snapshot)).hexdigest()
+
+
+def _payload(snapshot: PolicySnapshot) -> bytes:
+    tensors = snapshot.tensors.values()
+    return b"".join(np.ascontiguousarray(tensor, dtype="<f4").tobytes() for tensor in tensors)
 
 
 def decode_weights(

@@ -13,7 +13,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from pa_ros.bags.errors import BagError
+from pa_ros.wire.errors import UnknownTypeError
 
 _DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}
 
@@ -26,7 +26,7 @@ def installed_types() -> Typestore:
 
 
 def register(store: Typestore, type_name: str) -> None:
-    """Make a type known, from the .msg files that its package installs. Raises BagError."""
+    """Make a type known, from the .msg files that its package installs. Raises UnknownTypeError."""
     if type_name in store.fielddefs:
         return
     package = type_name.partition("/")[0]
@@ -34,7 +34,7 @@ def register(store: Typestore, type_name: str) -> None:
         if name not in store.fielddefs:
             store.register(get_types_from_msg(text, name))
     if type_name not in store.fielddefs:
-        raise BagError(f"bag: {type_name}: no package installed here defines it")
+        raise UnknownTypeError(type_name, "a type that a package installed here defines", "none")
 
 
 def message_type(message_class: Any) -> str:

@@ -1,0 +1,29 @@
+"""The source files of the packages, and the rooms that they lie in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {
+    "pa_ros": ROOT / "pa_ros/pa_ros",
+    "sim_node": ROOT / "sim_node/sim_node",
+    "agent_node": ROOT / "agent_node/agent_node",
+    "learner_node": ROOT / "learner_node/learner_node",
+}
+
+
+def files() -> list[tuple[str, Path]]:
+    """(module, path) of every source file."""
+    found = []
+    for package, folder in PACKAGES.items():
+        for path in sorted(folder.rglob("*.py")):
+            parts = path.relative_to(folder).with_suffix("").parts
+            found.append((".".join([package, *(p for p in parts if p != "__init__")]), path))
+    return found
+
+
+def room(module: str) -> str:
+    """`pa_ros.language` of `pa_ros.language.parser`; a node's package is one room."""
+    parts = module.split(".")
+    return ".".join(parts[:2]) if parts[0] == "pa_ros" and len(parts) > 1 else parts[0]
