@@ -1,9 +1,32 @@
-"""Makes tests/oracle.py importable, and torch single-threaded."""
+"""Makes this folder's helpers importable, torch single-threaded, and ROS graphs the test's own."""
 
+from __future__ import annotations
+
+import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 import torch
+
+from pa_ros.tools.domain import DomainClaim
 
 sys.path.insert(0, str(Path(__file__).parent))
 torch.set_num_threads(1)
+os.environ["OMP_NUM_THREADS"] = "1"  # of processes that tests start
+os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
+
+
+@pytest.fixture(autouse=True)
+def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The ROS domain of a test that is marked `graph`; nobody else's, and in its environment.
+
+    Without the marker ROS refuses to start.
+    """
+    if request.node.get_closest_marker("graph") is None:
+        yield UNMARKED
+        return
+    with DomainClaim() as claim:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(claim.number))
+        yield os.environ["ROS_DOMAIN_ID"]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from waiting import DEADLINE_S
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import PolicySnapshot
@@ -15,10 +16,11 @@ from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import start_nodes, use_domain, watch
+from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
 
+pytestmark = pytest.mark.graph
 SEED, EPISODES = 11, 3
 OPTIONS = ["learner.warmup_frames=20", "learner.batch_size=16", "network.hidden=32"]
 
@@ -46,12 +48,11 @@ def over_the_graph(folder: Path, version: int, given: dict) -> PolicySnapshot:
         if policy.snapshot.version >= version:
             found.append(policy.snapshot)
 
-    use_domain(None)
     with Supervisor(folder) as supervisor, client_node("watch") as node:
         topic = topics.POLICY_WEIGHTS
         node.create_subscription(topic.type, topic.name, receive, topic.reader)
         start_nodes(supervisor, given, folder)
-        assert watch(node, supervisor, lambda: None, lambda: bool(found), 90.0)
+        assert watch(node, supervisor, lambda: None, lambda: bool(found), DEADLINE_S)
     return found[0]
 
 

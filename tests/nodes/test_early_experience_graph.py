@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 from graph import graph
-from test_learner_worker import ARENA, trajectory
+from learner_input import ARENA, trajectory
 
 from learner_node import node
 from learner_node.node import LearnerNode
 from pa_ros.ros import topics
 from pa_ros.wire import codec
+
+pytestmark = pytest.mark.graph
 
 
 def test_it_is_kept_in_order_up_to_a_bound_and_beyond_it_refused(

@@ -11,6 +11,8 @@ from pa_ros.wire import codec
 from pa_ros.wire.records import ProgramRequest
 from sim_node.node import SimNode
 
+pytestmark = pytest.mark.graph
+
 
 def test_the_first_steps_own_program_is_announced_though_a_users_replaces_it() -> None:
     """Else the agent waits for it for ever, and a lockstep arena for the agent."""

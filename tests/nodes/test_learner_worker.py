@@ -2,51 +2,23 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from learner_input import ARENA, trajectory
+from waiting import wait_for
 
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
-from pa_ros.arena import design_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Trajectory
-from pa_ros.evaluation.training import training_programs
 from pa_ros.learning.errors import FolderInUseError
-from pa_ros.wire.records import ArenaDescription, Mode, PublishedPolicy
+from pa_ros.wire.records import PublishedPolicy
 
-DESIGN = design_named("2-L")
-ARENA = ArenaDescription(
-    mode=Mode.LOCKSTEP, design="2-L", preset="fast", seed=0, block_count=4,
-    shapes=DESIGN.vocabulary.shapes, colors=DESIGN.vocabulary.colors,
-    vocabulary_digest=DESIGN.vocabulary.digest,
-    training_programs=tuple(training_programs(DESIGN)), joint_names=tuple("abcdef"),
-    joint_lower=(-1.0,) * 6, joint_upper=(1.0,) * 6, speed_limits=(1.0,) * 6,
-    control_period=0.1, near_threshold=0.2, episode_steps=100,
-)  # fmt: skip
 OPTIONS = ("learner.warmup_frames=0", "learner.batch_size=4", "network.hidden=8",
            "network.attention=4")  # fmt: skip
-
-
-def trajectory(sequence: int, agent: str = "a", length: int = 10) -> Trajectory:
-    rng = np.random.default_rng(sequence)
-    objects = rng.normal(size=(length + 1, 5, 16)).astype(np.float32)
-    objects[:, :, 3:] = 0.0
-    objects[:, :, 6] = 1.0  # qw
-    for i, (shape, color) in enumerate(((0, 0), (0, 2), (1, 0), (1, 2)), start=1):
-        objects[:, i, 7 + shape] = objects[:, i, 11 + color] = 1.0
-    objects[:, 0, :3] = 0.0
-    return Trajectory(
-        agent_id=agent, sequence=sequence, policy_version=0, episode=sequence, first_step=0,
-        program="NEAR(HAND, AND(RED, CUBE))", hand_index=0, objects=objects,
-        arm=rng.normal(size=(length + 1, 18)).astype(np.float32),
-        actions=rng.uniform(-1, 1, (length, 6)).astype(np.float32),
-        rewards=np.full(length, -1.0, np.float32), ends_episode=True, terminated=False,
-        vocabulary_digest=DESIGN.vocabulary.digest,
-    )  # fmt: skip
 
 
 class Bench:
@@ -64,10 +36,8 @@ class Bench:
         wanted = len(self.published) + len(trajectories)
         for one in trajectories:
             self.worker.submit(one)
-        deadline = time.monotonic() + 30.0
-        while len(self.published) < wanted:
-            assert time.monotonic() < deadline and self.worker.failure is None
-            time.sleep(0.01)
+        wait_for(lambda: len(self.published) >= wanted or self.worker.failure, "the answer")
+        assert self.worker.failure is None
         return self.published[-1]
 
 

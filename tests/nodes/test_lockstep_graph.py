@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
 from sim_node.node import SimNode
 
+pytestmark = pytest.mark.graph
 RANDOM = {"agent_node__weights": "random"}
 
 
@@ -65,9 +65,7 @@ def test_the_clock_never_goes_back_not_even_at_a_reset():
 
 def test_a_reset_is_acknowledged_with_its_episode_or_fails_with_a_cause():
     with graph(SimNode) as probe:
-        started = time.monotonic()
         done = probe.call(topics.RESET, codec.encode_reset(ResetRequest(41)))
-        assert time.monotonic() - started < 5.0
         assert (done.success, done.episode) == (True, 41)
         assert probe.until(lambda: probe.last(topics.OBJECT_FEATURES).episode == 41)
         refused = probe.call(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from graph import graph
 
 from agent_node.node import AgentNode
@@ -11,6 +12,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.records import Command
 from sim_node.node import SimNode
 
+pytestmark = pytest.mark.graph
 REAL_TIME = {"sim_node__mode": "real_time", "sim_node__real_time_factor": 5.0}
 
 
@@ -67,9 +69,9 @@ def test_the_agent_stops_commanding_when_observations_stop():
     with graph(SimNode, AgentNode, agent_node__weights="random", **REAL_TIME) as probe:
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 5)
         assert probe.call(topics.PAUSE, codec.encode_pause(True)).success
-        probe.until(lambda: False, 0.3)
-        sent = probe.count(topics.JOINT_COMMANDS)
         assert probe.until(lambda: "no observations" in probe.message("agent_node"))
+        sent = probe.count(topics.JOINT_COMMANDS)
+        probe.until(lambda: False, 0.5)
         assert probe.count(topics.JOINT_COMMANDS) == sent
         assert probe.call(topics.PAUSE, codec.encode_pause(False)).success
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > sent + 5)

@@ -19,6 +19,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.records import PublishedPolicy
 from sim_node.node import SimNode
 
+pytestmark = pytest.mark.graph
 WORDS = design_named("2-L").vocabulary
 
 

@@ -6,20 +6,19 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from waiting import DEADLINE_S, wait_for
 
 from pa_ros.ros.environment import LOOPBACK_PROFILE, NETWORK_CHOICES, prepare_environment
 from pa_ros.ros.process import PARENT, ros_arguments
-from pa_ros.tools.graph import use_domain
 
-DEADLINE_S = 30.0
+graph = pytest.mark.graph
+LOOPBACK, MULTICAST = "0100007F", "0100FFEF"  # 127.0.0.1; 239.255.0.1, bound on loopback
 
 
 def start(node: str, *arguments: str, **variables: str) -> subprocess.Popen[str]:
-    use_domain(None)
     return subprocess.Popen(
         [sys.executable, "-m", f"{node}.main", *arguments],
         env={**os.environ, **variables},
@@ -46,17 +45,13 @@ def sockets_of(pid: int) -> set[str]:
     return found
 
 
-def until(condition) -> bool:
-    deadline = time.monotonic() + DEADLINE_S
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return bool(condition())
+def shared_memory_of(pid: int) -> list[str]:
+    """Segments of a middleware's shared memory that a process has."""
+    mapped = Path(f"/proc/{pid}/maps").read_text().splitlines()
+    return [line for line in mapped if "/dev/shm/fastrtps" in line]
 
 
-def shared_memory() -> set[str]:
-    return {name for name in os.listdir("/dev/shm") if "fastrtps" in name}
-
-
+@graph
 @pytest.mark.parametrize(
     ("node", "parameters", "reason"),
     [
@@ -74,6 +69,7 @@ def test_a_parameter_that_cannot_be_is_refused_with_the_value(node, parameters, 
     assert "Traceback" not in errors
 
 
+@graph
 def test_a_missing_parameters_file_is_refused():
     process = start("sim_node", *ros_arguments(params_file="/no/such.yaml"))
     _, errors = process.communicate(timeout=DEADLINE_S)
@@ -81,29 +77,28 @@ def test_a_missing_parameters_file_is_refused():
     assert "/no/such.yaml" in errors and "Traceback" not in errors
 
 
+@graph
 def test_a_node_listens_on_this_machine_alone_and_leaves_nothing_when_killed():
-    before = shared_memory()
     process = start("sim_node")
-    loopback, multicast = "0100007F", "0100FFEF"  # 127.0.0.1; 239.255.0.1, bound on loopback
-    assert until(lambda: loopback in sockets_of(process.pid))
-    time.sleep(0.5)
-    assert sockets_of(process.pid) <= {loopback, multicast}
-    assert shared_memory() <= before
+    wait_for(lambda: len(sockets_of(process.pid)) > 1, "both kinds of sockets")
+    assert sockets_of(process.pid) == {LOOPBACK, MULTICAST}
+    assert not shared_memory_of(process.pid)  # else it stayed behind
     process.kill()
     process.communicate(timeout=DEADLINE_S)
-    assert shared_memory() <= before
 
 
+@graph
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_stops_cleanly_when_asked(number):
     process = start("sim_node")
-    assert until(lambda: "0100007F" in sockets_of(process.pid))
+    wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
     process.send_signal(number)
     _, errors = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0
     assert "Traceback" not in errors
 
 
+@graph
 def test_a_node_whose_launcher_is_gone_does_not_start():
     process = start("sim_node", **{PARENT: "1"})
     process.communicate(timeout=DEADLINE_S)

@@ -11,7 +11,8 @@ from rclpy.parameter import Parameter
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.parameters import config_from_parameters
-from pa_ros.tools.graph import use_domain
+
+pytestmark = pytest.mark.graph
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,6 @@ class Config:
 @pytest.fixture
 def node_with():
     prepare_environment()
-    use_domain(None)
     nodes = []
 
     def make(*parameters: str):

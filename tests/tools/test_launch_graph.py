@@ -5,12 +5,12 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from waiting import DEADLINE_S, wait_for
 
-DEADLINE_S = 60.0
+pytestmark = pytest.mark.graph
 ARENA = """
 sim_node:
   ros__parameters: {{mode: real_time, real_time_factor: 20.0, program_source: topic, seed: 3{more}}}
@@ -32,21 +32,13 @@ def processes_of(folder: Path) -> list[int]:
     return found
 
 
-def wait_for(condition, what: str, deadline_s: float = DEADLINE_S) -> None:
-    deadline = time.monotonic() + deadline_s
-    while not condition():
-        assert time.monotonic() < deadline, f"timed out: {what}"
-        time.sleep(0.05)
-
-
 def command(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "pa_ros", *arguments]
 
 
-def send(domain: int, *arguments: str) -> subprocess.CompletedProcess:
+def send(*arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(
         command("send", *arguments),
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
         capture_output=True,
         text=True,
         timeout=DEADLINE_S,
@@ -56,14 +48,13 @@ def send(domain: int, *arguments: str) -> subprocess.CompletedProcess:
 class Launch:
     """A `pa_ros launch` of an arena and an agent with random weights."""
 
-    def __init__(self, folder: Path, domain: int, more: str = "", namespace: str = "") -> None:
+    def __init__(self, folder: Path, more: str = "", namespace: str = "") -> None:
         self.folder = folder
         params = folder / "given.yaml"
         params.write_text(ARENA.format(more=more))
         options = ["--params", str(params), "--out", str(folder / "run"), "--namespace", namespace]
         self.process = subprocess.Popen(
             command("launch", *options),
-            env={**os.environ, "ROS_DOMAIN_ID": str(domain), "OMP_NUM_THREADS": "1"},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -87,8 +78,8 @@ class Launch:
 def launch(tmp_path):
     started: list[Launch] = []
 
-    def start(domain: int, **options: str) -> Launch:
-        started.append(Launch(tmp_path, domain, **options))
+    def start(**options: str) -> Launch:
+        started.append(Launch(tmp_path, **options))
         return started[-1]
 
     yield start
@@ -97,19 +88,19 @@ def launch(tmp_path):
 
 
 def test_programs_are_accepted_refused_and_judged_and_ctrl_c_stops_all(launch):
-    graph = launch(72, namespace="arena1")
-    accepted = send(72, "near(HAND, RED)", "--namespace", "arena1", "--timeout", "50")
+    graph = launch(namespace="arena1")
+    accepted = send("near(HAND, RED)", "--namespace", "arena1", "--timeout", "50")
     assert accepted.returncode == 2 and "^" in accepted.stderr
 
     # With random weights the arm hardly moves, and no block starts within reach.
     program = "NEAR( HAND,RED )"
-    judged = send(72, program, "--wait", "--namespace", "/arena1", "--timeout", "50")
+    judged = send(program, "--wait", "--namespace", "/arena1", "--timeout", "50")
     assert judged.returncode == 1, judged.stderr
     assert "/arena1/sim_node: accepted NEAR(HAND, RED)" in judged.stdout
     assert "/arena1/agent_node: accepted NEAR(HAND, RED)" in judged.stdout
     assert re.search(r"not satisfied: distance 0\.\d+ m after 10\.0 s", judged.stdout)
 
-    refused = send(72, "NEAR(HAND, AND(RAD, CUBE))", "--namespace", "arena1")
+    refused = send("NEAR(HAND, AND(RAD, CUBE))", "--namespace", "arena1")
     assert refused.returncode == 2
     assert "program.unknown_word" in refused.stderr and "did you mean RED?" in refused.stderr
 
@@ -121,7 +112,7 @@ def test_programs_are_accepted_refused_and_judged_and_ctrl_c_stops_all(launch):
 
 
 def test_a_node_that_dies_stops_the_others_and_is_reported(launch):
-    graph = launch(73)
+    graph = launch()
     graph.wait_until_up()
     os.kill(processes_of(graph.folder)[0], signal.SIGKILL)
     status, _, err = graph.end()
@@ -130,35 +121,34 @@ def test_a_node_that_dies_stops_the_others_and_is_reported(launch):
 
 
 def test_a_parameter_that_a_node_refuses_is_shown_from_its_log(launch):
-    status, _, err = launch(74, more=", design: 9-Z").end()
+    status, _, err = launch(more=", design: 9-Z").end()
     assert status == 1
     assert "sim_node ended by itself (exit status 2)" in err and "'9-Z'" in err
 
 
 def test_nothing_outlives_a_killed_launcher(launch):
-    graph = launch(75)
+    graph = launch()
     graph.wait_until_up()
     graph.process.kill()
-    wait_for(lambda: not processes_of(graph.folder), "children to die", 5.0)
+    wait_for(lambda: not processes_of(graph.folder), "children to die")
 
 
-def test_a_second_graph_in_the_same_place_is_refused(launch, tmp_path):
-    launch(76).wait_until_up()
-    assert send(76, "NEAR(HAND, RED)", "--timeout", "50").returncode == 0  # so it is up
+def test_a_second_graph_in_the_same_place_is_refused(launch, tmp_path, ros_domain):
+    launch().wait_until_up()
+    assert send("NEAR(HAND, RED)", "--timeout", "50").returncode == 0  # so it is up
     params = tmp_path / "given.yaml"
     second = subprocess.run(
         command("launch", "--params", str(params), "--out", str(tmp_path / "second")),
-        env={**os.environ, "ROS_DOMAIN_ID": "76"},
         capture_output=True,
         text=True,
         timeout=DEADLINE_S,
     )
     assert second.returncode == 2
-    assert "_node already in the graph of ROS domain 76" in second.stderr
+    assert f"_node already in the graph of ROS domain {ros_domain}" in second.stderr
 
 
 def test_nobody_there_times_out():
-    result = send(70, "NEAR(HAND, RED)", "--timeout", "1.5")
+    result = send("NEAR(HAND, RED)", "--timeout", "1.5")
     assert result.returncode == 3
     assert "no answer within 1.5 s from an agent, an arena" in result.stderr
 

@@ -7,14 +7,16 @@ from pathlib import Path
 
 import pytest
 import yaml
-from graphs import DEADLINE_S, pa_ros, wait_for
 from recorded_runs import SMALL
+from recording import pa_ros
+from waiting import DEADLINE_S, wait_for
 
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
+from pa_ros.tools.domain import DomainClaim
 
-DOMAIN = "72"
+pytestmark = pytest.mark.graph
 PARAMETERS = {
     "/**/sim_node": {"seed": 4, "eval_every_episodes": 2},
     "/**/agent_node": {"seed": 4, "learning": True, "weights": "topic", "options": SMALL},
@@ -24,11 +26,17 @@ PARAMETERS = {
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("launched")
+    with DomainClaim() as claim, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(claim.number))
+        return record(tmp_path_factory.mktemp("launched"))
+
+
+def record(folder: Path) -> Path:
+    """A short run of a graph, launched in a folder and interrupted; its bag."""
     params = folder / "params.yaml"
     params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in PARAMETERS.items()}))
     arguments = ["launch", "--params", params, "--out", folder / "run", "--record", folder / "bag"]
-    with pa_ros(*arguments, domain=DOMAIN) as process:
+    with pa_ros(*arguments) as process:
         try:
             storage = folder / "bag" / "bag.mcap"
             wait_for(lambda: storage.exists() and storage.stat().st_size > 800_000, "recording")

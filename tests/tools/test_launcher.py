@@ -4,10 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from waiting import wait_for
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.tools.launcher import ChildError, Patience, Supervisor, node_command, tail
@@ -22,14 +22,6 @@ DEAF = (
     "print('up', flush=True)\ntime.sleep(60)"
 )
 QUICK = Patience(interrupt_s=0.3, terminate_s=0.3, kill_s=5.0)
-DEADLINE_S = 20.0
-
-
-def wait_for(condition, deadline_s: float = DEADLINE_S) -> None:
-    deadline = time.monotonic() + deadline_s
-    while not condition():
-        assert time.monotonic() < deadline, "timed out"
-        time.sleep(0.02)
 
 
 def alive(pid: int) -> bool:
@@ -99,7 +91,7 @@ def test_no_child_outlives_a_killed_launcher(tmp_path):
             assert len(pids) == 2 and all(map(alive, pids))
         finally:
             launcher.kill()
-    wait_for(lambda: not any(map(alive, pids)), 5.0)
+    wait_for(lambda: not any(map(alive, pids)))
 
 
 def test_children_have_process_groups_of_their_own(tmp_path):

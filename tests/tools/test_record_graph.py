@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from graphs import DEADLINE_S, decoded, pa_ros, publisher_heard, wait_for
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from recording import decoded, pa_ros, publisher_heard
 from rosbags.rosbag2 import Reader
+from waiting import DEADLINE_S, wait_for
 
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair
@@ -23,14 +24,9 @@ from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type
 from pa_ros.wire.records import Health, Origin, ProgramRequest
 
-DOMAIN = "71"
+pytestmark = pytest.mark.graph
 REQUEST = codec.encode_program(ProgramRequest("id", "NEAR(HAND, RED)"))
 ORIGIN = Origin("/x", "1", "0", "v", 7, {})
-
-
-@pytest.fixture
-def own_domain(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
 
 
 def observation() -> Observation:
@@ -45,7 +41,7 @@ def information(bag: Path) -> dict:
     return content["rosbag2_bagfile_information"]
 
 
-def test_what_is_decoded_equals_what_was_published(own_domain, tmp_path):
+def test_what_is_decoded_equals_what_was_published(tmp_path):
     features, joints = codec.encode_observation(observation(), tuple("abcdef"))
     sent = [
         (topics.OBJECT_FEATURES, features),
@@ -72,7 +68,7 @@ def test_what_is_decoded_equals_what_was_published(own_domain, tmp_path):
     assert set(json.loads(custom["pa_ros.lost"]).values()) == {0}
 
 
-def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(own_domain, tmp_path):
+def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(tmp_path):
     plain = topics.Topic("program", topics.PROGRAM.type, topics.STEP, topics.STEP)
     recorded = [topics.PROGRAM, topics.TRAJECTORIES, topics.VERDICT]
     with client_node("test") as node, Recorder(tmp_path / "bag", node, recorded) as recorder:
@@ -90,7 +86,7 @@ def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(own_domain,
     assert sum(recorder.lost.values()) == 0
 
 
-def test_what_a_publisher_had_to_drop_is_counted_as_lost(own_domain, tmp_path):
+def test_what_a_publisher_had_to_drop_is_counted_as_lost(tmp_path):
     """A best-effort publisher that keeps one message, and messages of a megabyte each."""
     careless = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     large = topics.Topic("program", topics.PROGRAM.type, careless, careless)
@@ -104,7 +100,7 @@ def test_what_a_publisher_had_to_drop_is_counted_as_lost(own_domain, tmp_path):
         assert recorder.counts["/program"] + recorder.lost["/program"] == 201
 
 
-def test_metadata_states_qos_and_type_hashes_of_the_live_graph(own_domain, tmp_path):
+def test_metadata_states_qos_and_type_hashes_of_the_live_graph(tmp_path):
     bag, store = tmp_path / "bag", installed_types()
     with client_node("test", "arena1") as node, Recorder(bag, node, BAG_TOPICS):
         live = {}
@@ -129,7 +125,7 @@ def test_metadata_states_qos_and_type_hashes_of_the_live_graph(own_domain, tmp_p
     assert types["/arena1/program"] == "msgs_schema/msg/Program"
 
 
-def test_an_existing_folder_and_a_topic_that_nobody_publishes_are_refused(own_domain, tmp_path):
+def test_an_existing_folder_and_a_topic_that_nobody_publishes_are_refused(tmp_path):
     with client_node("test") as node:
         with pytest.raises(BagError, match="exists already"):
             Recorder(tmp_path, node)
@@ -142,9 +138,9 @@ def test_an_existing_folder_and_a_topic_that_nobody_publishes_are_refused(own_do
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_recording_that_is_ended_is_readable(own_domain, tmp_path, number, storage):
+def test_a_recording_that_is_ended_is_readable(tmp_path, number, storage):
     bag = tmp_path / "bag"
-    with pa_ros("record", bag, "--storage", storage, domain=DOMAIN) as process:
+    with pa_ros("record", bag, "--storage", storage) as process:
         try:
             assert process.stdout.readline().startswith("recording into")
             with client_node("test") as node:
@@ -155,7 +151,7 @@ def test_a_recording_that_is_ended_is_readable(own_domain, tmp_path, number, sto
         finally:
             process.kill()
     if number == signal.SIGKILL:
-        with pa_ros("record", "--repair", bag, domain=DOMAIN) as repairing:
+        with pa_ros("record", "--repair", bag) as repairing:
             out, _ = repairing.communicate(timeout=DEADLINE_S)
         assert repairing.returncode == 0 and "1 messages in 1 file(s)" in out
     with Reader(bag) as reader:
@@ -172,7 +168,7 @@ def grown(bag: Path) -> bool:
     return b"NEAR(HAND, RED)" in file.read_bytes()
 
 
-def test_memory_stays_bounded(own_domain, tmp_path):
+def test_memory_stays_bounded(tmp_path):
     """300 MB through a recorder grow the process by a fraction of that."""
     message = codec.encode_program(ProgramRequest("id", "X" * 1_000_000))
     with client_node("test") as node, Recorder(tmp_path / "b", node, [topics.TRAJECTORIES]) as bag:
@@ -194,11 +190,11 @@ def resident_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def test_a_full_disk_closes_the_bag_and_says_so(own_domain, tmp_path):
+def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):
     """The kernel refuses files beyond a limit, as a full disk would."""
     bag = tmp_path / "bag"
     limit = 3_000_000
-    with pa_ros("record", bag, "--topics", "trajectories", domain=DOMAIN) as process:
+    with pa_ros("record", bag, "--topics", "trajectories") as process:
         try:
             assert process.stdout.readline().startswith("recording into")
             resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (limit, limit))

@@ -10,7 +10,8 @@ from pathlib import Path
 from pa_ros.benchmarks.pingpong import measure_round_trips
 from pa_ros.core.errors import PaError
 from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import start_nodes, use_domain, watch
+from pa_ros.tools.domain import use_domain
+from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics

@@ -11,7 +11,8 @@ from typing import Any
 from pa_ros.core.errors import PaError
 from pa_ros.core.report import Report
 from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import start_nodes, use_domain, watch
+from pa_ros.tools.domain import use_domain
+from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import load_parameters, merged, packaged
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics

@@ -30,8 +30,9 @@ from pa_ros.evaluation.tally import HeldOutTarget
 from pa_ros.evaluation.training import training_programs
 from pa_ros.tools.client import Node, client_node
 from pa_ros.tools.demonstration import Executor, hear_verdicts
+from pa_ros.tools.domain import use_domain
 from pa_ros.tools.execution import HOLD_S, WINDOW_S
-from pa_ros.tools.graph import signals_noted, start_nodes, use_domain, watch
+from pa_ros.tools.graph import signals_noted, start_nodes, watch
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record import Recorder

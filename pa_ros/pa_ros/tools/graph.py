@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import random
 import signal
-import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,8 +18,6 @@ from pa_ros.tools.launcher import Supervisor, node_command
 from pa_ros.tools.monitor import REFRESH_S
 
 DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 3 s
-DOMAINS = range(1, 102)  # whose ports are below Linux's ephemeral ones
-_FIRST_PORT, _PORTS_PER_DOMAIN = 7400, 250  # of DDS discovery
 
 
 def start_nodes(
@@ -102,30 +98,3 @@ def signals_noted() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def use_domain(domain_id: int | None) -> int:
-    """Put this process and its children into a ROS domain; None: one that nobody uses here.
-
-    Call before ROS is up. Raises ConfigError for a number outside DOMAINS (0 is allowed too).
-    """
-    if domain_id is None:
-        domain_id = _unused_domain()
-    if domain_id != 0 and domain_id not in DOMAINS:
-        raise ConfigError(f"ROS domain: expected 0 to {DOMAINS[-1]}, got {domain_id}")
-    os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-    return domain_id
-
-
-def _unused_domain() -> int:
-    """A domain on whose discovery port nobody listens on this machine."""
-    candidates = list(DOMAINS)
-    random.SystemRandom().shuffle(candidates)
-    for domain_id in candidates:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("", _FIRST_PORT + _PORTS_PER_DOMAIN * domain_id))
-            except OSError:
-                continue
-            return domain_id
-    raise ConfigError("ROS domain: every one is in use on this machine")

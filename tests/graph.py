@@ -1,23 +1,20 @@
-"""A graph in this process: real nodes and real DDS, in a ROS domain of the test's own."""
+"""A graph in this process: real nodes and real DDS, in the ROS domain of a test marked `graph`."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import rclpy
 from rclpy.node import Node
+from waiting import DEADLINE_S
 
 from pa_ros.ros import topics
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.executor import release, spin_until
-from pa_ros.tools.graph import use_domain
 from pa_ros.wire import codec
 from pa_ros.wire.records import Health, Outcome
-
-DEADLINE_S = 30.0
 
 
 class Probe(Node):
@@ -86,7 +83,6 @@ class Probe(Node):
 def graph(*makers: Callable[[], Node], **parameters: object) -> Iterator[Probe]:
     """The nodes and a probe beside them. Parameters are `node__name=value`."""
     prepare_environment()
-    use_domain(None)
     arguments = ["--ros-args", "--log-level", "error"]
     for key, value in parameters.items():
         node, _, name = key.partition("__")
@@ -106,4 +102,3 @@ def graph(*makers: Callable[[], Node], **parameters: object) -> Iterator[Probe]:
             node.close()
             node.destroy_node()
         rclpy.shutdown()
-        os.environ.pop("ROS_DOMAIN_ID", None)

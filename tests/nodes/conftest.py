@@ -1,6 +1,0 @@
-"""Makes tests/nodes/graph.py importable."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
