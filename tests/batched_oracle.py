@@ -13,11 +13,12 @@ import pytest
 import torch
 from oracle import GEOMETRY, Named, parameters
 from torch import Tensor
+from updates import update
 
+from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX, Batch
 from pa_ros.native.engine import FusedEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
@@ -203,7 +204,9 @@ class Reference:
             tensor.grad = None
         loss.backward()
         clip = self.made.config.action_gradient_clip
-        price = self.made.config.action_l2_after(self.updates)
+        c = self.made.config
+        spent = min(1.0, self.updates / c.action_l2_decay_updates)
+        price = c.action_l2 * (1.0 - c.action_l2_decay * spent)
         ascent = slope.clamp(-clip, clip) - price * leaf.detach()
         policy.backward(-ascent / target.numel())
         both = {"actor": self.actor, "critic": self.critic}
@@ -261,7 +264,7 @@ def assert_close(ours: dict[str, np.ndarray], theirs: dict[str, np.ndarray], bou
 
 def check_gradients(made: Setting, batch: Batch, **changes: object) -> None:
     engine, reference = made.engine(**changes), Reference(made)
-    engine.update(batch)
+    update(engine, batch, made.config)
     expected, loss = reference.gradients(batch)
     assert_close(engine.gradients(), expected, 1e-5)
     assert engine.metrics()["critic_loss"] == pytest.approx(loss, rel=1e-5)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
+from updates import update
 from worlds import PROGRAMS, WORDS, PointWorld
 
 from pa_ros.benchmarks import learner as bench
@@ -72,8 +73,8 @@ def test_the_straightforward_way_computes_the_same(kind, k) -> None:
     ours = made(network, TorchEngine, **changes)
     theirs = made(network, StraightforwardEngine, **changes)
     for batch in batches:
-        ours.update(batch)
-        theirs.update(batch)
+        update(ours, batch, replace(CONFIG, **changes))
+        update(theirs, batch, replace(CONFIG, **changes))
     expected = ours.tensors()
     for name, tensor in theirs.tensors().items():
         np.testing.assert_allclose(tensor, expected[name], rtol=0, atol=1e-11, err_msg=name)
@@ -90,7 +91,7 @@ def test_counts_are_what_torch_counts_at_most(kind, sizes) -> None:
     engine = bench.engine_of(learner, engine="torch")
     (batch,) = learner.batches(1)
     with Products() as products:
-        engine.update(batch)
+        update(engine, batch, config)
     moments = [t for name, t in engine.tensors().items() if ".m." in name]
     parameters = sum(t.size for t in moments)
     cost = update_cost(network, sizes)

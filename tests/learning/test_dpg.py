@@ -6,11 +6,13 @@ import numpy as np
 import oracle
 import pytest
 import torch
+from updates import update
 from worlds import WORDS, objects_at
 
+from pa_ros.core.update import Batch
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import Batch, make_engine
+from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
@@ -96,19 +98,19 @@ def test_updates_agree_with_the_oracle(kind) -> None:
         for name, rate in (("actor", 1e-3), ("critic", 2e-3))
     }
     rng = np.random.default_rng(1)
-    for update in range(5):
-        if update == 3:
+    for made in range(5):
+        if made == 3:
             engine.copy_targets()
             values |= {f"target_{name}": dict(values[name]) for name in adam}
         batch = random_batch(rng, 4, 2, len(TEXTS))
-        engine.update(batch)
+        update(engine, batch, CONFIG)
         nets = {name: oracle.parameters(tensors) for name, tensors in values.items()}
-        price = L2 * (1 - L2_DECAY * min(1.0, update / L2_DECAYS_FOR))
+        price = L2 * (1 - L2_DECAY * min(1.0, made / L2_DECAYS_FOR))
         gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP, price)
         for name, gradient in zip(adam, gradients, strict=True):
-            share = min(1.0, 2 / max(update, 1))
+            share = min(1.0, 2 / max(made, 1))
             adam[name].update(values[name], {k: g.numpy() for k, g in gradient.items()}, share)
-            if "detectors.weight" in values[name] and update >= 3:
+            if "detectors.weight" in values[name] and made >= 3:
                 values[name]["detectors.weight"][:, oracle.GEOMETRY] *= 0.75
     for name, tensors in values.items():
         assert_close(engine, name, tensors, 1e-11)
@@ -187,7 +189,7 @@ def test_one_update_by_hand() -> None:
     critic["output.weight"] *= 30.0
     engine = TorchEngine(network, CONFIG, table(TEXTS[:2]), actor, critic)
     batch = random_batch(np.random.default_rng(3), 5, 2, 2)
-    engine.update(batch)
+    update(engine, batch, CONFIG)
 
     pi, q = HandMlp(as_float64(actor)), HandMlp(as_float64(critic))
     count = batch.program.size
@@ -230,7 +232,7 @@ def test_targets_move_only_when_copied() -> None:
     engine = made()
     start = engine.tensors()
     rng = np.random.default_rng(0)
-    engine.update(random_batch(rng, 4, 1, 3))
+    update(engine, random_batch(rng, 4, 1, 3), CONFIG)
     after = engine.tensors()
     for name in (n for n in start if n.startswith("target_")):
         np.testing.assert_array_equal(after[name], start[name])
@@ -249,11 +251,11 @@ def test_tensors_are_all_there_is() -> None:
     rng = np.random.default_rng(0)
     batches = [random_batch(rng, 4, 2, 3) for _ in range(6)]
     for batch in batches[:3]:
-        first.update(batch)
+        update(first, batch, CONFIG)
     second.load_tensors(first.tensors())
     for batch in batches[3:]:
-        first.update(batch)
-        second.update(batch)
+        update(first, batch, CONFIG)
+        update(second, batch, CONFIG)
     theirs = second.tensors()
     for name, value in first.tensors().items():
         np.testing.assert_array_equal(value, theirs[name])
@@ -273,7 +275,7 @@ def test_actor_tensors_are_owned_float32() -> None:
     tensors = engine.actor_tensors()
     assert {t.dtype for t in tensors.values()} == {np.dtype(np.float32)}
     before = tensors["output.bias"].copy()
-    engine.update(random_batch(np.random.default_rng(0), 4, 1, 3))
+    update(engine, random_batch(np.random.default_rng(0), 4, 1, 3), CONFIG)
     np.testing.assert_array_equal(tensors["output.bias"], before)
 
 
@@ -281,7 +283,7 @@ def test_programs_may_join_between_updates() -> None:
     network = NetworkConfig(WORDS, hidden=8, attention=5)
     programs = table(TEXTS[:1])
     engine = make_engine(network, CONFIG, programs, np.random.default_rng(4))
-    engine.update(random_batch(np.random.default_rng(0), 4, 1, 1))
+    update(engine, random_batch(np.random.default_rng(0), 4, 1, 1), CONFIG)
     programs.add(parse("NEAR(HAND, NOT(AND(NOT(RED), NOT(CUBE))))", WORDS))
-    engine.update(random_batch(np.random.default_rng(0), 4, 3, 2))
+    update(engine, random_batch(np.random.default_rng(0), 4, 3, 2), CONFIG)
     assert np.isfinite(engine.metrics()["critic_loss"])

@@ -7,11 +7,12 @@ import pytest
 from worlds import KINDS, NEAR_M, PROGRAMS, WORDS, random_trajectory
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.update import Batch, UpdateValues
 from pa_ros.language import ProgramError
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import Batch
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.errors import NonFiniteError, PolicyError
+from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import UnsupportedProgramError
 
@@ -31,13 +32,15 @@ class Recorder:
         self._engine = engine
         self.calls: list[str] = []
         self.batches: list[Batch] = []
+        self.values: list[UpdateValues] = []
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._engine, name)
 
-    def update(self, batch: Batch) -> None:
+    def update(self, batch: Batch, values: UpdateValues) -> None:
         self.calls.append("update")
         self.batches.append(batch)
+        self.values.append(values)
 
     def copy_targets(self) -> None:
         self.calls.append("copy")
@@ -152,22 +155,6 @@ def test_batches_are_gathered_from_transitions() -> None:
             assert array.flags.c_contiguous
 
 
-@pytest.mark.parametrize(
-    ("decay", "updates", "prices"), [(0.9, 10, (1.0, 0.55, 0.1, 0.1)), (0.0, 10, (1.0,) * 4)]
-)
-def test_the_price_of_actions_falls_evenly_and_stays(decay, updates, prices) -> None:
-    config = LearnerConfig(action_l2=1.0, action_l2_decay=decay, action_l2_decay_updates=updates)
-    assert [config.action_l2_after(n) for n in (0, 5, 10, 50)] == pytest.approx(prices)
-
-
-def test_the_horizon_grows_from_the_first_to_the_last_discount() -> None:
-    config = LearnerConfig(discount=0.95, first_discount=0.9, discount_rises_after=10)
-    horizons = [1 / (1 - config.discount_after(n)) for n in (0, 10, 15, 20, 40)]
-    assert horizons == pytest.approx([10, 10, 15, 20, 20])
-    assert LearnerConfig(discount=0.8, discount_rises_after=10).discount_after(0) == 0.8
-    assert LearnerConfig(discount=0.95).discount_after(0) == 0.95
-
-
 def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None:
     one = learner(
         discount=0.95, first_discount=0.8, discount_rises_after=20, reward_shift=1.0, batch_size=64
@@ -177,17 +164,11 @@ def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None
     for sequence in range(6):
         one.consume(random_trajectory(rng, 10, sequence=sequence))
     for due, batch in enumerate(recorder.batches):
-        gamma = one.config.discount_after(due // 10 * 10)  # as when its trajectory came
+        gamma = values_after(due // 10 * 10, one.config).discount  # as when its trajectory came
         assert batch.discount == pytest.approx(gamma)
         assert batch.reward.max() / (1 - gamma) == pytest.approx(2 / (1 - 0.95))
-    assert len(recorder.batches) == 60
+    assert recorder.values == [values_after(updates, one.config) for updates in range(60)]
     assert gamma == pytest.approx(0.92)
-
-
-def test_rates_fall_as_one_over_t_or_never() -> None:
-    shares = [LearnerConfig(rates_fall_after=10).rate_after(n) for n in (0, 10, 20, 40)]
-    assert shares == [1.0, 1.0, 0.5, 0.25]
-    assert LearnerConfig().rate_after(10**6) == 1.0
 
 
 def test_relabeled_rewards_are_those_of_the_next_row() -> None:

@@ -109,7 +109,7 @@ class Recorder:
     def __getattr__(self, name: str) -> object:
         return getattr(self._engine, name)
 
-    def update(self, batch: object) -> None:
+    def update(self, batch: object, values: object) -> None:
         self.batches.append(batch)
 
 

@@ -22,6 +22,7 @@ from batched_oracle import (
     make_batch,
     setting,
 )
+from updates import update
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
@@ -110,9 +111,10 @@ def test_gradients_when_first_layers_saturate(caplog: pytest.LogCaptureFixture) 
 
 
 def test_warns_where_exponentials_end(caplog: pytest.LogCaptureFixture) -> None:
-    engine = saturated(150).engine()
+    made = saturated(150)
+    engine = made.engine()
     for seed in range(2):
-        engine.update(make_batch(np.random.default_rng(seed), 16, 4, 1, 6))
+        update(engine, make_batch(np.random.default_rng(seed), 16, 4, 1, 6), made.config)
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert np.isfinite(engine.tensors()["critic.message.0.weight"]).all()
 
@@ -123,7 +125,7 @@ def test_thousand_updates_stay_with_float64() -> None:
     rng = np.random.default_rng(5)
     batches = [make_batch(rng, 16, 4, 1, len(made.table)) for _ in range(20)]
     for step in range(1000):
-        engine.update(batches[step % len(batches)])
+        update(engine, batches[step % len(batches)], made.config)
         reference.update(batches[step % len(batches)])
         if step % 100 == 99:
             engine.copy_targets()
@@ -142,11 +144,11 @@ def test_same_inputs_same_bits_and_instances_do_not_interfere() -> None:
     batches = [make_batch(rng, 64, 5, 2, 6) for _ in range(3)]
     alone = made.engine()
     for batch in batches:
-        alone.update(batch)
+        update(alone, batch, made.config)
     first, other = made.engine(), setting("distilled-critic", scale=3).engine()
     for batch in batches:
-        first.update(batch)
-        other.update(make_batch(rng, 7, 3, 1, 6))
+        update(first, batch, made.config)
+        update(other, make_batch(rng, 7, 3, 1, 6), made.config)
     expected = alone.tensors()
     for name, tensor in first.tensors().items():
         np.testing.assert_array_equal(tensor, expected[name], err_msg=name)
@@ -159,17 +161,17 @@ def test_state_survives_a_round_trip() -> None:
     batches = [make_batch(rng, 12, 5, 1, 6) for _ in range(4)]
     whole, before, after = made.engine(), made.engine(), setting(scale=2).engine()
     for batch in batches:
-        whole.update(batch)
+        update(whole, batch, made.config)
     for batch in batches[:2]:
-        before.update(batch)
+        update(before, batch, made.config)
     before.copy_targets()
     whole.copy_targets()
     state = before.tensors()
     assert state["adam.actor.step"] == 2
     after.load_tensors(state)
     for batch in batches[2:]:
-        before.update(batch)
-        after.update(batch)
+        update(before, batch, made.config)
+        update(after, batch, made.config)
     for name, tensor in before.tensors().items():
         np.testing.assert_array_equal(after.tensors()[name], tensor, err_msg=name)
     state.pop("critic.output.bias")
@@ -183,11 +185,11 @@ def test_exchanges_state_with_the_torch_engine() -> None:
     batches = [make_batch(rng, 16, 5, 1, len(made.table)) for _ in range(3)]
     theirs = TorchEngine(made.network, made.config, made.table, made.actor, made.critic)
     ours = setting(vocabulary=SMALL, scale=2).engine()
-    theirs.update(batches[0])
+    update(theirs, batches[0], made.config)
     ours.load_tensors(theirs.tensors())
     for batch in batches[1:]:
-        ours.update(batch)
-        theirs.update(batch)
+        update(ours, batch, made.config)
+        update(theirs, batch, made.config)
     expected = theirs.tensors()
     for name, tensor in ours.tensors().items():
         np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-5, err_msg=name)
@@ -205,8 +207,8 @@ def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str
     rng = np.random.default_rng(5)
     for _ in range(5):
         batch = make_batch(rng, 16, 5, 2, len(made.table))
-        ours.update(batch)
-        theirs.update(batch)
+        update(ours, batch, made.config)
+        update(theirs, batch, made.config)
     expected = theirs.tensors()
     for name, tensor in ours.tensors().items():
         np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-6, err_msg=name)
@@ -221,7 +223,7 @@ def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str
 def test_targets_change_only_when_copied() -> None:
     made = setting()
     engine = made.engine()
-    engine.update(make_batch(np.random.default_rng(0), 8, 5, 1, 6))
+    update(engine, make_batch(np.random.default_rng(0), 8, 5, 1, 6), made.config)
     kept = engine.tensors()
     np.testing.assert_array_equal(kept["target_critic.output.weight"], made.critic["output.weight"])
     assert not np.array_equal(kept["critic.output.weight"], made.critic["output.weight"])
@@ -240,11 +242,11 @@ def test_sizes_may_change_between_updates() -> None:
     made = setting()
     engine = made.engine()
     rng = np.random.default_rng(8)
-    engine.update(make_batch(rng, 8, 5, 1, 6))
+    update(engine, make_batch(rng, 8, 5, 1, 6), made.config)
     for size, objects, programs in ((4, 5, 1), (64, 5, 1), (8, 3, 2)):
         engine.load_tensors(made.engine().tensors())
         batch = make_batch(rng, size, objects, programs, 6)
-        engine.update(batch)
+        update(engine, batch, made.config)
         assert_close(engine.gradients(), Reference(made).gradients(batch)[0], 1e-5)
 
 
@@ -253,7 +255,7 @@ def test_nan_is_not_hidden() -> None:
     engine = made.engine()
     batch = make_batch(np.random.default_rng(0), 8, 5, 1, 6)
     batch.objects[3, 2, 1] = np.nan
-    engine.update(batch)
+    update(engine, batch, made.config)
     assert np.isnan(engine.metrics()["critic_loss"])
     assert np.isnan(engine.tensors()["actor.message.0.weight"]).any()
 
@@ -288,7 +290,7 @@ def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float) -> 
 def test_refuses_batches_that_do_not_fit(change: dict[str, np.ndarray], message: str) -> None:
     batch = replace(make_batch(np.random.default_rng(0), 8, 5, 1, 6), **change)
     with pytest.raises(FusedError, match=message):
-        setting().engine().update(batch)
+        update(setting().engine(), batch, setting().config)
 
 
 def test_is_chosen_where_it_applies() -> None:

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from updates import update
 from worlds import objects_at
 
+from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import Batch, make_engine
+from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.native.engine import FusedActor, FusedEngine
 from pa_ros.networks.canonical import CanonicalActor
@@ -92,8 +94,8 @@ def gradients_of(engine: TorchEngine) -> Tensors:
 def test_gradients(size, k, hidden, threads) -> None:
     ours, reference = both(hidden, threads=threads)
     batch = batch_of(np.random.default_rng(size), size, k)
-    ours.update(batch)
-    reference.update(batch)
+    update(ours, batch, CONFIG)
+    update(reference, batch, CONFIG)
     gradients, expected = ours.gradients(), gradients_of(reference)
     assert gradients.keys() == expected.keys()
     for name, tensor in expected.items():
@@ -109,7 +111,7 @@ def test_thousand_updates_stay_with_float64() -> None:
     batches = [batch_of(rng, 16, 1) for _ in range(20)]
     for step in range(1000):
         for engine in (ours, reference):
-            engine.update(batches[step % len(batches)])
+            update(engine, batches[step % len(batches)], CONFIG)
             if step % 100 == 99:
                 engine.copy_targets()
     found, expected = ours.tensors(), reference.tensors()
@@ -123,15 +125,15 @@ def test_thousand_updates_stay_with_float64() -> None:
 def test_exchanges_state_with_torch_and_takes_programs_as_they_come() -> None:
     ours, reference = both()
     rng = np.random.default_rng(2)
-    reference.update(batch_of(rng, 16, 1))
+    update(reference, batch_of(rng, 16, 1), CONFIG)
     ours.load_tensors(reference.tensors())
     assert ours.tensors()["adam.actor.step"] == 1
     for one in (ours._table, reference._goals._table):
         assert one.add(parse("NEAR(HAND, AND(CUBE, BLUE))", WORDS)) == len(TEXTS)
     batch = batch_of(rng, 16, 1)
     batch.program[:] = len(TEXTS)
-    ours.update(batch)
-    reference.update(batch)
+    update(ours, batch, CONFIG)
+    update(reference, batch, CONFIG)
     for name, tensor in reference.tensors().items():
         np.testing.assert_allclose(ours.tensors()[name], tensor, rtol=1e-4, atol=1e-7, err_msg=name)
 
@@ -164,4 +166,4 @@ def test_is_chosen_and_refuses_what_it_cannot_be_told() -> None:
         FusedActor(network(), actor).act(*seen, parse("NEAR(HAND, RED)", WORDS), 0)
     programs.add(parse("NEAR(HAND, OR(RED, CUBE))", WORDS))
     with pytest.raises(UnsupportedProgramError):
-        engine.update(batch_of(np.random.default_rng(0), 4, 1))
+        update(engine, batch_of(np.random.default_rng(0), 4, 1), CONFIG)

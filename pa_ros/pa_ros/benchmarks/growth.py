@@ -112,4 +112,6 @@ def _contender(
         threads=1,
     )
     learner = random_learner(network, config, programs, sizes)
-    return Contender(f"{name}.{way}_us", repeated(engine_of(learner), list(learner.batches(4))))
+    batches = list(learner.batches(4))
+    run = repeated(engine_of(learner), batches, learner.config)
+    return Contender(f"{name}.{way}_us", run)

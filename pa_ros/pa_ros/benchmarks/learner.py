@@ -17,9 +17,11 @@ from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation, Trajectory
 from pa_ros.core.report import Report
+from pa_ros.core.update import Batch, Engine
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import Batch, Engine, make_engine
+from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.schedule import values_after
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.inference import make_inference
@@ -88,16 +90,19 @@ def bare_updates(
     """Updates by the clock, with the configuration's batch, of tables with four blocks."""
     sizes = Sizes(config.batch_size, 5, config.programs_per_transition)
     idle = random_learner(network, config, programs, sizes)
-    return Contender("bare", repeated(engine_of(idle), list(idle.batches(16))), wall=True)
+    run = repeated(engine_of(idle), list(idle.batches(16)), config)
+    return Contender("bare", run, wall=True)
 
 
-def repeated(engine: Engine, batches: Sequence[Batch]) -> Callable[[int], None]:
+def repeated(
+    engine: Engine, batches: Sequence[Batch], config: LearnerConfig
+) -> Callable[[int], None]:
     """Updates with these batches in turn."""
-    endless = cycle(batches)
+    endless = enumerate(cycle(batches))
 
     def run(calls: int) -> None:
-        for batch in islice(endless, calls):
-            engine.update(batch)
+        for updates, batch in islice(endless, calls):
+            engine.update(batch, values_after(updates, config))
         if torch.cuda.is_available():
             torch.cuda.synchronize()
 
@@ -124,7 +129,7 @@ def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
     return [
         Contender(
             name,
-            repeated(engine, batches),
+            repeated(engine, batches, learner.config),
             threads=2 if name == TWO_THREADS else 1,
             wall=name in (TWO_THREADS, GPU),
         )

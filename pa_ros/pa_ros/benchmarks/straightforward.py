@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX
+from pa_ros.core.update import HAND_INDEX, UpdateValues
 from pa_ros.learning.algorithms.dpg.torch_engine import Inputs, TorchEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import NOTHING
@@ -57,17 +57,15 @@ class StraightforwardEngine(TorchEngine):
     def _classes(self, network: NetworkConfig) -> tuple[Any, Any]:
         return StraightforwardActor, StraightforwardCritic
 
-    def _step(self, x: Inputs) -> tuple[Tensor, Tensor]:
+    def _step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
         target = self._bootstrap(x)  # [B, K]
         q = self._critic(x.objects, x.arm, x.goals, x.action, HAND_INDEX)
         loss = F.mse_loss(q, target)
         action = self._actor(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, 6]
         given = action.detach().requires_grad_()
         value = self._critic(x.objects, x.arm, x.goals, given, HAND_INDEX)
-        (ascent,) = torch.autograd.grad(value.sum(), given)
-        clip = self._config.action_gradient_clip
-        ascent = ascent.clamp(-clip, clip) - self._action_l2() * given.detach()
-        self._descend(loss, action, -ascent / q.numel())
+        ascent = self._ascent(value, given, values.action_l2)
+        self._descend(loss, action, -ascent / q.numel(), values)
         return loss.detach(), q.detach().mean()
 
 

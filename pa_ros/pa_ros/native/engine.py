@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
+from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
 from pa_ros.language import Program, compile_program, parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX, Batch
 from pa_ros.native import library as fused_library
 from pa_ros.native.library import FusedError
 from pa_ros.native.tensors import FlatNetwork, describe
@@ -105,7 +105,7 @@ class _Trained:
 
 
 class FusedEngine:
-    """`Engine` by the native library; see `pa_ros.learning.algorithms.dpg.engine` for the contract.
+    """`Engine` by the native library; see `pa_ros.core.update` for the contract.
 
     Raises FusedError when the library is missing or a batch does not fit it.
     """
@@ -128,16 +128,12 @@ class FusedEngine:
         self._codes = _Codes(network, table)
         self._config = config
         self._settings = fused_library.Settings(
-            config.actor_rate,
-            config.critic_rate,
-            config.adam_beta1,
-            config.adam_beta2,
-            config.adam_epsilon,
-            config.action_gradient_clip,
-            config.action_l2,
-            config.detector_gain,
-            config.detector_decay,
-            config.detector_decay_updates,
+            beta1=config.adam_beta1,
+            beta2=config.adam_beta2,
+            epsilon=config.adam_epsilon,
+            clip=config.action_gradient_clip,
+            detector_gain=config.detector_gain,
+            detector_decay_updates=np.inf,
         )
         self._trained = {
             "actor": _Trained(FlatNetwork(describe(network, critic=False)), actor),
@@ -149,7 +145,7 @@ class FusedEngine:
         self._metrics: fused_library.Metrics | None = None
         self._warned = False
 
-    def update(self, batch: Batch) -> None:
+    def update(self, batch: Batch, values: UpdateValues) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
         transitions, objects, programs = _check_batch(batch, len(self._table))
         op, a, b = self._codes.arrays()
@@ -162,25 +158,19 @@ class FusedEngine:
         )
         metrics = fused_library.Metrics()
         actor, critic = self._trained["actor"], self._trained["critic"]
-        self._set(updates=actor.step)
+        settings = self._settings
+        settings.actor_rate, settings.critic_rate = values.actor_rate, values.critic_rate
+        settings.action_l2, settings.detector_decay = values.action_l2, values.detector_decay
         actor.step += 1
         critic.step += 1
         fused_library.library().pa_fused_update(
             self._handle, byref(given), actor.step, critic.step, byref(metrics)
         )
-        if actor.step > self._config.geometry_decay_after and self._config.geometry_decay:
-            actor.forget_geometry(self._config.geometry_decay)
-            critic.forget_geometry(self._config.geometry_decay)
+        if values.geometry_decay:
+            actor.forget_geometry(values.geometry_decay)
+            critic.forget_geometry(values.geometry_decay)
         self._metrics = metrics
         self._warn_if_clamped(metrics.largest_part)
-
-    def _set(self, updates: int) -> None:
-        """What changes with the updates made; the library reads it in each."""
-        config, settings = self._config, self._settings
-        rate = config.rate_after(updates)
-        settings.actor_rate = config.actor_rate * rate
-        settings.critic_rate = config.critic_rate * rate
-        settings.action_l2 = config.action_l2_after(updates)
 
     def copy_targets(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import COLORS, OBJECT_FEATURES, SHAPES, Float32
-from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX
+from pa_ros.core.update import HAND_INDEX
 from pa_ros.world.programs import ProgramTable, crisp
 from pa_ros.world.properties import COLOR, SHAPE, truth_matrix
 

@@ -80,27 +80,6 @@ class LearnerConfig:
                 "with it, got 1, which would relabel nothing"
             )
 
-    def discount_after(self, updates: int) -> float:
-        """γ in the update that follows so many (François-Lavet et al. 2015: a horizon that grows).
-
-        Rewards are then scaled by (1 − γ)/(1 − `discount`) besides, so that Q keeps its bounds.
-        """
-        constant = self.discount_rises_after
-        if not constant:
-            return self.discount
-        growth = max(1.0, updates / constant)
-        return min(self.discount, 1.0 - (1.0 - self.first_discount) / growth)
-
-    def rate_after(self, updates: int) -> float:
-        """The share of both rates in the update that follows so many."""
-        constant = self.rates_fall_after
-        return constant / updates if 0 < constant < updates else 1.0
-
-    def action_l2_after(self, updates: int) -> float:
-        """The weight of ½|a|² in the update that follows so many."""
-        spent = min(1.0, updates / self.action_l2_decay_updates)
-        return self.action_l2 * (1.0 - self.action_l2_decay * spent)
-
     def to_json(self) -> str:
         """Canonical JSON of every field."""
         return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))

@@ -11,13 +11,15 @@ import numpy as np
 
 from pa_ros.acting.schedule import Schedule
 from pa_ros.core.experience import Float32, PolicySnapshot, Trajectory
+from pa_ros.core.update import Batch, UpdateValues
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import Batch, make_engine
+from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.errors import PolicyError
 from pa_ros.learning.relabeling.all_goals import Int32, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
+from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import target_one_hots
 from pa_ros.world.programs import ProgramTable
@@ -103,18 +105,22 @@ class Learner:
     def update(self, updates: int) -> None:
         """Make this many updates, whether due or not; EmptyPlaybackError without transitions."""
         for batch in self.batches(updates):
-            self.engine.update(batch)
+            self.engine.update(batch, values_after(self.counters.updates, self.config))
             self.counters.updates += 1
 
     def batches(self, updates: int) -> Iterator[Batch]:
-        """Batches for this many updates, all drawn at once, since the replay does not change."""
+        """Batches for this many updates, all drawn at once, since the replay does not change.
+
+        So γ and hiding are those of the first of them.
+        """
         size = self.config.batch_size
         if updates == 0:
             return
+        values = values_after(self.counters.updates, self.config)
         index = self.replay.sample(self.rng, updates * size)
         following = self.replay.following(index)
-        program, reward = self._programs(index, following)
-        discount, hidden = self._discount(index), self._hidden(len(index))
+        program, reward = self._programs(index, following, values.reward_scale)
+        discount, hidden = self._discount(index, values.discount), self._hidden(len(index), values)
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
             batch = self._batch(
@@ -172,7 +178,9 @@ class Learner:
         total = self.counters.frames_due * self.config.updates_per_frame
         return math.floor(total + 1e-9) - self.counters.updates
 
-    def _programs(self, index: Int64, following: Int64) -> tuple[Int32, Float32]:
+    def _programs(
+        self, index: Int64, following: Int64, reward_scale: float
+    ) -> tuple[Int32, Float32]:
         """Programs [B, K] and their rewards [B, K], as the learner scales them, for rows [B]."""
         arrays, config = self.replay.arrays, self.config
         program, reward = arrays["program"][index], arrays["reward"][index]
@@ -182,22 +190,16 @@ class Learner:
             marks = arrays["satisfied"][following], arrays["present"][index]
             k, keep = config.programs_per_transition, config.relabel_keeps_original
             program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
-        shortened = (1.0 - self._gamma()) / (1.0 - config.discount)
-        shift, scale = np.float32(config.reward_shift), np.float32(config.reward_scale * shortened)
+        shift, scale = np.float32(config.reward_shift), np.float32(reward_scale)
         return np.ascontiguousarray(program), np.ascontiguousarray((reward + shift) * scale)
 
-    def _discount(self, index: Int64) -> Float32:
+    def _discount(self, index: Int64, gamma: float) -> Float32:
         terminal = self.replay.arrays["terminal"][index]
-        return np.where(terminal, 0.0, self._gamma()).astype(np.float32)
+        return np.where(terminal, 0.0, gamma).astype(np.float32)
 
-    def _gamma(self) -> float:
-        """γ for all updates of a draw."""
-        return self.config.discount_after(self.counters.updates)
-
-    def _hidden(self, rows: int) -> Float32 | None:
+    def _hidden(self, rows: int, values: UpdateValues) -> Float32 | None:
         """What decides on hidden properties, [rows, 2], once they are to be hidden."""
-        config = self.config
-        if self._dropout is None or self.counters.updates < config.property_dropout_after:
+        if self._dropout is None or not values.property_dropout:
             return None
         return self.rng.random((rows, 2), np.float32)
 

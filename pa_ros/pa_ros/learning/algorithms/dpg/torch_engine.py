@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -14,10 +13,9 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.device_steps import DeviceSteps
-from pa_ros.learning.algorithms.dpg.engine import HAND_INDEX, Batch
 from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
@@ -78,42 +76,37 @@ class TorchEngine:
         self._actor, self._critic = self._networks(network, actor, critic)
         self._target_actor = copy.deepcopy(self._actor).requires_grad_(False)
         self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
-        self._actor_adam = self._adam(self._actor, config.actor_rate)
-        self._critic_adam = self._adam(self._critic, config.critic_rate)
+        self._actor_adam = self._adam(self._actor)
+        self._critic_adam = self._adam(self._critic)
         geometry = torch.zeros(COLUMN_FEATURES)
         geometry[GEOMETRY] = 1.0
         self._geometry = geometry.to(self._device, self._dtype)
         self._latest: tuple[Tensor, ...] | None = None
-        self._queued: DeviceSteps | None = None
-        if self._device.type == "cuda":
-            self._queued = DeviceSteps(self._step_on, self._device)
 
-    def update(self, batch: Batch) -> None:
+    def update(self, batch: Batch, values: UpdateValues) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it.
 
-        On a GPU it is queued: the host waits only where it is several batches ahead.
+        On a GPU it is queued: nothing here waits for it.
         """
         self._goals.refresh()
-        arrays = {field.name: getattr(batch, field.name) for field in fields(batch)}
-        if self._queued is not None:
-            self._latest = self._queued(arrays, version=self._goals.size)
-        else:
-            self._latest = self._step_on({k: torch.from_numpy(v) for k, v in arrays.items()})
-
-    def _step_on(self, tensors: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """`_step` on a batch that is on the device."""
+        tensors = {
+            field.name: torch.from_numpy(getattr(batch, field.name)).to(self._device)
+            for field in fields(batch)
+        }
         floats = {k: tensors[k].to(self._dtype) for k in Inputs._fields if k != "goals"}
-        return self._step(Inputs(**floats, goals=self._goals.of(tensors["program"])))
+        x = Inputs(**floats, goals=self._goals.of(tensors["program"]))
+        self._latest = self._step(x, values)
 
-    def _step(self, x: Inputs) -> tuple[Tensor, Tensor]:
+    def _step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
         """Update both networks; the critic's loss and mean Q."""
         target = self._bootstrap(x)  # [B, K]
         h = self._critic.trunk(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, H]
         q = self._critic.head(h, x.action)  # [B, K]
         loss = F.mse_loss(q, target)
         action = self._actor(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, 6]
-        ascent = self._ascent(h.detach(), action.detach())
-        self._descend(loss, action, -ascent / q.numel())
+        given = action.detach().requires_grad_()
+        ascent = self._ascent(self._critic.head(h.detach(), given), given, values.action_l2)
+        self._descend(loss, action, -ascent / q.numel(), values)
         return loss.detach(), q.detach().mean()
 
     def _bootstrap(self, x: Inputs) -> Tensor:
@@ -125,65 +118,39 @@ class TorchEngine:
             bootstrapped: Tensor = x.reward + x.discount[:, None] * value
             return bootstrapped
 
-    def _descend(self, loss: Tensor, action: Tensor, action_gradient: Tensor) -> None:
+    def _ascent(self, q: Tensor, action: Tensor, action_l2: float) -> Tensor:
+        """∂/∂a of the actor's objective: ∂Q/∂a clipped, less λa, [B, K, 6]."""
+        (gradient,) = torch.autograd.grad(q.sum(), action)
+        clip = self._config.action_gradient_clip
+        ascent: Tensor = gradient.clamp(-clip, clip) - action_l2 * action.detach()
+        return ascent
+
+    def _descend(
+        self, loss: Tensor, action: Tensor, action_gradient: Tensor, values: UpdateValues
+    ) -> None:
         """A step of Adam for the critic's loss, and for the actor by the chain rule."""
         self._critic_adam.zero_grad()
         torch.autograd.backward(loss)
         self._actor_adam.zero_grad()
         torch.autograd.backward(action, action_gradient)
-        for module, adam in ((self._critic, self._critic_adam), (self._actor, self._actor_adam)):
-            self._set_rates(adam)
-            self._decay(module, adam)
-        self._critic_adam.step()
-        self._actor_adam.step()
-        self._forget_geometry(self._critic, self._critic_adam)
-        self._forget_geometry(self._actor, self._actor_adam)
+        self._apply(self._critic_adam, values.critic_rate, values)
+        self._apply(self._actor_adam, values.actor_rate, values)
 
-    def _forget_geometry(self, module: nn.Module, adam: torch.optim.Adam) -> None:
-        """Take away a share of what the detectors make of all but the one-hots."""
-        config = self._config
-        if not config.geometry_decay or not hasattr(module, "detectors"):
-            return
-        weight = module.get_parameter("detectors.weight")
-        due = _updates(adam) > config.geometry_decay_after
-        with torch.no_grad():
-            weight.mul_(1.0 - config.geometry_decay * due * self._geometry)
+    def _apply(self, adam: torch.optim.Adam, rate: float, values: UpdateValues) -> None:
+        """Adam's step; the detectors' weights decay before it and forget geometry after it.
 
-    def _set_rates(self, adam: torch.optim.Adam) -> None:
-        """`LearnerConfig.rate_after`, on the device where it changes."""
-        constant = self._config.rates_fall_after
-        if constant:
-            share = (constant / _updates(adam)).clamp_max(1.0)
-            for group in adam.param_groups:
-                group["lr"].copy_(group["initial_lr"] * share)
-
-    def _decay(self, module: nn.Module, adam: torch.optim.Adam) -> None:
-        """Of the detectors' weights, apart from the gradient (Loshchilov & Hutter 2019)."""
-        config = self._config
-        if not config.detector_decay or not hasattr(module, "detectors"):
-            return
-        weight = module.get_parameter("detectors.weight")
-        spent = _updates(adam) / config.detector_decay_updates
-        decay = config.detector_decay * (1.0 - spent).clamp_min(0.0)
-        with torch.no_grad():
-            weight.mul_(1.0 - adam.param_groups[-1]["lr"] * decay)
-
-    def _ascent(self, h: Tensor, action: Tensor) -> Tensor:
-        """∂/∂a of the actor's objective at its action: ∂Q/∂a clipped, less λa, [B, K, 6]."""
-        action = action.requires_grad_()
-        gradient: Tensor
-        (gradient,) = torch.autograd.grad(self._critic.head(h, action).sum(), action)
-        clip = self._config.action_gradient_clip
-        return gradient.clamp(-clip, clip) - self._action_l2() * action.detach()
-
-    def _action_l2(self) -> Tensor | float:
-        """`LearnerConfig.action_l2_after`, on the device where it changes."""
-        config = self._config
-        if not config.action_l2_decay:
-            return config.action_l2
-        spent = (_updates(self._actor_adam) / config.action_l2_decay_updates).clamp_max(1.0)
-        price: Tensor = config.action_l2 * (1.0 - config.action_l2_decay * spent)
-        return price.to(self._dtype)
+        Decay is apart from the gradient (Loshchilov & Hutter 2019).
+        """
+        others, *detectors = adam.param_groups
+        others["lr"] = rate
+        for group in detectors:
+            group["lr"] = rate * self._config.detector_gain
+            with torch.no_grad():
+                group["params"][0].mul_(1.0 - group["lr"] * values.detector_decay)
+        adam.step()
+        for group in detectors:
+            with torch.no_grad():
+                group["params"][0].mul_(1.0 - values.geometry_decay * self._geometry)
 
     def copy_targets(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""
@@ -255,21 +222,16 @@ class TorchEngine:
             return CanonicalActor, CanonicalCritic
         return ProgrammableActor, ProgrammableCritic
 
-    def _adam(self, module: nn.Module, rate: float) -> torch.optim.Adam:
+    def _adam(self, module: nn.Module) -> torch.optim.Adam:
+        """Adam of all parameters, then, as a group of their own, of the detectors if any."""
         config = self._config
-        betas = (config.adam_beta1, config.adam_beta2)
-        detectors = [p for name, p in module.named_parameters() if name.startswith("detectors.")]
-        others = [p for name, p in module.named_parameters() if not name.startswith("detectors.")]
-        groups: list[dict[str, Any]] = [{"params": others, "initial_lr": rate}]
+        named = dict(module.named_parameters())
+        detectors = [named.pop(k) for k in tuple(named) if k.startswith("detectors.")]
+        groups: list[dict[str, Any]] = [{"params": list(named.values())}]
         if detectors:
-            groups.append({"params": detectors, "initial_lr": rate * config.detector_gain})
-        for group in groups:
-            group["lr"] = self._rate(group["initial_lr"])
-        adam = torch.optim.Adam(
-            groups,
-            betas=betas, eps=config.adam_epsilon, fused=True,
-            capturable=self._device.type == "cuda",
-        )  # fmt: skip
+            groups.append({"params": detectors})
+        betas = (config.adam_beta1, config.adam_beta2)
+        adam = torch.optim.Adam(groups, betas=betas, eps=config.adam_epsilon, fused=True)
         for parameter in module.parameters():  # else made by the first step, too late to load
             adam.state[parameter] = {
                 "step": torch.zeros((), dtype=torch.float32, device=self._device),
@@ -277,20 +239,6 @@ class TorchEngine:
                 "exp_avg_sq": torch.zeros_like(parameter),
             }
         return adam
-
-    def _rate(self, rate: float) -> float | Tensor:
-        """What Adam is given: a tensor where the rate will be changed on the device."""
-        if not self._config.rates_fall_after:
-            return rate
-        on_gpu = self._device.type == "cuda"  # whose fused Adam reads float32
-        return torch.tensor(rate, dtype=torch.float32 if on_gpu else torch.float64,
-                            device=self._device)  # fmt: skip
-
-
-def _updates(adam: torch.optim.Adam) -> Tensor:
-    """How many updates were made, float64 [], on the device."""
-    step: Tensor = next(iter(adam.state.values()))["step"]
-    return step.double()
 
 
 def _device_named(name: str) -> torch.device:
