@@ -10,7 +10,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install install-dev install-bench run train test bench same-results lint clean
+.PHONY: install install-dev install-bench run train test bench same-results lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -44,6 +44,14 @@ lint: install-dev
 
 test: lint
 	$(BIN)/python -m pytest -q
+
+# The fused engine's own tests: plain, with AddressSanitizer and UBSan, and with ThreadSanitizer.
+sanitize: sanitize-none sanitize-address,undefined sanitize-thread
+sanitize-%:
+	cmake -S pa_ros/native -B build/sanitize/$* -DPA_ROS_PYTHON=OFF -DPA_ROS_NATIVE_TESTS=ON \
+	  -DPA_ROS_SANITIZE=$(filter-out none,$*)
+	cmake --build build/sanitize/$* --parallel 2
+	ctest --test-dir build/sanitize/$* --output-on-failure
 
 bench: install
 	$(BIN)/pa_ros bench codec

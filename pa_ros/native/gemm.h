@@ -1,11 +1,14 @@
 // C[m][n] = start(m, n) + Σ_k A[m·rs + k·cs] · B[k][n]: the one matrix product, by register tiles.
 // A is read by scalars, so its transpose costs nothing; B and C have rows of whole vectors.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#include "simd.h"
+
+namespace pa::PA_LEVEL {
 
 #if defined(__AVX512F__)
-constexpr int kTileRows = 4, kTileVectors = 5;  // 20 accumulators and 5 of B in 32 registers
+inline constexpr int kTileRows = 4, kTileVectors = 5;  // 20 accumulators and 5 of B in 32 registers
 #else
-constexpr int kTileRows = 4, kTileVectors = 3;
+inline constexpr int kTileRows = 4, kTileVectors = 3;
 #endif
 
 struct FromZero {
@@ -24,7 +27,7 @@ struct Matrix {  // element (m, k) is at m·rs + k·cs
 };
 
 template <int R, int V, class Start>
-static inline void tile(int64_t depth, Matrix a, const float* b, int64_t ldb, float* c, int64_t ldc,
+inline void tile(int64_t depth, Matrix a, const float* b, int64_t ldb, float* c, int64_t ldc,
                         int64_t m, int64_t n, const Start& start) {
     vf sum[R][V];
     for (int r = 0; r < R; r++)
@@ -42,7 +45,7 @@ static inline void tile(int64_t depth, Matrix a, const float* b, int64_t ldb, fl
 }
 
 template <int V, class Start>
-static inline void tile_columns(int64_t rows, int64_t depth, Matrix a, const float* b, int64_t ldb,
+inline void tile_columns(int64_t rows, int64_t depth, Matrix a, const float* b, int64_t ldb,
                                 float* c, int64_t ldc, int64_t n, const Start& start) {
     int64_t m = 0;
     for (; m + kTileRows <= rows; m += kTileRows)
@@ -54,7 +57,7 @@ static inline void tile_columns(int64_t rows, int64_t depth, Matrix a, const flo
 
 // rows × columns, sum over depth. Columns is a multiple of kLane, B and C aligned.
 template <class Start>
-static void multiply(int64_t rows, int64_t columns, int64_t depth, Matrix a, const float* b,
+void multiply(int64_t rows, int64_t columns, int64_t depth, Matrix a, const float* b,
                      int64_t ldb, float* c, int64_t ldc, const Start& start) {
     int64_t n = 0;
     for (; n + kTileVectors * W <= columns; n += kTileVectors * W)
@@ -67,13 +70,13 @@ static void multiply(int64_t rows, int64_t columns, int64_t depth, Matrix a, con
 }
 
 // The same, added to what C holds.
-static void multiply_add(int64_t rows, int64_t columns, int64_t depth, Matrix a, const float* b,
+inline void multiply_add(int64_t rows, int64_t columns, int64_t depth, Matrix a, const float* b,
                          int64_t ldb, float* c, int64_t ldc) {
     multiply(rows, columns, depth, a, b, ldb, c, ldc, FromRows{c, ldc, 1});
 }
 
 // out[n][m] = in[m][n], by squares of 4 × 4; rows and columns are multiples of kLane.
-static void transpose(const float* in, int64_t rows, int64_t columns, float* out) {
+inline void transpose(const float* in, int64_t rows, int64_t columns, float* out) {
     typedef float v4 __attribute__((vector_size(16), may_alias));
     typedef int32_t i4 __attribute__((vector_size(16)));
     const i4 low = {0, 4, 1, 5}, high = {2, 6, 3, 7}, first = {0, 1, 4, 5}, last = {2, 3, 6, 7};
@@ -94,3 +97,5 @@ static void transpose(const float* in, int64_t rows, int64_t columns, float* out
             at(to, 3, rows) = __builtin_shuffle(ab1, cd1, last);
         }
 }
+
+}  // namespace pa::PA_LEVEL

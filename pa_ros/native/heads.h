@@ -1,8 +1,12 @@
 // From h to the action or the value, and back. Rows are samples × programs.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#include "gemm.h"
+#include "work.h"
+
+namespace pa::PA_LEVEL {
 
 // a = tanh(W tanh(h) + b) into w.action (lanes past kActions: tanh 0 = 0), tanh(h) into w.z.
-static void actor_head(const Net& net, Work& w, int64_t rows) {
+inline void actor_head(const Net& net, Work& w, int64_t rows) {
     const int64_t h = net.l.hidden;
     const float *weight = net.p + net.l.output, *bias = net.p + net.l.output_bias;
     alignas(64) float sum[kActionColumns] = {};
@@ -20,7 +24,7 @@ static void actor_head(const Net& net, Work& w, int64_t rows) {
 }
 
 // ∂/∂a (w.daction) → w.dh, adding the gradients of the output layer.
-static void actor_head_backward(const Net& net, Work& w, int64_t rows, float* gradient) {
+inline void actor_head_backward(const Net& net, Work& w, int64_t rows, float* gradient) {
     const int64_t h = net.l.hidden;
     const float* weight = net.p + net.l.output;
     float* bias = gradient + net.l.output_bias;
@@ -43,7 +47,7 @@ static void actor_head_backward(const Net& net, Work& w, int64_t rows, float* gr
 }
 
 // Q = w tanh(h + L a + b) + c into w.q, tanh(…) into w.z. Row r's action is row r / share.
-static void critic_head(const Net& net, Work& w, const float* h_rows, const float* action,
+inline void critic_head(const Net& net, Work& w, const float* h_rows, const float* action,
                         int64_t stride, int64_t share, int64_t rows) {
     const int64_t h = net.l.hidden;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;
@@ -64,7 +68,7 @@ static void critic_head(const Net& net, Work& w, const float* h_rows, const floa
 }
 
 // ∂/∂Q (w.q) → w.dh, adding the gradients of the head. Row r's action is row r / share.
-static void critic_head_backward(const Net& net, Work& w, const float* action, int64_t share,
+inline void critic_head_backward(const Net& net, Work& w, const float* action, int64_t share,
                                  int64_t rows, float* gradient) {
     const int64_t h = net.l.hidden;
     const float* output = net.p + net.l.output;
@@ -85,7 +89,7 @@ static void critic_head_backward(const Net& net, Work& w, const float* action, i
 
 // ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip, less l2 · a, all scaled, into
 // w.daction. w.action is the actor's.
-static void action_gradient(const Net& net, Work& w, int64_t rows, float clip, float l2,
+inline void action_gradient(const Net& net, Work& w, int64_t rows, float clip, float l2,
                             float scale) {
     const int64_t h = net.l.hidden;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;
@@ -103,3 +107,5 @@ static void action_gradient(const Net& net, Work& w, int64_t rows, float clip, f
                            l2 * load(w.action + r * kActionColumns + o)));
     }
 }
+
+}  // namespace pa::PA_LEVEL

@@ -1,10 +1,18 @@
 // One DPG update (docs/DESIGN.md, "Learning"; paper, appendix), split over threads by chunks.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#include <initializer_list>
+
+#include "buffer.h"
+#include "heads.h"
+#include "kernel.h"
+#include "network.h"
+
+namespace pa::PA_LEVEL {
 
 // A chunk's rows (samples × programs) go through the second layers together, so that their weights
 // are read seldom; a block's (samples × objects) through the first layers, and stay in cache.
-constexpr int kChunkRows = 64;
-constexpr int kBlockRows = 80;
+inline constexpr int kChunkRows = 64;
+inline constexpr int kBlockRows = 80;
 
 struct Thread {
     Work w;
@@ -15,23 +23,25 @@ struct Thread {
 };
 
 struct Learner {
+    explicit Learner(const LearnerSetup& setup);
+
     Network actor_shape, critic_shape;
     Tensors actor, critic;
-    const Settings* settings;
+    Settings settings;
     int batch, objects, programs, length, threads, chunk, block;
-    Thread* thread;  // [threads]
-    void* memory;
+    Thread thread[kMaxThreads];
+    Buffer memory;
 };
 
 // Of `second`: an MLP has one such layer, the trunk two.
-static int64_t second_rows(const Layout& l) { return (l.inputs ? 1 : 2) * l.hidden; }
+inline int64_t second_rows(const Layout& l) { return (l.inputs ? 1 : 2) * l.hidden; }
 
-static Net net_of(const Network& shape, const float* parameters) {
+inline Net net_of(const Network& shape, const float* parameters) {
     return {&shape, layout_of(shape), parameters};
 }
 
 // Samples per block and per chunk: blocks are multiples of what a tile has of rows.
-static void choose_chunks(Learner& g) {
+inline void choose_chunks(Learner& g) {
     const int per_thread = (g.batch + g.threads - 1) / g.threads;
     const auto samples = [&](int rows, int each) {
         const int most = rows / each / kTileRows * kTileRows, least = kTileRows;
@@ -43,7 +53,7 @@ static void choose_chunks(Learner& g) {
     g.block = block < g.chunk ? block : g.chunk;
 }
 
-static int64_t carve_learner(Learner& g, char* base) {
+inline int64_t carve_learner(Learner& g, float* base) {
     Arena arena{base, 0};
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     WorkSize size{g.chunk, g.block, g.objects, g.programs, g.length, g.actor_shape.words,
@@ -61,8 +71,17 @@ static int64_t carve_learner(Learner& g, char* base) {
     return arena.used;
 }
 
+inline Learner::Learner(const LearnerSetup& s)
+    : actor_shape(s.actor_shape), critic_shape(s.critic_shape), actor(s.actor), critic(s.critic),
+      settings(s.settings), batch(s.sizes.transitions), objects(s.sizes.objects),
+      programs(s.sizes.programs), length(s.sizes.length), threads(s.sizes.threads), thread{} {
+    choose_chunks(*this);
+    memory = Buffer(carve_learner(*this, nullptr));
+    carve_learner(*this, memory.data());
+}
+
 // y = r + discount · Q'(s', π'(s')) of samples [from, from + count).
-static void targets(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
+inline void targets(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
     Work& w = x.w;
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net actor = net_of(g.actor_shape, g.actor.target);
@@ -76,7 +95,7 @@ static void targets(const Learner& g, Thread& x, const Batch& b, int64_t from, i
         x.target_q[base + r] = b.reward[base + r] + b.discount[from + r / g.programs] * w.q[r];
 }
 
-static void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
+inline void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
     Work& w = x.w;
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
@@ -96,7 +115,7 @@ static void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t fro
     backward(critic, w, b.program + base, count, x.critic_second_t, x.critic_gradient);
 }
 
-static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
+inline void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from, int count) {
     Work& w = x.w;
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net actor = net_of(g.actor_shape, g.actor.parameters);
@@ -109,14 +128,14 @@ static void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     w.z = w.dh;  // the critic's tanh is needed only until ∂Q/∂a is known
     critic_head(critic, w, x.critic_h + base * h, w.action, kActionColumns, 1, rows);
     const float scale = -1.0f / ((float)b.transitions * b.programs);
-    action_gradient(critic, w, rows, (float)g.settings->clip, (float)g.settings->action_l2, scale);
+    action_gradient(critic, w, rows, (float)g.settings.clip, (float)b.values.action_l2, scale);
     w.z = actor_z;
     actor_head_backward(actor, w, rows, x.actor_gradient);
     backward(actor, w, b.program + base, count, x.actor_second_t, x.actor_gradient);
 }
 
 // Gradients of both networks over this thread's part of the batch, at the present parameters.
-static void gradients(Learner& g, const Batch& b, int index) {
+inline void gradients(Learner& g, const Batch& b, int index) {
     Thread& x = g.thread[index];
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     const int64_t h = actor.hidden;
@@ -125,7 +144,7 @@ static void gradients(Learner& g, const Batch& b, int index) {
     transpose(g.actor.parameters + actor.second, second_rows(actor), h, x.actor_second_t);
     transpose(g.critic.parameters + critic.second, second_rows(critic), h, x.critic_second_t);
     set_objects(x.w, b.hand_index);
-    x.w.op = b.op, x.w.a = b.a, x.w.b = b.b, x.w.length = b.table_length;
+    set_table(x.w, b.table);
     for (int i = 0; i < W; i++) x.w.largest[i] = 0.0f;
     x.squared_error = x.sum_q = x.squared_gradient = 0.0;
     const int64_t part = (b.transitions + g.threads - 1) / g.threads;
@@ -138,22 +157,18 @@ static void gradients(Learner& g, const Batch& b, int index) {
 
 // Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters. The
 // detectors' steps are `detector_gain` times as long, and their weights, not their biases, decay
-// apart from them (Loshchilov & Hutter 2019), less and less until `detector_decay_updates`.
-static double adam(const Learner& g, const Tensors& t, const Layout& l, double rate, int64_t step,
-                   int index, bool of_actor) {
-    const Settings& s = *g.settings;
+// apart from them (Loshchilov & Hutter 2019).
+inline double adam(const Learner& g, const Tensors& t, const Layout& l, double rate,
+                   const UpdateValues& values, int index, bool of_actor) {
+    const Settings& s = g.settings;
     const int64_t size = l.size, first_end = l.inputs ? 0 : l.first + kColumnRows * l.columns;
-    const double correction1 = 1.0 - __builtin_pow(s.beta1, (double)step);
-    const double correction2 = 1.0 - __builtin_pow(s.beta2, (double)step);
-    const float rate_now = (float)(rate / correction1), epsilon = (float)s.epsilon;
-    const float root = (float)(1.0 / __builtin_sqrt(correction2));
+    const float rate_now = (float)(rate / values.correction1), epsilon = (float)s.epsilon;
+    const float root = (float)(1.0 / __builtin_sqrt(values.correction2));
     const float keep1 = (float)s.beta1, take1 = (float)(1.0 - s.beta1);
     const float keep2 = (float)s.beta2, take2 = (float)(1.0 - s.beta2);
     const int64_t biases = l.first + kBiasRow * l.columns;  // of the first layers
-    const double spent = (double)(step - 1) / s.detector_decay_updates;
-    const double decay = spent < 1.0 ? s.detector_decay * (1.0 - spent) : 0.0;
     const float gain = (float)s.detector_gain;
-    const float kept = (float)(1.0 - rate * s.detector_gain * decay);
+    const float kept = (float)(1.0 - rate * s.detector_gain * values.detector_decay);
     const int64_t part = padded((size + g.threads - 1) / g.threads), begin = index * part;
     const int64_t end = begin + part < size ? begin + part : size;
     vf squares{};
@@ -179,22 +194,22 @@ static double adam(const Learner& g, const Tensors& t, const Layout& l, double r
 }
 
 // Steps of Adam of both networks; call when every thread's gradients are there.
-static void apply(Learner& g, int64_t actor_step, int64_t critic_step, int index) {
-    const Settings& s = *g.settings;
+inline void apply(Learner& g, const UpdateValues& values, int index) {
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
-    adam(g, g.critic, critic, s.critic_rate, critic_step, index, false);
+    adam(g, g.critic, critic, values.critic_rate, values, index, false);
     g.thread[index].squared_gradient =
-        adam(g, g.actor, actor, s.actor_rate, actor_step, index, true);
+        adam(g, g.actor, actor, values.actor_rate, values, index, true);
 }
 
-// The actor on one observation (samples = programs = 1): action [6].
-static void act(const Network& shape, const float* parameters, Work& w, const float* objects,
-                const float* arm, int hand_index, float* action) {
-    const Net net = net_of(shape, parameters);
-    const int32_t program = 0;
-    set_objects(w, hand_index);
-    read_inputs(net, w, objects, arm, 0, 1);
-    forward(net, w, &program, 1, false);
-    actor_head(net, w, 1);
-    for (int i = 0; i < kActions; i++) action[i] = w.action[i];
+inline Metrics metrics(const Learner& g, const Batch& batch) {
+    double error = 0, q = 0, gradient = 0, largest = 0;
+    for (int t = 0; t < g.threads; t++) {
+        const Thread& x = g.thread[t];
+        error += x.squared_error, q += x.sum_q, gradient += x.squared_gradient;
+        for (int i = 0; i < W; i++) largest = x.w.largest[i] > largest ? x.w.largest[i] : largest;
+    }
+    const double rows = (double)batch.transitions * batch.programs;
+    return {error / rows, q / rows, __builtin_sqrt(gradient), largest};
 }
+
+}  // namespace pa::PA_LEVEL

@@ -1,10 +1,14 @@
 // Canonical networks: the flattened Ω and MLPs (paper, appendix; pa_ros/networks/canonical.py).
 // h = W1 tanh(W0 x + b0) is what the programmable trunk's h is to the same heads. K programs on one
-// transition share the scene's part of W0 x; the target's is two rows of W0, words `a` and `b`.
-// Included inside a namespace of its own per instruction-set level.
+// transition share the scene's part of W0 x; the target's is two rows of W0, one for each word.
+#pragma once
+#include "gemm.h"
+#include "work.h"
+
+namespace pa::PA_LEVEL {
 
 // x: the hand's features, then a slot for each (shape, color), then the arm's. Rows of w.x.
-static void flatten(const Net& net, Work& w, const float* objects, const float* arm, int64_t from,
+inline void flatten(const Net& net, Work& w, const float* objects, const float* arm, int64_t from,
                     int count) {
     const Network& n = *net.shape;
     const int64_t stride = padded(net.l.inputs);
@@ -29,7 +33,7 @@ static void flatten(const Net& net, Work& w, const float* objects, const float* 
 }
 
 // h of every sample and program of the chunk, from w.x; leaves the first layer's tanh in w.first.
-static void mlp_forward(const Net& net, Work& w, const int32_t* programs, int count) {
+inline void mlp_forward(const Net& net, Work& w, const int32_t* programs, int count) {
     const Layout& l = net.l;
     const int64_t h = l.hidden, pairs = (int64_t)count * w.programs;
     const float *first = net.p + l.first, *words = first + l.inputs * h;
@@ -37,8 +41,9 @@ static void mlp_forward(const Net& net, Work& w, const int32_t* programs, int co
     multiply(count, h, l.inputs, {w.x, padded(l.inputs), 1}, first, h, w.first_arm, h,
              FromRows{bias, 0, 1});
     for (int64_t sk = 0; sk < pairs; sk++) {
-        const float *scene = w.first_arm + sk / w.programs * h, *a = words + w.a[programs[sk]] * h;
-        const float* b = words + w.b[programs[sk]] * h;
+        const int32_t* target = w.target + (int64_t)programs[sk] * kTargetWords;
+        const float *scene = w.first_arm + sk / w.programs * h, *a = words + target[0] * h;
+        const float* b = words + target[1] * h;
         for (int64_t c = 0; c < h; c += W)
             store(w.first + sk * h + c, tanh_of(load(scene + c) + load(a + c) + load(b + c)));
     }
@@ -48,7 +53,7 @@ static void mlp_forward(const Net& net, Work& w, const int32_t* programs, int co
 
 // Adds the gradients of both hidden layers, given w.dh. `second_t` is `second` transposed. The
 // critic's second bias is the action layer's, so it has none here.
-static void mlp_backward(const Net& net, Work& w, const int32_t* programs, int count,
+inline void mlp_backward(const Net& net, Work& w, const int32_t* programs, int count,
                          const float* second_t, float* gradient) {
     const Layout& l = net.l;
     const int64_t h = l.hidden, size = net.shape->hidden, pairs = (int64_t)count * w.programs;
@@ -59,8 +64,9 @@ static void mlp_backward(const Net& net, Work& w, const int32_t* programs, int c
     multiply_add(size, h, pairs, {w.first, 1, h}, w.dh, h, gradient + l.second, h);
     __builtin_memset(w.first_arm, 0, count * h * sizeof(float));
     for (int64_t sk = 0; sk < pairs; sk++) {
-        float *scene = w.first_arm + sk / w.programs * h, *a = words + w.a[programs[sk]] * h;
-        float* b = words + w.b[programs[sk]] * h;
+        const int32_t* target = w.target + (int64_t)programs[sk] * kTargetWords;
+        float *scene = w.first_arm + sk / w.programs * h, *a = words + target[0] * h;
+        float* b = words + target[1] * h;
         for (int64_t c = 0; c < h; c += W) {
             const vf z = load(w.first + sk * h + c);
             const vf d = load(w.dpooled + sk * h + c) * (1.0f - z * z);
@@ -70,3 +76,5 @@ static void mlp_backward(const Net& net, Work& w, const int32_t* programs, int c
     }
     multiply_add(l.inputs, h, count, {w.x, 1, padded(l.inputs)}, w.first_arm, h, first, h);
 }
+
+}  // namespace pa::PA_LEVEL

@@ -1,11 +1,14 @@
 // Φ and the flat programs on it, forward and backward; lanes are objects.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#include "work.h"
+
+namespace pa::PA_LEVEL {
 
 // x op y = c0 + c1·x + c2·y + c3·x·y, for NOT, AND, OR, COPY (paper, eq. logic).
-static const float kCoefficients[4][4] = {{1, -1, 0, 0}, {0, 0, 0, 1}, {0, 1, 1, -1}, {0, 1, 0, 0}};
+inline constexpr float kCoefficients[4][4] = {{1, -1, 0, 0}, {0, 0, 0, 1}, {0, 1, 1, -1}, {0, 1, 0, 0}};
 
 // Φ of all samples: a softmax per group over the logits in `first`, or the true properties.
-static void evaluate_phi(const Net& net, Work& w, int64_t from, int count) {
+inline void evaluate_phi(const Net& net, Work& w, int64_t from, int count) {
     const Network& n = *net.shape;
     const int64_t rows = (int64_t)count * w.objects, stride = w.phi_stride;
     for (int v = 0; v < n.words; v++) {
@@ -37,14 +40,14 @@ static void evaluate_phi(const Net& net, Work& w, int64_t from, int count) {
 }
 
 // A register of sample s's program k: a row of Φ, HAND, or an instruction's result.
-static inline const float* register_at(const Work& w, int words, int64_t s, int64_t sk, int r) {
+inline const float* register_at(const Work& w, int words, int64_t s, int64_t sk, int r) {
     if (r < words) return w.phi + r * w.phi_stride + s * w.objects;
     if (r == words) return w.hand;
     return w.registers + (sk * w.capacity + r - words - 1) * w.lanes;
 }
 
 // p and Σ p of one program (row `program` of the table) on one sample.
-static void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
+inline void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
     const int words = net.shape->words;
     const int64_t base = program * w.length;
     for (int64_t k = 0; k < w.length; k++) {
@@ -68,7 +71,7 @@ static void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t 
 }
 
 // Adds ∂/∂Φ to the first rows of w.dregister, given ∂/∂p in the last; clears the rows between.
-static void run_program_backward(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
+inline void run_program_backward(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
     const int words = net.shape->words;
     const int64_t base = program * w.length;
     for (int64_t k = w.length - 1; k >= 0; k--) {
@@ -88,7 +91,7 @@ static void run_program_backward(const Net& net, Work& w, int64_t s, int64_t sk,
 }
 
 // From ∂/∂Φ (w.dregister) to the gradients of the logits, written into `first`.
-static void detectors_backward(const Net& net, Work& w, int64_t s) {
+inline void detectors_backward(const Net& net, Work& w, int64_t s) {
     const Network& n = *net.shape;
     const int64_t stride = w.phi_stride;
     float* out = w.first_of(s, net.l.columns) + net.l.detectors;
@@ -109,3 +112,5 @@ static void detectors_backward(const Net& net, Work& w, int64_t s) {
         out += size, phi += size * stride, d += size * w.lanes;
     }
 }
+
+}  // namespace pa::PA_LEVEL

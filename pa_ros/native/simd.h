@@ -1,26 +1,34 @@
 // Vectors of the widest kind the instruction set has, and the functions of them we need.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#include <cstdint>
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#endif
+
+#include "level.h"
+
+namespace pa::PA_LEVEL {
 
 #if defined(__AVX512F__)
-constexpr int W = 16;
+inline constexpr int W = 16;
 #elif defined(__AVX2__)
-constexpr int W = 8;
+inline constexpr int W = 8;
 #else
-constexpr int W = 4;
+inline constexpr int W = 4;
 #endif
 
 typedef float vf __attribute__((vector_size(4 * W), may_alias));
 typedef float vfu __attribute__((vector_size(4 * W), may_alias, aligned(4)));
 typedef int32_t vi __attribute__((vector_size(4 * W), may_alias));
 
-static inline vf load(const float* p) { return *reinterpret_cast<const vf*>(p); }
-static inline vf loadu(const float* p) { return *reinterpret_cast<const vfu*>(p); }
-static inline void store(float* p, vf x) { *reinterpret_cast<vf*>(p) = x; }
-static inline void storeu(float* p, vf x) { *reinterpret_cast<vfu*>(p) = x; }
-static inline vf splat(float x) { return vf{} + x; }
+inline vf load(const float* p) { return *reinterpret_cast<const vf*>(p); }
+inline vf loadu(const float* p) { return *reinterpret_cast<const vfu*>(p); }
+inline void store(float* p, vf x) { *reinterpret_cast<vf*>(p) = x; }
+inline void storeu(float* p, vf x) { *reinterpret_cast<vfu*>(p) = x; }
+inline vf splat(float x) { return vf{} + x; }
 
 // min and max of a vector and a bound; NaN stays NaN.
-static inline vf at_most(vf x, float bound) {
+inline vf at_most(vf x, float bound) {
 #if defined(__AVX512F__)
     return _mm512_min_ps(splat(bound), x);
 #else
@@ -28,7 +36,7 @@ static inline vf at_most(vf x, float bound) {
 #endif
 }
 
-static inline vf at_least(vf x, float bound) {
+inline vf at_least(vf x, float bound) {
 #if defined(__AVX512F__)
     return _mm512_max_ps(splat(bound), x);
 #else
@@ -36,7 +44,7 @@ static inline vf at_least(vf x, float bound) {
 #endif
 }
 
-static inline vf square_root(vf x) {
+inline vf square_root(vf x) {
 #if defined(__AVX512F__)
     return _mm512_sqrt_ps(x);
 #else
@@ -46,7 +54,7 @@ static inline vf square_root(vf x) {
 }
 
 // 1/x to within 1.5 units in the last place; x in [0.5, 2^100].
-static inline vf reciprocal(vf x) {
+inline vf reciprocal(vf x) {
 #if defined(__AVX512F__)
     const vf guess = _mm512_rcp14_ps(x);  // 2^-14, doubled by one Newton step
     return guess * (2.0f - x * guess);
@@ -56,7 +64,7 @@ static inline vf reciprocal(vf x) {
 }
 
 // 2^x for |x| <= 126 (clamped); relative error 2e-7, by a minimax polynomial on [-1/2, 1/2].
-static inline vf exp2_clamped(vf x) {
+inline vf exp2_clamped(vf x) {
     x = at_least(at_most(x, 126.0f), -126.0f);
 #if defined(__AVX512F__)
     const vf n = _mm512_roundscale_ps(x, 0);
@@ -80,21 +88,21 @@ static inline vf exp2_clamped(vf x) {
 #endif
 }
 
-constexpr float kLog2E = 1.4426950408889634f;
+inline constexpr float kLog2E = 1.4426950408889634f;
 
-static inline vf exponential(vf x) { return exp2_clamped(x * kLog2E); }
+inline vf exponential(vf x) { return exp2_clamped(x * kLog2E); }
 
 // tanh(x) = 1 - 1/h with h = (1 + e^2x)/2: absolute error 2e-7, exact in sign and limits.
 // A sum is the point: e^2(x+y) = e^2x · e^2y, so N² sums cost 2N exponentials. The price: each of
 // x and y is clamped to ±43.6, where floats end.
-static inline vf exponential_of_twice(vf x) { return exp2_clamped(x * (2.0f * kLog2E)); }
-static inline vf tanh_of_sum(vf half_exp_2x, vf exp_2y) {
+inline vf exponential_of_twice(vf x) { return exp2_clamped(x * (2.0f * kLog2E)); }
+inline vf tanh_of_sum(vf half_exp_2x, vf exp_2y) {
     return 1.0f - reciprocal(at_most(half_exp_2x * exp_2y + 0.5f, 0x1p100f));
 }
-static inline vf tanh_of(vf x) { return 1.0f - reciprocal(0.5f * exponential_of_twice(x) + 0.5f); }
+inline vf tanh_of(vf x) { return 1.0f - reciprocal(0.5f * exponential_of_twice(x) + 0.5f); }
 
 // Sums of the lanes of n vectors. `out` has room for n rounded up to a multiple of W.
-static inline void sum_lanes(const vf* x, int64_t n, float* out) {
+inline void sum_lanes(const vf* x, int64_t n, float* out) {
 #if defined(__AVX512F__)
     for (int64_t base = 0; base < n; base += 16) {
         vf a[16];
@@ -122,3 +130,5 @@ static inline void sum_lanes(const vf* x, int64_t n, float* out) {
     }
 #endif
 }
+
+}  // namespace pa::PA_LEVEL

@@ -2,9 +2,14 @@
 //
 // What does not depend on the program (first layers, α̃, tanh of messages) is computed once per
 // sample whatever K. In sums over pairs j (sender) is the row and i (receiver) the lane.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#include "gemm.h"
+#include "program.h"
+#include "work.h"
 
-constexpr float kNothing = 1e-30f;  // at least this is divided by
+namespace pa::PA_LEVEL {
+
+inline constexpr float kNothing = 1e-30f;  // at least this is divided by
 
 struct StartMass {  // row m starts from Σp · (local.1.bias + message.1.bias)
     const float *mass, *bias;
@@ -16,7 +21,7 @@ struct StartMass {  // row m starts from Σp · (local.1.bias + message.1.bias)
 
 // In place: tanh for local; for the four kinds that meet in pairs, exponentials (see simd.h).
 // Returns the largest |x| of those and `largest`.
-static vf activate(const Layout& l, float* row, vf largest) {
+inline vf activate(const Layout& l, float* row, vf largest) {
     for (int64_t c = 0; c < l.receiver; c += W) store(row + c, tanh_of(load(row + c)));
     for (int64_t c = l.receiver; c < l.detectors; c += W) {
         const bool receives = c < l.sender || (c >= l.query && c < l.context);
@@ -29,7 +34,7 @@ static vf activate(const Layout& l, float* row, vf largest) {
 
 // The arm's share reaches a pair through both of its objects. Each is given half of the total, so
 // that large parts of opposite sign, which no pair ever sees, do not overflow the exponentials.
-static void balance_arm(const Layout& l, float* row) {
+inline void balance_arm(const Layout& l, float* row) {
     const int64_t halves[2][3] = {{l.receiver, l.sender, l.hidden}, {l.query, l.context, l.attention}};
     for (const auto& [one, other, size] : halves)
         for (int64_t c = 0; c < size; c += W) {
@@ -40,7 +45,7 @@ static void balance_arm(const Layout& l, float* row) {
 }
 
 // exp α̃_ij, up to a factor per receiver.
-static void attend(const Net& net, Work& w, int64_t s) {
+inline void attend(const Net& net, Work& w, int64_t s) {
     const Layout& l = net.l;
     const int n = w.objects;
     const float* first = w.first_of(s, l.columns);
@@ -69,7 +74,7 @@ static void attend(const Net& net, Work& w, int64_t s) {
 
 // α_ij and p_i α_ij of one program; lanes without an object get 0, and where nothing is relevant
 // to a receiver, it hears nothing.
-static void weigh(Work& w, int64_t s, int64_t sk) {
+inline void weigh(Work& w, int64_t s, int64_t sk) {
     const int n = w.objects;
     const float *p = w.relevant + sk * w.lanes, *e = w.attend + s * n * w.lanes;
     float *share = w.share + sk * n * w.lanes, *weight = w.weight + sk * n * w.lanes;
@@ -89,7 +94,7 @@ static void weigh(Work& w, int64_t s, int64_t sk) {
 
 // Σ p_i tanh(f0_i) and Σ p_i α_ij tanh(r0_ij) of all K programs of a sample. KT: K, or 0 for any.
 template <int KT>
-static void pool(const Net& net, Work& w, int64_t s) {
+void pool(const Net& net, Work& w, int64_t s) {
     const Layout& l = net.l;
     const int n = w.objects, programs = KT ? KT : w.programs;
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs;
@@ -117,16 +122,14 @@ static void pool(const Net& net, Work& w, int64_t s) {
 }
 
 using Pool = void (*)(const Net&, Work&, int64_t);
-static Pool pool_for(int programs) {
+inline Pool pool_for(int programs) {
     static const Pool fixed[] = {pool<0>, pool<1>, pool<2>, pool<3>, pool<4>,
                                  pool<5>, pool<6>, pool<7>, pool<8>};
     return programs <= 8 ? fixed[programs] : fixed[0];
 }
 
-static void mlp_forward(const Net& net, Work& w, const int32_t* programs, int count);
-
 // Everything up to the sums of samples [from, from + count), whose `first` stays in cache.
-static void forward_block(const Net& net, Work& w, const int32_t* programs, int64_t from,
+inline void forward_block(const Net& net, Work& w, const int32_t* programs, int64_t from,
                           int count) {
     const Layout& l = net.l;
     const int64_t rows = (int64_t)count * w.objects, c = l.columns;
@@ -154,9 +157,8 @@ static void forward_block(const Net& net, Work& w, const int32_t* programs, int6
 }
 
 // h of every sample and program of the chunk, from w.x and w.arm. `programs` is [count, K].
-// `keep`: leave the activations of the whole chunk in w.first, for `backward`.
-static void forward(const Net& net, Work& w, const int32_t* programs, int count, bool keep) {
-    if (net.shape->canonical) return mlp_forward(net, w, programs, count);
+// `keep`: leave the activations of the whole chunk in w.first, for `trunk_backward`.
+inline void trunk_forward(const Net& net, Work& w, const int32_t* programs, int count, bool keep) {
     const Layout& l = net.l;
     w.ring = keep ? w.samples : w.block;
     for (int from = 0; from < count; from += w.block)
@@ -167,3 +169,5 @@ static void forward(const Net& net, Work& w, const int32_t* programs, int count,
              StartMass{w.mass, net.p + l.second_bias, h});
     multiply_add(pairs, h, net.shape->hidden, {w.pooled + h, 2 * h, 1}, second + h * h, h, w.h, h);
 }
+
+}  // namespace pa::PA_LEVEL

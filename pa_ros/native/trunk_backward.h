@@ -1,11 +1,14 @@
-// From ∂/∂h back to the gradients of the trunk's parameters, for the chunk that `forward` left in
+// From ∂/∂h back to the gradients of the trunk's parameters, for the chunk that `trunk_forward` left in
 // Work. tanh of sums is computed again: five operations cost less than memory would.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#include "trunk.h"
+
+namespace pa::PA_LEVEL {
 
 // Gradients of local.0 and message.0 before tanh, in place of their activations; dots with what
 // p and α multiplied: per program N² messages, N locals, one for the biases.
 template <int KT>
-static void pool_backward(const Net& net, Work& w, int64_t s) {
+void pool_backward(const Net& net, Work& w, int64_t s) {
     const Layout& l = net.l;
     const int n = w.objects, programs = KT ? KT : w.programs;
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs, dots = w.dots_per_program();
@@ -53,7 +56,7 @@ static void pool_backward(const Net& net, Work& w, int64_t s) {
 }
 
 // Of one program: adds ∂/∂α̃ to w.dscore and leaves ∂/∂p in the last register's gradient.
-static void weigh_backward(const Net& net, Work& w, int64_t k, int64_t sk) {
+inline void weigh_backward(const Net& net, Work& w, int64_t k, int64_t sk) {
     const int n = w.objects;
     const float *sums = w.sums + k * w.dots_per_program(), *p = w.relevant + sk * w.lanes;
     const float* share = w.share + sk * n * w.lanes;
@@ -79,7 +82,7 @@ static void weigh_backward(const Net& net, Work& w, int64_t k, int64_t sk) {
 }
 
 // Gradients of query and context before tanh, in place of their activations; adds attention's.
-static void attend_backward(const Net& net, Work& w, int64_t s, float* gradient) {
+inline void attend_backward(const Net& net, Work& w, int64_t s, float* gradient) {
     const Layout& l = net.l;
     const int n = w.objects;
     float *query = w.first_of(s, l.columns) + l.query, *context = query + l.context - l.query;
@@ -108,14 +111,14 @@ static void attend_backward(const Net& net, Work& w, int64_t s, float* gradient)
 }
 
 using PoolBackward = void (*)(const Net&, Work&, int64_t);
-static PoolBackward pool_backward_for(int programs) {
+inline PoolBackward pool_backward_for(int programs) {
     static const PoolBackward fixed[] = {
         pool_backward<0>, pool_backward<1>, pool_backward<2>, pool_backward<3>, pool_backward<4>,
         pool_backward<5>, pool_backward<6>, pool_backward<7>, pool_backward<8>};
     return programs <= 8 ? fixed[programs] : fixed[0];
 }
 
-static void sample_backward(const Net& net, Work& w, const int32_t* programs, int64_t s,
+inline void sample_backward(const Net& net, Work& w, const int32_t* programs, int64_t s,
                             float* gradient) {
     const Layout& l = net.l;
     const int words = net.shape->words, n = w.objects;
@@ -138,13 +141,9 @@ static void sample_backward(const Net& net, Work& w, const int32_t* programs, in
     }
 }
 
-static void mlp_backward(const Net& net, Work& w, const int32_t* programs, int count,
-                         const float* second_t, float* gradient);
-
 // Adds the trunk's gradients, given w.dh. `second_t` is `second` transposed, [H, 2H].
-static void backward(const Net& net, Work& w, const int32_t* programs, int count,
-                     const float* second_t, float* gradient) {
-    if (net.shape->canonical) return mlp_backward(net, w, programs, count, second_t, gradient);
+inline void trunk_backward(const Net& net, Work& w, const int32_t* programs, int count,
+                           const float* second_t, float* gradient) {
     const Layout& l = net.l;
     const int64_t pairs = (int64_t)count * w.programs;
     const int64_t h = l.hidden, c = l.columns, size = net.shape->hidden;
@@ -170,3 +169,5 @@ static void backward(const Net& net, Work& w, const int32_t* programs, int count
     for (int row = kProperty; net.shape->hide_properties && row < kProperty + kProperties; row++)
         __builtin_memset(first + row * c, 0, l.detectors * sizeof(float));
 }
+
+}  // namespace pa::PA_LEVEL

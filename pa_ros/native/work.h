@@ -1,15 +1,24 @@
 // Scratch memory of one thread: a chunk of S samples of N objects with K programs each.
-// Included inside a namespace of its own per instruction-set level.
+#pragma once
+#if defined(__SANITIZE_ADDRESS__)
+#include <sanitizer/asan_interface.h>
+#endif
 
-constexpr int kMaxObjects = 64;
-constexpr int kMaxPrograms = 64;
+#include "kernel.h"
+#include "simd.h"
 
-struct Arena {  // one block, handed out in 64-byte lines; `base` null: only measures
-    char* base;
+namespace pa::PA_LEVEL {
+
+struct Arena {  // one block, handed out in lines of kLane floats; `base` null: only measures
+    float* base;
     int64_t used;
     float* take(int64_t floats) {
-        float* at = base ? reinterpret_cast<float*>(base + used) : nullptr;
-        used += padded(floats) * 4;
+        float* at = base ? base + used : nullptr;
+        used += padded(floats);
+#if defined(__SANITIZE_ADDRESS__)  // nobody may touch the line between two parts
+        if (base) __asan_poison_memory_region(base + used, kLane * sizeof(float));
+        used += kLane;
+#endif
         return at;
     }
 };
@@ -40,6 +49,7 @@ struct Work {
 
     int hand_index;
     const int32_t *op, *a, *b;  // the program table, rows of `length`
+    const int32_t* target;      // of canonical networks instead: rows of two words
     int64_t length, capacity;   // instructions a program has now, and at most
 
     float* first_of(int64_t s, int64_t columns) const {
@@ -54,7 +64,7 @@ struct WorkSize {
 };
 
 // What every network needs, with w.samples and so on.
-static void carve_heads(Work& w, Arena& arena, const WorkSize& z) {
+inline void carve_heads(Work& w, Arena& arena, const WorkSize& z) {
     const int64_t lanes = padded(z.objects), sk = (int64_t)z.samples * z.programs;
     w.samples = z.samples, w.objects = z.objects, w.programs = z.programs, w.lanes = (int)lanes;
     w.capacity = z.length, w.block = z.block;
@@ -65,14 +75,14 @@ static void carve_heads(Work& w, Arena& arena, const WorkSize& z) {
 }
 
 // For canonical networks: x [S, inputs]; first and dpooled [S·K, H]; first_arm [S, H].
-static void carve_mlp(Work& w, Arena& arena, const WorkSize& z) {
+inline void carve_mlp(Work& w, Arena& arena, const WorkSize& z) {
     const int64_t s = z.samples, rows = s * z.programs * z.hidden;
     carve_heads(w, arena, z);
     w.x = arena.take(s * padded(z.inputs)), w.first_arm = arena.take(s * z.hidden);
     w.first = arena.take(rows), w.dpooled = arena.take(rows);
 }
 
-static void carve(Work& w, Arena& arena, const WorkSize& z) {
+inline void carve(Work& w, Arena& arena, const WorkSize& z) {
     if (z.inputs) return carve_mlp(w, arena, z);
     const int64_t s = z.samples, n = z.objects, k = z.programs, lanes = padded(n), sk = s * k;
     carve_heads(w, arena, z);
@@ -91,9 +101,14 @@ static void carve(Work& w, Arena& arena, const WorkSize& z) {
     w.dscore = arena.take(n * lanes), w.row = arena.take(z.hidden);
 }
 
-static void set_objects(Work& w, int hand_index) {
+inline void set_objects(Work& w, int hand_index) {
     w.hand_index = hand_index;
     for (int i = 0; i < w.lanes; i++) w.hand[i] = i == hand_index, w.mask[i] = i < w.objects;
+}
+
+inline void set_table(Work& w, const Table& table) {
+    w.op = table.op, w.a = table.a, w.b = table.b, w.length = table.length;
+    w.target = table.target;
 }
 
 struct Net {  // a network's description, layout and current parameters
@@ -102,22 +117,4 @@ struct Net {  // a network's description, layout and current parameters
     const float* p;
 };
 
-static void flatten(const Net& net, Work& w, const float* objects, const float* arm, int64_t from,
-                    int count);
-
-// Copies inputs of samples [from, from + count) and scales the positions.
-static void read_inputs(const Net& net, Work& w, const float* objects, const float* arm,
-                        int64_t from, int count) {
-    if (net.shape->canonical) return flatten(net, w, objects, arm, from, count);
-    const float position_scale = net.shape->position_scale;
-    const int64_t rows = (int64_t)count * w.objects;
-    const float* in = objects + from * w.objects * kObjectFeatures;
-    for (int64_t r = 0; r < rows * kObjectFeatures; r += kObjectFeatures)
-        for (int f = 0; f < kObjectFeatures; f++)
-            w.x[r + f] = f < 3 ? in[r + f] * position_scale : in[r + f];
-    for (int64_t s = 0; s < count; s++) {
-        float* out = w.arm + s * kArmColumns;
-        for (int f = 0; f < kArmFeatures; f++) out[f] = arm[(from + s) * kArmFeatures + f];
-        out[kArmFeatures] = 1.0f, out[kArmFeatures + 1] = 0.0f;
-    }
-}
+}  // namespace pa::PA_LEVEL

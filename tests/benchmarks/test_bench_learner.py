@@ -22,7 +22,7 @@ from pa_ros.cli import bench_learner as command
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.native import library as fused_library
-from pa_ros.native.library import FusedError
+from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor, initial_critic
 
@@ -127,10 +127,10 @@ def test_functions_are_accurate() -> None:
     x = np.linspace(-30, 30, 16 * 500).astype(np.float32)
     y = np.roll(x, 1234)
     exact = x.astype(np.float64)
-    np.testing.assert_allclose(elementwise(0, x, x)(), np.exp(exact), rtol=3e-6)
-    np.testing.assert_allclose(elementwise(1, x, x)(), np.tanh(exact), rtol=0, atol=3e-7)
+    np.testing.assert_allclose(elementwise("EXPONENTIAL", x, x)(), np.exp(exact), rtol=3e-6)
+    np.testing.assert_allclose(elementwise("TANH", x, x)(), np.tanh(exact), rtol=0, atol=3e-7)
     e, f = np.exp(2 * exact) / 2, np.exp(2 * y.astype(np.float64))
-    sums = elementwise(2, e.astype(np.float32), f.astype(np.float32), repeats=2)()
+    sums = elementwise("TANH_OF_SUM", e.astype(np.float32), f.astype(np.float32), repeats=2)()
     np.testing.assert_allclose(sums, np.tanh(exact + y), rtol=0, atol=3e-7)
 
 

@@ -30,28 +30,24 @@ from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
-from pa_ros.native import library as fused_library
-from pa_ros.native.engine import FusedActor, FusedError, fused_available, why_not
+from pa_ros.native import _fused
+from pa_ros.native.engine import FusedActor
+from pa_ros.native.errors import FusedError
+from pa_ros.native.library import level, why_not, why_not_network
 from pa_ros.networks.parameters import TensorError
 
 
 def test_the_library_was_built() -> None:
-    assert fused_available() == (True, "")
-
-
-def test_a_missing_or_other_library_is_a_reason(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
     made = setting()
-    monkeypatch.setattr(fused_library, "NAME", "_absent.so")
-    monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
-    assert not fused_available()[0]
-    assert "_absent.so" in why_not(made.network, made.config)
-    monkeypatch.undo()
-    theirs = fused_library.INTERFACE
-    monkeypatch.setattr(fused_library, "INTERFACE", -1)
-    monkeypatch.setattr(fused_library, "library", fused_library.library.__wrapped__)
-    with pytest.raises(FusedError, match=f"expected interface -1, got {theirs}: rebuild"):
+    assert why_not(made.network, made.config) == why_not_network(made.network) == ""
+
+
+def test_a_missing_library_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = setting()
+    monkeypatch.setitem(sys.modules, "pa_ros.native._fused", None)
+    monkeypatch.delattr("pa_ros.native._fused")
+    assert "_fused" in why_not(made.network, made.config)
+    with pytest.raises(FusedError, match="expected its library: .*_fused"):
         made.engine()
 
 
@@ -304,7 +300,7 @@ def test_says_why_it_does_not_apply() -> None:
     config, network = LearnerConfig(), setting().network
     assert why_not(network, config) == ""
     assert why_not(replace(network, kind="canonical"), config) == ""
-    words = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(fused_library.MAX_WORDS)))
+    words = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(_fused.MAX_WORDS)))
     assert "words" in why_not(replace(network, vocabulary=words), config)
     assert "float64" in why_not(network, replace(config, dtype="float64"))
     assert "cuda" in why_not(network, replace(config, device="cuda"))
@@ -313,20 +309,49 @@ def test_says_why_it_does_not_apply() -> None:
     assert not isinstance(FusedError("x"), ConfigError)
 
 
-@pytest.mark.parametrize("level", ["x86-64-v3", "generic"])
-def test_narrower_instruction_sets_agree(level: str) -> None:
-    """The same gradient tests in a process that is told to use fewer instructions."""
-    probe = "from pa_ros.native import library as fused_library; print(fused_library.level())"
-    environment = os.environ | {"PA_ROS_FUSED_LEVEL": level}
-    used = subprocess.run(
-        [sys.executable, "-c", probe], env=environment, capture_output=True, text=True, check=True
-    ).stdout.strip()
-    assert used == level or used == "generic"
-    if used == fused_library.level():
-        return  # this process ran them
+def run_at(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Python in a process that is told which instructions to use."""
+    environment = os.environ | {"PA_ROS_FUSED_LEVEL": name}
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True)
+
+
+NARROWER = [name for name, available in _fused.levels() if available and name != level()]
+
+
+@pytest.mark.parametrize("name", NARROWER)
+def test_narrower_instruction_sets_agree(name: str) -> None:
+    """The same gradient tests in a process that uses fewer instructions."""
+    probe = "from pa_ros.native.library import level; print(level())"
+    assert run_at(name, "-c", probe).stdout.strip() == name
     chosen = "number_of_programs or number_of_objects or unusual_sizes or saturate or actor_equals"
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", __file__]
     canonical = str(Path(__file__).with_name("test_fused_canonical.py"))
-    command += [canonical, "-k", f"{chosen} or canonical and gradients"]
-    result = subprocess.run(command, env=environment, capture_output=True, text=True)
+    selection = ("-k", f"{chosen} or canonical and gradients")
+    result = run_at(
+        name,
+        *("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", __file__, canonical, *selection),
+    )
     assert result.returncode == 0, result.stdout[-3000:]
+
+
+def test_a_misspelt_instruction_set_is_an_error_and_not_a_reason() -> None:
+    """Nobody is given torch, or other instructions, without a word."""
+    probe = """
+from batched_oracle import setting
+from pa_ros.core.errors import PaError
+from pa_ros.native.library import level, why_not_network
+for attempt in (level, lambda: why_not_network(setting().network), lambda: setting().engine()):
+    try:
+        attempt()
+    except PaError as error:
+        print(error.code, error)
+"""
+    folder = str(Path(__file__).parents[1])
+    result = run_at("x86_64-v3", "-c", f"import sys; sys.path.insert(0, {folder!r})\n" + probe)
+    known = ", ".join(name for name, _ in _fused.levels())
+    lines = result.stdout.splitlines()
+    assert len(lines) == 3, result.stderr[-3000:]
+    for line in lines:
+        assert line.startswith("learning.fused")
+        assert f"PA_ROS_FUSED_LEVEL: expected one of {known} (this machine has" in line
+        assert line.endswith("got 'x86_64-v3'")

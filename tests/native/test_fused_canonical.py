@@ -49,8 +49,10 @@ def table() -> ProgramTable:
     return made
 
 
-def both(hidden: int = 40, **changes: object) -> tuple[FusedEngine, TorchEngine]:
-    config, programs = network(hidden), table()
+def both(
+    hidden: int = 40, programs: ProgramTable | None = None, **changes: object
+) -> tuple[FusedEngine, TorchEngine]:
+    config, programs = network(hidden), programs or table()
     given = config, replace(CONFIG, **changes), programs  # type: ignore[arg-type]
     reference = replace(CONFIG, engine="torch", dtype="float64")
     return (
@@ -123,13 +125,13 @@ def test_thousand_updates_stay_with_float64() -> None:
 
 
 def test_exchanges_state_with_torch_and_takes_programs_as_they_come() -> None:
-    ours, reference = both()
+    programs = table()
+    ours, reference = both(programs=programs)
     rng = np.random.default_rng(2)
     update(reference, batch_of(rng, 16, 1), CONFIG)
     ours.load_tensors(reference.tensors())
     assert ours.tensors()["adam.actor.step"] == 1
-    for one in (ours._table, reference._goals._table):
-        assert one.add(parse("NEAR(HAND, AND(CUBE, BLUE))", WORDS)) == len(TEXTS)
+    assert programs.add(parse("NEAR(HAND, AND(CUBE, BLUE))", WORDS)) == len(TEXTS)
     batch = batch_of(rng, 16, 1)
     batch.program[:] = len(TEXTS)
     update(ours, batch, CONFIG)

@@ -14,6 +14,7 @@ from pa_ros.core.experience import Float32, Observation, PolicySnapshot
 from pa_ros.language import Program, parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.errors import PolicyError
+from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.inference import Inference, make_inference
 from pa_ros.networks.parameters import TensorError, Tensors
@@ -91,19 +92,10 @@ class Actor:
 @lru_cache(maxsize=16)
 def _inference_for(network: NetworkConfig, engine: str) -> MakeInference:
     """FusedActor where it applies, else NumPy; the choice is logged once."""
-    reason = "the learner's is torch" if engine == "torch" else _why_not_fused(network)
+    reason = "the learner's is torch" if engine == "torch" else why_not_network(network)
     log.info("actor inference: %s", f"numpy ({reason})" if reason else "fused")
     if reason:
         return make_inference
     from pa_ros.native.engine import FusedActor
 
     return FusedActor
-
-
-def _why_not_fused(network: NetworkConfig) -> str:
-    """Empty where the fused actor applies, else the reason that the log gives."""
-    try:
-        from pa_ros.native import engine as fused
-    except (ImportError, OSError) as error:
-        return f"no fused actor: {error}"
-    return fused.why_not_network(network)

@@ -28,25 +28,25 @@ def measure_rates(parameter_bytes: float, repeats: int = 30) -> Rates:
     t, size = torch.from_numpy(many), many.size
     exponentials: Ways = [partial(np.exp, many), partial(torch.exp, t)]
     tanhs: Ways = [partial(np.tanh, many), partial(torch.tanh, t)]
-    exponentials.append(elementwise(0, x, x, _PASSES))
-    tanhs.append(elementwise(1, x, x, _PASSES))
+    exponentials.append(elementwise("EXPONENTIAL", x, x, _PASSES))
+    tanhs.append(elementwise("TANH", x, x, _PASSES))
     return Rates(
         flops=max(_matrix_rate(shape, repeats) for shape in _SHAPES),
         exponentials=_rate(size, exponentials, repeats),
         tanhs=_rate(size, tanhs, repeats),
-        pair_tanhs=_rate(size, [elementwise(2, 0.5 * e, e, _PASSES)], repeats),
+        pair_tanhs=_rate(size, [elementwise("TANH_OF_SUM", 0.5 * e, e, _PASSES)], repeats),
         bytes=_copy_rate(int(parameter_bytes), repeats),
     )
 
 
-def elementwise(kind: int, x: Float32, y: Float32, repeats: int = 1) -> Callable[[], Float32]:
-    """The library's function of that kind (native/kernel.cpp) on arrays of a multiple of 16."""
+def elementwise(function: str, x: Float32, y: Float32, repeats: int = 1) -> Callable[[], Float32]:
+    """One of the library's `Function`s on arrays of a multiple of 16."""
+    native = library()
     a, b, out = (aligned(x.size) for _ in range(3))
     a[:], b[:] = x, y
 
     def compute() -> Float32:
-        pointers = (a.ctypes.data, b.ctypes.data, out.ctypes.data)
-        library().pa_fused_elementwise(kind, *pointers, a.size, repeats)
+        native.elementwise(native.Function[function], a, b, out, repeats)
         return out
 
     return compute
@@ -55,13 +55,13 @@ def elementwise(kind: int, x: Float32, y: Float32, repeats: int = 1) -> Callable
 def product(a: Float32, b: Float32) -> Callable[[], Float32]:
     """The library's a · b; columns are a multiple of 16."""
     (rows, depth), columns = a.shape, b.shape[1]
-    x, y, out = (aligned(size) for size in (a.size, b.size, rows * columns))
-    x[:], y[:] = a.ravel(), b.ravel()
+    x = np.ascontiguousarray(a)
+    y, out = (aligned(n * columns).reshape(n, columns) for n in (depth, rows))
+    y[:] = b
 
     def compute() -> Float32:
-        pointers = (x.ctypes.data, y.ctypes.data, out.ctypes.data)
-        library().pa_fused_product(rows, columns, depth, *pointers)
-        return out.reshape(rows, columns)
+        library().product(x, y, out)
+        return out
 
     return compute
 

@@ -1,73 +1,49 @@
-"""A network's tensors inside the flat buffers of the fused update."""
+"""A network's tensors inside the flat buffers of the fused engine."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
-from pa_ros.native import library as fused_library
-from pa_ros.native.library import Layout
+from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors
 from pa_ros.networks.slots import slot_matrices
 from pa_ros.world.properties import truth_matrix
 
-_LINE = 16  # floats in a cache line, to which the library aligns rows
 
-
-def describe(network: NetworkConfig, critic: bool) -> fused_library.Network:
+def describe(network: NetworkConfig, critic: bool) -> _fused.Network:
     """What the library is told of the actor or the critic."""
     if network.kind == "canonical":
-        return _describe_canonical(network, critic)
-    sizes = network.vocabulary.group_sizes
-    described = fused_library.Network(
+        shapes, colors = (matrix.argmax(0).tolist() for matrix in slot_matrices(network.vocabulary))
+        return _fused.Network.canonical(
+            hidden=network.canonical_hidden,
+            words=len(network.vocabulary.words),
+            slots=list(zip(shapes, colors, strict=True)),
+            critic=critic,
+            position_scale=network.position_scale,
+        )
+    truth = truth_matrix(network.vocabulary)  # [16, V]
+    return _fused.Network.trunk(
         hidden=network.hidden,
         attention=network.attention,
-        words=len(network.vocabulary.words),
-        groups=len(sizes),
-        detectors=network.kind == "programmable" or (not critic and _actor_detects(network)),
+        group_sizes=list(network.vocabulary.group_sizes),
+        truth=np.where(truth.any(0), truth.argmax(0), -1).tolist(),
+        detectors=network.kind == "programmable"
+        or (not critic and network.actor_kind == "programmable"),
         hide_properties=not network.relations_see_properties,
         critic=critic,
         position_scale=network.position_scale,
         self_weight=network.self_weight,
     )
-    described.group_size[: len(sizes)] = sizes
-    truth = truth_matrix(network.vocabulary)  # [16, V]
-    named = np.where(truth.any(0), truth.argmax(0), -1)
-    described.truth[: len(named)] = named.tolist()
-    return described
-
-
-def _describe_canonical(network: NetworkConfig, critic: bool) -> fused_library.Network:
-    described = fused_library.Network(
-        hidden=network.canonical_hidden,
-        words=len(network.vocabulary.words),
-        critic=critic,
-        position_scale=network.position_scale,
-        canonical=1,
-    )
-    features = [matrix.argmax(0).tolist() for matrix in slot_matrices(network.vocabulary)]
-    described.slots = len(features[0])
-    described.slot_shape[: described.slots], described.slot_color[: described.slots] = features
-    return described
-
-
-def _actor_detects(network: NetworkConfig) -> bool:
-    return network.actor_kind == "programmable"
 
 
 class FlatNetwork:
     """Named tensors stored in the library's layout: `read` and `write` by state-dict names."""
 
-    def __init__(self, network: fused_library.Network) -> None:
+    def __init__(self, network: _fused.Network) -> None:
         self.network = network
-        self._layout = fused_library.layout_of(network)
-
-    def buffer(self) -> Float32:
-        """A zero buffer of the network's size, aligned for the library."""
-        memory = np.zeros(self._layout.size + _LINE, np.float32)
-        start = -(memory.ctypes.data // 4) % _LINE
-        return memory[start : start + self._layout.size]
+        self._layout = _fused.layout_of(network)
 
     def read(self, buffer: Float32) -> Tensors:
         """Copies of the tensors in a buffer."""
@@ -90,7 +66,7 @@ class FlatNetwork:
         """By name, what its values are side by side along the last axis; order of the networks."""
         n, at = self.network, self._layout
         views: dict[str, list[Float32]] = {}
-        if n.canonical:
+        if n.is_canonical:
             return self._canonical_layers(buffer) | self._head(buffer)
         if n.detectors:
             views |= self._first(buffer, "detectors", at.detectors, n.words)
@@ -123,7 +99,7 @@ class FlatNetwork:
         return {f"{name}.weight": [weight.T], f"{name}.bias": [bias]}
 
     def _canonical_layers(self, buffer: Float32) -> dict[str, list[Float32]]:
-        at, size, critic = self._layout, self.network.hidden, bool(self.network.critic)
+        at, size, critic = self._layout, self.network.hidden, self.network.critic
         inputs = at.inputs + self.network.words
         first = _rows(buffer, at.first, at)[: inputs + 1, :size]
         weights = [_rows(buffer, at.second, at)[:size, :size].T]
@@ -139,10 +115,10 @@ class FlatNetwork:
         }
 
     def _head(self, buffer: Float32) -> dict[str, list[Float32]]:
-        at, size, critic = self._layout, self.network.hidden, bool(self.network.critic)
+        at, size, critic = self._layout, self.network.hidden, self.network.critic
         outputs = 1 if critic else JOINTS
         views: dict[str, list[Float32]] = {}
-        if critic and not self.network.canonical:
+        if critic and not self.network.is_canonical:
             rows = _rows(buffer, at.action, at)[: JOINTS + 1, :size]
             views |= {"action.weight": [rows[:JOINTS].T], "action.bias": [rows[JOINTS]]}
         views["output.weight"] = [_rows(buffer, at.output, at)[:outputs, :size]]
@@ -150,7 +126,7 @@ class FlatNetwork:
         return views
 
 
-def _rows(buffer: Float32, offset: int, at: Layout) -> Float32:
+def _rows(buffer: Float32, offset: int, at: _fused.Layout) -> Float32:
     """Rows of `hidden` floats from an offset to where no whole one is left."""
     count = (len(buffer) - offset) // at.hidden
     return buffer[offset : offset + count * at.hidden].reshape(count, at.hidden)

@@ -9,6 +9,7 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.native.library import why_not
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
@@ -27,7 +28,7 @@ def make_engine(
     Raises ConfigError if `config.engine` is "fused" and it does not apply, with the reason.
     """
     actor, critic = initial_actor(network, rng), initial_critic(network, rng)
-    reason = "chosen" if config.engine == "torch" else _why_not_fused(network, config)
+    reason = "chosen" if config.engine == "torch" else why_not(network, config)
     if config.engine == "fused" and reason:
         raise ConfigError(f"learner engine: expected one that applies, got 'fused': {reason}")
     made: Engine
@@ -41,13 +42,3 @@ def make_engine(
         made = FusedEngine(network, config, table, actor, critic)
     log.info("learner engine: %s%s", made.name, f" ({reason})" if reason else "")
     return made
-
-
-def _why_not_fused(network: NetworkConfig, config: LearnerConfig) -> str:
-    """Empty where the fused update applies, else the reason that the log gives."""
-    try:
-        from pa_ros.native import engine as fused
-    except (ImportError, OSError) as error:
-        return f"no fused update: {error}"
-    reason: str = fused.why_not(network, config)
-    return reason

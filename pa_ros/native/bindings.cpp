@@ -1,0 +1,346 @@
+// pa_ros.native._fused: what Python sees of the library. Arrays are checked here, what is in them by
+// the engine. FusedError is raised for all that is refused.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+
+#include "engine.h"
+#include "error.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace pa {
+namespace {
+
+using Array = nb::ndarray<nb::ro, nb::device::cpu>;       // of any kind: see read()
+using Writable = nb::ndarray<nb::device::cpu>;
+using View = nb::ndarray<nb::numpy, float, nb::ndim<1>>;  // of memory that its owner keeps alive
+using Shape = std::vector<int64_t>;
+
+template <class A>
+Shape shape_of(const A& array) {
+    Shape shape;
+    for (size_t i = 0; i < array.ndim(); i++) shape.push_back((int64_t)array.shape(i));
+    return shape;
+}
+
+std::string text_of(const Shape& shape) {
+    std::string text;
+    for (int64_t size : shape) text += (text.empty() ? "" : ", ") + std::to_string(size);
+    return "(" + text + (shape.size() == 1 ? ",)" : ")");
+}
+
+std::string text_of(nb::dlpack::dtype type) {
+    using Code = nb::dlpack::dtype_code;
+    const Code code = (Code)type.code;
+    const char* kind = code == Code::Int     ? "int"
+                       : code == Code::UInt  ? "uint"
+                       : code == Code::Float ? "float"
+                       : code == Code::Bool  ? "bool"
+                                             : "dtype";
+    return kind + (code == Code::Bool ? "" : std::to_string(type.bits));
+}
+
+template <class A>
+bool contiguous(const A& array) {
+    int64_t stride = 1;
+    for (size_t i = array.ndim(); i-- > 0; stride *= (int64_t)array.shape(i))
+        if (array.shape(i) > 1 && array.stride(i) != stride) return false;
+    return true;
+}
+
+// The elements of an array of that type and shape, row-major; FusedError for any other.
+template <class T, class A>
+auto read(const char* name, const A& array, const Shape& shape) {
+    const Shape got = shape_of(array);
+    const bool whole = contiguous(array) || array.size() == 0;
+    if (array.dtype() != nb::dtype<T>() || got != shape || !whole)
+        throw Error(std::string(name) + ": expected contiguous " + text_of(nb::dtype<T>()) + " " +
+                    text_of(shape) + ", got " + (whole ? "" : "strided ") + text_of(array.dtype()) +
+                    " " + text_of(got));
+    return static_cast<std::conditional_t<std::is_same_v<A, Writable>, T*, const T*>>(array.data());
+}
+
+void check_aligned(const char* name, const void* data) {
+    if (reinterpret_cast<uintptr_t>(data) % (kLane * sizeof(float)))
+        throw Error(std::string(name) + ": expected to begin a line of 64 bytes");
+}
+
+Network make_trunk(int hidden, int attention, const std::vector<int>& group_sizes,
+                   const std::vector<int>& truth, bool detectors, bool hide_properties, bool critic,
+                   float position_scale, float self_weight) {
+    check_range("groups", (int64_t)group_sizes.size(), 1, kMaxGroups);
+    check_range("words", (int64_t)truth.size(), 1, kMaxWords);
+    Network n{};
+    n.hidden = hidden, n.attention = attention, n.words = (int32_t)truth.size();
+    n.groups = (int32_t)group_sizes.size();
+    std::copy(group_sizes.begin(), group_sizes.end(), n.group_size);
+    std::copy(truth.begin(), truth.end(), n.truth);
+    n.detectors = detectors, n.hide_properties = hide_properties, n.critic = critic;
+    n.position_scale = position_scale, n.self_weight = self_weight;
+    check(n);
+    return n;
+}
+
+Network make_canonical(int hidden, int words, const std::vector<std::pair<int, int>>& slots,
+                       bool critic, float position_scale) {
+    check_range("slots", (int64_t)slots.size(), 1, kMaxSlots);
+    Network n{};
+    n.hidden = hidden, n.words = words, n.canonical = 1, n.critic = critic;
+    n.position_scale = position_scale, n.slots = (int32_t)slots.size();
+    for (size_t i = 0; i < slots.size(); i++)
+        n.slot_shape[i] = slots[i].first, n.slot_color[i] = slots[i].second;
+    check(n);
+    return n;
+}
+
+// B × K of a batch, whose other arrays must have the sizes of these two.
+Batch make_batch(const Array& objects, const Array& arm, const Array& action,
+                 const Array& next_objects, const Array& next_arm, const Array& program,
+                 const Array& reward, const Array& discount, int hand_index,
+                 const UpdateValues& values) {
+    if (objects.ndim() != 3 || program.ndim() != 2)
+        throw Error("expected objects [B, N, 16] and program [B, K], got " +
+                    text_of(shape_of(objects)) + " and " + text_of(shape_of(program)));
+    const int64_t b = (int64_t)objects.shape(0), n = (int64_t)objects.shape(1);
+    const int64_t k = (int64_t)program.shape(1);
+    check_range("transitions", b, 1, kMaxTransitions);
+    check_range("objects", n, 1, kMaxObjects);
+    check_range("programs", k, 1, kMaxPrograms);
+    Batch made{};
+    made.transitions = (int32_t)b, made.objects = (int32_t)n, made.programs = (int32_t)k;
+    made.hand_index = hand_index, made.values = values;
+    made.object = read<float>("objects", objects, {b, n, kObjectFeatures});
+    made.arm = read<float>("arm", arm, {b, kArmFeatures});
+    made.action = read<float>("action", action, {b, kActions});
+    made.next_object = read<float>("next_objects", next_objects, {b, n, kObjectFeatures});
+    made.next_arm = read<float>("next_arm", next_arm, {b, kArmFeatures});
+    made.program = read<int32_t>("program", program, {b, k});
+    made.reward = read<float>("reward", reward, {b, k});
+    made.discount = read<float>("discount", discount, {b});
+    return made;
+}
+
+Programs make_programs(const Array& op, const Array& a, const Array& b) {
+    const Shape shape = shape_of(op);
+    if (shape.size() != 2) throw Error("op: expected [P, L], got " + text_of(shape));
+    return {shape[0], shape[1], read<int32_t>("op", op, shape), read<int32_t>("a", a, shape),
+            read<int32_t>("b", b, shape)};
+}
+
+Targets make_targets(const Array& words) {
+    const int64_t rows = words.ndim() ? (int64_t)words.shape(0) : 0;
+    return {rows, read<int32_t>("targets", words, {rows, kTargetWords})};
+}
+
+Observation make_observation(const Array& objects, const Array& arm, int hand_index) {
+    const int64_t n = objects.ndim() ? (int64_t)objects.shape(0) : 0;
+    check_range("objects", n, 1, kMaxObjects);
+    return {(int32_t)n, hand_index, read<float>("objects", objects, {n, kObjectFeatures}),
+            read<float>("arm", arm, {kArmFeatures})};
+}
+
+// Arrays stay alive, being arguments, while other threads of Python run.
+template <class Code>
+void act(Actor& actor, const Observation& seen, const Code& code, const Writable& out) {
+    float* action = read<float>("action", out, {kActions});
+    const nb::gil_scoped_release released;
+    actor.act(seen, code, action);
+}
+
+void compute(Function function, const Array& x, const Array& y, const Writable& out,
+             int64_t repeats) {
+    const int64_t size = (int64_t)x.size();
+    if (size % kLane) throw Error("x: expected a multiple of 16, got " + std::to_string(size));
+    const float *a = read<float>("x", x, {size}), *b = read<float>("y", y, {size});
+    level().kernel->elementwise(function, a, b, read<float>("out", out, {size}), size, repeats);
+}
+
+void multiply(const Array& a, const Array& b, const Writable& out) {
+    if (a.ndim() != 2 || b.ndim() != 2 || b.shape(1) % kLane)
+        throw Error("expected a [rows, depth] and b [depth, a multiple of 16], got " +
+                    text_of(shape_of(a)) + " and " + text_of(shape_of(b)));
+    const Shape left = shape_of(a), right{left[1], (int64_t)b.shape(1)};
+    const float *x = read<float>("a", a, left), *y = read<float>("b", b, right);
+    float* z = read<float>("out", out, {left[0], right[1]});
+    check_aligned("b", y), check_aligned("out", z);
+    level().kernel->product(left[0], right[1], left[1], x, y, z);
+}
+
+void bind_network(nb::module_& m) {
+    nb::class_<Network>(m, "Network", "What the engine is told of an actor or a critic.")
+        .def_static("trunk", make_trunk, nb::kw_only(), "hidden"_a, "attention"_a, "group_sizes"_a,
+                    "truth"_a, "detectors"_a, "hide_properties"_a, "critic"_a, "position_scale"_a,
+                    "self_weight"_a,
+                    "A programmable one. `truth`: the object feature that is each word's true "
+                    "property, or -1.")
+        .def_static("canonical", make_canonical, nb::kw_only(), "hidden"_a, "words"_a, "slots"_a,
+                    "critic"_a, "position_scale"_a,
+                    "An MLP. `slots`: the two object features of the block that fills each.")
+        .def_ro("hidden", &Network::hidden)
+        .def_ro("attention", &Network::attention)
+        .def_ro("words", &Network::words)
+        .def_prop_ro("detectors", [](const Network& n) { return n.detectors != 0; })
+        .def_prop_ro("critic", [](const Network& n) { return n.critic != 0; })
+        .def_prop_ro("is_canonical", [](const Network& n) { return n.canonical != 0; });
+    nb::class_<Layout>(m, "Layout", "Offsets and sizes in a flat buffer, in floats: see layout.h.")
+        .def_ro("hidden", &Layout::hidden)
+        .def_ro("columns", &Layout::columns)
+        .def_ro("local", &Layout::local)
+        .def_ro("receiver", &Layout::receiver)
+        .def_ro("sender", &Layout::sender)
+        .def_ro("query", &Layout::query)
+        .def_ro("context", &Layout::context)
+        .def_ro("detectors", &Layout::detectors)
+        .def_ro("first", &Layout::first)
+        .def_ro("attention_weight", &Layout::attention_weight)
+        .def_ro("second", &Layout::second)
+        .def_ro("second_bias", &Layout::second_bias)
+        .def_ro("action", &Layout::action)
+        .def_ro("output", &Layout::output)
+        .def_ro("output_bias", &Layout::output_bias)
+        .def_ro("inputs", &Layout::inputs);
+    m.def("layout_of", layout_of, "network"_a);
+}
+
+View view(const Buffer& buffer, nb::handle owner) {
+    return View(buffer.data(), {(size_t)buffer.size()}, owner);
+}
+
+template <Buffer Trained::* buffer>
+View buffer_of(nb::handle_t<Trained> trained) {
+    return view(nb::cast<const Trained&>(trained).*buffer, trained);
+}
+
+void bind_engine(nb::module_& m) {
+    nb::class_<Trained>(m, "Trained", "A network's flat buffers, float32, as views.")
+        .def_prop_ro("parameters", buffer_of<&Trained::parameters>)
+        .def_prop_ro("target", buffer_of<&Trained::target>)
+        .def_prop_ro("gradient", buffer_of<&Trained::gradient>)
+        .def_prop_ro("first_moment", buffer_of<&Trained::first_moment>)
+        .def_prop_ro("second_moment", buffer_of<&Trained::second_moment>);
+    nb::class_<UpdateValues>(m, "UpdateValues", "What changes with the number of updates made.")
+        .def(
+            "__init__",
+            [](UpdateValues* made, double actor_rate, double critic_rate, double action_l2,
+               double detector_decay, double correction1, double correction2) {
+                new (made) UpdateValues{actor_rate,     critic_rate, action_l2,
+                                        detector_decay, correction1, correction2};
+            },
+            nb::kw_only(), "actor_rate"_a, "critic_rate"_a, "action_l2"_a, "detector_decay"_a,
+            "correction1"_a, "correction2"_a, "`correction1` and 2 are Adam's, 1 - beta^step.");
+    nb::class_<Metrics>(m, "Metrics", "Of one update; `largest_part`: see LARGEST_PART.")
+        .def_ro("critic_loss", &Metrics::critic_loss)
+        .def_ro("mean_q", &Metrics::mean_q)
+        .def_ro("actor_gradient_norm", &Metrics::actor_gradient_norm)
+        .def_ro("largest_part", &Metrics::largest_part);
+    nb::class_<Engine>(m, "Engine", "One DPG update of actor and critic.")
+        .def(
+            "__init__",
+            [](Engine* made, const Network& actor, const Network& critic, double beta1,
+               double beta2, double epsilon, double clip, double detector_gain, int threads) {
+                new (made)
+                    Engine(actor, critic, {beta1, beta2, epsilon, clip, detector_gain}, threads);
+            },
+            "actor"_a, "critic"_a, nb::kw_only(), "beta1"_a, "beta2"_a, "epsilon"_a, "clip"_a,
+            "detector_gain"_a, "threads"_a)
+        .def_prop_ro("actor", &Engine::actor, nb::rv_policy::reference_internal)
+        .def_prop_ro("critic", &Engine::critic, nb::rv_policy::reference_internal)
+        .def(
+            "set_programs",
+            [](Engine& engine, const Array& op, const Array& a, const Array& b) {
+                engine.set_programs(make_programs(op, a, b));
+            },
+            "op"_a, "a"_a, "b"_a, "What rows of batches mean: flat programs, each [P, L] int32.")
+        .def(
+            "set_targets",
+            [](Engine& engine, const Array& words) { engine.set_targets(make_targets(words)); },
+            "words"_a, "The same for canonical networks: two words of each target, [P, 2] int32.")
+        .def(
+            "update",
+            [](Engine& engine, const Array& objects, const Array& arm, const Array& action,
+               const Array& next_objects, const Array& next_arm, const Array& program,
+               const Array& reward, const Array& discount, int hand_index,
+               const UpdateValues& values) {
+                const Batch batch = make_batch(objects, arm, action, next_objects, next_arm,
+                                               program, reward, discount, hand_index, values);
+                const nb::gil_scoped_release released;
+                return engine.update(batch);
+            },
+            nb::kw_only(), "objects"_a, "arm"_a, "action"_a, "next_objects"_a, "next_arm"_a,
+            "program"_a, "reward"_a, "discount"_a, "hand_index"_a, "values"_a);
+}
+
+void bind_actor(nb::module_& m) {
+    nb::class_<Actor>(m, "Actor", "Actions for one observation at a time.")
+        .def(nb::init<const Network&>(), "network"_a)
+        .def_prop_ro("parameters",
+                     [](nb::handle_t<Actor> actor) {
+                         return view(nb::cast<Actor&>(actor).parameters(), actor);
+                     })
+        .def(
+            "act_on_program",
+            [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
+               const Array& op, const Array& a, const Array& b, const Writable& out) {
+                act(actor, make_observation(objects, arm, hand_index), make_programs(op, a, b),
+                    out);
+            },
+            "objects"_a, "arm"_a, "hand_index"_a, "op"_a, "a"_a, "b"_a, "out"_a,
+            "Objects [N, 16], arm [18], a flat program, each [1, L]; writes the action, [6].")
+        .def(
+            "act_on_target",
+            [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
+               const Array& words, const Writable& out) {
+                act(actor, make_observation(objects, arm, hand_index), make_targets(words), out);
+            },
+            "objects"_a, "arm"_a, "hand_index"_a, "words"_a, "out"_a,
+            "The same for canonical networks: the target's two words, [1, 2].");
+}
+
+// Errors of the library are Python's FusedError, which is there without the library too.
+void raise_error(const std::exception_ptr& thrown, void*) {
+    try {
+        std::rethrow_exception(thrown);
+    } catch (const Error& error) {
+        const nb::object type = nb::module_::import_("pa_ros.native.errors").attr("FusedError");
+        PyErr_SetString(type.ptr(), error.what());
+    }
+}
+
+}  // namespace
+}  // namespace pa
+
+NB_MODULE(_fused, m) {
+    using namespace pa;
+    m.doc() = "The fused DPG update and actor in C++; use pa_ros.native.engine.";
+    nb::set_leak_warnings(false);  // caches of Python may hold objects to the end
+    nb::register_exception_translator(raise_error);
+    m.attr("MAX_WORDS") = kMaxWords;
+    m.attr("MAX_GROUPS") = kMaxGroups;
+    m.attr("MAX_SLOTS") = kMaxSlots;
+    m.attr("LARGEST_PART") = kLargestPart;
+    bind_network(m);
+    bind_engine(m);
+    bind_actor(m);
+    m.def("level", [] { return level().name; }, "The instruction set in use.");
+    m.def(
+        "levels",
+        [] {
+            std::vector<std::pair<std::string, bool>> all;
+            for (const Level& level : levels()) all.emplace_back(level.name, level.available);
+            return all;
+        },
+        "Every instruction set it was built for, and whether this machine has it.");
+    nb::enum_<Function>(m, "Function", "What `elementwise` computes.")
+        .value("EXPONENTIAL", Function::exponential)
+        .value("TANH", Function::tanh)
+        .value("TANH_OF_SUM", Function::tanh_of_sum);
+    m.def("elementwise", compute, "function"_a, "x"_a, "y"_a, "out"_a, "repeats"_a = 1,
+          "out = f(x, y); tanh(a + b) is given x = e^2a / 2 and y = e^2b.");
+    m.def("product", multiply, "a"_a, "b"_a, "out"_a, "out = a · b; b and out begin a line.");
+}

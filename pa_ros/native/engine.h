@@ -1,0 +1,93 @@
+// The fused update and the actor, for whoever calls them: they own their memory and check what
+// they are given. Calls on one object take turns.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "buffer.h"
+#include "kernel.h"
+#include "levels.h"
+#include "team.h"
+
+namespace pa {
+
+// One network: parameters, target, gradient and Adam's moments, each a flat buffer; zero at first.
+struct Trained {
+    explicit Trained(const Network& network);
+    Tensors tensors() const;
+
+    Network shape;
+    Layout layout;
+    Buffer parameters, target, gradient, first_moment, second_moment;
+};
+
+// Programs as the caller has them: `op`, `a` and `b` are [rows, length].
+struct Programs {
+    int64_t rows, length;
+    const int32_t *op, *a, *b;
+};
+
+struct Targets {  // two words each, [rows, 2]
+    int64_t rows;
+    const int32_t* words;
+};
+
+// Error unless every instruction reads words, the hand or what came before it.
+void check(const Programs& programs, const Network& network);
+void check(const Targets& targets, const Network& network);
+
+class Engine {
+  public:
+    Engine(const Network& actor, const Network& critic, const Settings& settings, int threads,
+           const Level& used = level());
+
+    Trained& actor() { return actor_; }
+    Trained& critic() { return critic_; }
+
+    // What the programs of the next batches are rows of, in place of what was.
+    void set_programs(const Programs& programs);
+    void set_targets(const Targets& targets);
+
+    // One update of both networks; the batch's table is the engine's.
+    Metrics update(Batch batch);
+
+  private:
+    void check(const Batch& batch) const;
+    void fit(const Batch& batch);
+
+    Trained actor_, critic_;
+    const Settings settings_;
+    const Kernel* kernel_;
+    std::vector<int32_t> op_, a_, b_, target_;
+    int64_t rows_ = 0, length_ = 1;
+    Sizes sizes_{};
+    std::unique_ptr<LearnerKernel> learner_;
+    Team team_;
+    std::mutex turn_;
+};
+
+class Actor {
+  public:
+    explicit Actor(const Network& network, const Level& used = level());
+
+    const Network& shape() const { return shape_; }
+    Buffer& parameters() { return parameters_; }
+
+    // `action` [6] of one observation under one program, or for canonical networks one target.
+    void act(const Observation& seen, const Programs& program, float* action);
+    void act(const Observation& seen, const Targets& target, float* action);
+
+  private:
+    void act(const Observation& seen, const Table& table, float* action);
+
+    const Network shape_;
+    const Kernel* kernel_;
+    Buffer parameters_;
+    int32_t objects_ = 0, length_ = 0;
+    std::unique_ptr<ActorKernel> actor_;
+    std::mutex turn_;
+};
+
+}  // namespace pa

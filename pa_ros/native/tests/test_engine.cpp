@@ -1,0 +1,155 @@
+// Updates with one and two threads, actions and refusals, on every level that this machine has.
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <string>
+
+#include "cases.h"
+#include "error.h"
+
+using namespace pa;
+
+namespace {
+
+struct Size {
+    int hidden, attention, transitions, objects, programs, length;
+};
+
+const Size kSizes[] = {{7, 3, 1, 1, 1, 1},  {20, 17, 5, 3, 2, 4}, {33, 16, 13, 17, 3, 2},
+                       {16, 5, 70, 5, 1, 3}, {24, 8, 9, 2, 11, 6}};
+
+void require(bool holds, const std::string& what) {
+    if (holds) return;
+    std::fprintf(stderr, "failed: %s\n", what.c_str());
+    std::exit(1);
+}
+
+// Both networks' parameters after three updates, the last of which has other sizes.
+std::vector<float> updated(const Case& made, const Size& size, int threads, const Level& level) {
+    const std::string name = std::string(made.name) + ", " + level.name;
+    std::mt19937 rng(1);
+    Engine engine(made.actor, made.critic, {0.9, 0.999, 1e-8, 1.0, 2.0}, threads, level);
+    fill(engine.actor(), rng), fill(engine.critic(), rng);
+    Codes(made.actor, size.length).tell(engine);
+    for (int step = 0; step < 3; step++) {
+        const int transitions = step == 2 ? size.transitions / 2 + 1 : size.transitions;
+        const Transitions given(transitions, size.objects + (step == 2), size.programs, 3, rng);
+        const Metrics metrics = engine.update(given.batch());
+        require(std::isfinite(metrics.critic_loss) && metrics.actor_gradient_norm > 0, name);
+    }
+    std::vector<float> all;
+    for (Trained* trained : {&engine.actor(), &engine.critic()}) {
+        const std::vector<bool> used = weights_of(trained->shape);
+        for (size_t i = 0; i < used.size(); i++) {
+            const float x = trained->parameters.data()[i];
+            require(std::isfinite(x) && (used[i] || x == 0.0f), name + ": padding stays 0");
+            all.push_back(x);
+        }
+    }
+    return all;
+}
+
+double distance(const std::vector<float>& x, const std::vector<float>& y) {
+    double most = 0;
+    for (size_t i = 0; i < x.size(); i++) most = std::fmax(most, std::fabs(x[i] - y[i]));
+    return most;
+}
+
+// Threads and instruction sets differ in rounding alone; Adam may double it where gradients vanish.
+void test_updates() {
+    for (const Size& size : kSizes)
+        for (const Case& made : cases(size.hidden, size.attention)) {
+            const std::vector<float> expected = updated(made, size, 1, find_level("generic"));
+            for (const Level& level : levels())
+                for (int threads = 1; level.available && threads <= 3; threads++) {
+                    const std::vector<float> found = updated(made, size, threads, level);
+                    require(distance(found, expected) < 2e-2, std::string(made.name) + " agrees");
+                    require(found == updated(made, size, threads, level), "the same bits again");
+                }
+        }
+}
+
+void test_actions() {
+    for (const Size& size : kSizes)
+        for (const Case& made : cases(size.hidden, size.attention))
+            for (const Level& level : levels()) {
+                if (!level.available) continue;
+                std::mt19937 rng(2);
+                Actor actor(made.actor, level);
+                fill(actor.parameters().data(), made.actor, rng);
+                for (int objects : {size.objects, size.objects + 1, 64}) {
+                    const Codes table(made.actor, size.length + objects % 3);
+                    const Transitions seen(1, objects, 1, 1, rng);
+                    float action[kActions];
+                    Programs program = table.programs();
+                    Targets target = table.targets();
+                    program.rows = target.rows = 1;
+                    const Observation given{objects, objects - 1, seen.object.data(),
+                                            seen.arm.data()};
+                    if (made.actor.canonical) actor.act(given, target, action);
+                    else actor.act(given, program, action);
+                    for (float x : action) require(x >= -1 && x <= 1, "actions are bounded");
+                }
+            }
+}
+
+void refused(const std::string& what, const std::function<void()>& attempt) {
+    try {
+        attempt();
+    } catch (const Error&) {
+        return;
+    }
+    require(false, what + " is refused");
+}
+
+void test_refusals() {
+    const Case made = cases(8, 4)[0], flat = cases(8, 4)[4];
+    const Settings settings{0.9, 0.999, 1e-8, 1.0, 1.0};
+    std::mt19937 rng(3);
+    const Transitions given(4, 3, 2, 3, rng);
+    Engine engine(made.actor, made.critic, settings, 1), other(flat.actor, flat.critic, settings, 1);
+    refused("a row before there are programs", [&] { engine.update(given.batch()); });
+    Codes table(made.actor, 4), targets(flat.actor, 1);
+    for (auto* part : {&table.op, &table.a, &table.b})
+        for (int wrong : {-1, 9 + 4, 1 << 30}) {
+            Codes bad = table;
+            auto* changed = part == &table.op ? &bad.op : part == &table.a ? &bad.a : &bad.b;
+            (*changed)[3] = wrong;
+            refused("a register that is not there yet", [&] { bad.tell(engine); });
+        }
+    table.tell(engine);
+    engine.update(given.batch());
+    for (int wrong : {-1, 9}) {
+        targets.target[1] = wrong;
+        refused("a target's word that is not there", [&] { targets.tell(other); });
+    }
+    refused("targets for a trunk", [&] { engine.set_targets(targets.targets()); });
+    const std::function<void(Batch&)> changes[] = {
+        [](Batch& b) { b.hand_index = 3; }, [](Batch& b) { b.hand_index = -1; },
+        [](Batch& b) { b.objects = 65; },   [](Batch& b) { b.programs = 65; },
+        [](Batch& b) { b.transitions = 0; }};
+    for (const auto& change : changes) {
+        Batch batch = given.batch();
+        change(batch);
+        refused("a batch out of range", [&] { engine.update(batch); });
+    }
+    Transitions wrong = given;
+    wrong.program[7] = 3;
+    refused("a program that is not there", [&] { engine.update(wrong.batch()); });
+    Network network = made.actor;
+    network.group_size[1] = 6;
+    refused("groups of more than the words", [&] { Actor actor(network); });
+    refused("networks that differ", [&] { Engine e(made.actor, flat.critic, settings, 1); });
+    refused("no threads", [&] { Engine e(made.actor, made.critic, settings, 0); });
+    refused("a level that is not known", [] { find_level("x86-64-v5"); });
+}
+
+}  // namespace
+
+int main() {
+    test_updates();
+    test_actions();
+    test_refusals();
+    std::puts("the fused engine: updates, actions and refusals are as they should be");
+}

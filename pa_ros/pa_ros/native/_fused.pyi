@@ -1,0 +1,200 @@
+"""The fused DPG update and actor in C++; use pa_ros.native.engine."""
+
+from collections.abc import Sequence
+import enum
+from typing import Annotated
+
+import numpy
+from numpy.typing import NDArray
+
+
+MAX_WORDS: int = 128
+
+MAX_GROUPS: int = 8
+
+MAX_SLOTS: int = 32
+
+LARGEST_PART: float = 43.599998474121094
+
+class Network:
+    """What the engine is told of an actor or a critic."""
+
+    @staticmethod
+    def trunk(*, hidden: int, attention: int, group_sizes: Sequence[int], truth: Sequence[int], detectors: bool, hide_properties: bool, critic: bool, position_scale: float, self_weight: float) -> Network:
+        """
+        A programmable one. `truth`: the object feature that is each word's true property, or -1.
+        """
+
+    @staticmethod
+    def canonical(*, hidden: int, words: int, slots: Sequence[tuple[int, int]], critic: bool, position_scale: float) -> Network:
+        """An MLP. `slots`: the two object features of the block that fills each."""
+
+    @property
+    def hidden(self) -> int: ...
+
+    @property
+    def attention(self) -> int: ...
+
+    @property
+    def words(self) -> int: ...
+
+    @property
+    def detectors(self) -> bool: ...
+
+    @property
+    def critic(self) -> bool: ...
+
+    @property
+    def is_canonical(self) -> bool: ...
+
+class Layout:
+    """Offsets and sizes in a flat buffer, in floats: see layout.h."""
+
+    @property
+    def hidden(self) -> int: ...
+
+    @property
+    def columns(self) -> int: ...
+
+    @property
+    def local(self) -> int: ...
+
+    @property
+    def receiver(self) -> int: ...
+
+    @property
+    def sender(self) -> int: ...
+
+    @property
+    def query(self) -> int: ...
+
+    @property
+    def context(self) -> int: ...
+
+    @property
+    def detectors(self) -> int: ...
+
+    @property
+    def first(self) -> int: ...
+
+    @property
+    def attention_weight(self) -> int: ...
+
+    @property
+    def second(self) -> int: ...
+
+    @property
+    def second_bias(self) -> int: ...
+
+    @property
+    def action(self) -> int: ...
+
+    @property
+    def output(self) -> int: ...
+
+    @property
+    def output_bias(self) -> int: ...
+
+    @property
+    def inputs(self) -> int: ...
+
+def layout_of(network: Network) -> Layout: ...
+
+class Trained:
+    """A network's flat buffers, float32, as views."""
+
+    @property
+    def parameters(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
+
+    @property
+    def target(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
+
+    @property
+    def gradient(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
+
+    @property
+    def first_moment(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
+
+    @property
+    def second_moment(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
+
+class UpdateValues:
+    """What changes with the number of updates made."""
+
+    def __init__(self, *, actor_rate: float, critic_rate: float, action_l2: float, detector_decay: float, correction1: float, correction2: float) -> None:
+        """`correction1` and 2 are Adam's, 1 - beta^step."""
+
+class Metrics:
+    """Of one update; `largest_part`: see LARGEST_PART."""
+
+    @property
+    def critic_loss(self) -> float: ...
+
+    @property
+    def mean_q(self) -> float: ...
+
+    @property
+    def actor_gradient_norm(self) -> float: ...
+
+    @property
+    def largest_part(self) -> float: ...
+
+class Engine:
+    """One DPG update of actor and critic."""
+
+    def __init__(self, actor: Network, critic: Network, *, beta1: float, beta2: float, epsilon: float, clip: float, detector_gain: float, threads: int) -> None: ...
+
+    @property
+    def actor(self) -> Trained: ...
+
+    @property
+    def critic(self) -> Trained: ...
+
+    def set_programs(self, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
+        """What rows of batches mean: flat programs, each [P, L] int32."""
+
+    def set_targets(self, words: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
+        """
+        The same for canonical networks: two words of each target, [P, 2] int32.
+        """
+
+    def update(self, *, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], action: Annotated[NDArray, dict(device='cpu', writable=False)], next_objects: Annotated[NDArray, dict(device='cpu', writable=False)], next_arm: Annotated[NDArray, dict(device='cpu', writable=False)], program: Annotated[NDArray, dict(device='cpu', writable=False)], reward: Annotated[NDArray, dict(device='cpu', writable=False)], discount: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, values: UpdateValues) -> Metrics: ...
+
+class Actor:
+    """Actions for one observation at a time."""
+
+    def __init__(self, network: Network) -> None: ...
+
+    @property
+    def parameters(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
+
+    def act_on_program(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
+        """
+        Objects [N, 16], arm [18], a flat program, each [1, L]; writes the action, [6].
+        """
+
+    def act_on_target(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, words: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
+        """The same for canonical networks: the target's two words, [1, 2]."""
+
+def level() -> str:
+    """The instruction set in use."""
+
+def levels() -> list[tuple[str, bool]]:
+    """
+    Every instruction set it was built for, and whether this machine has it.
+    """
+
+class Function(enum.Enum):
+    """What `elementwise` computes."""
+
+    EXPONENTIAL = 0
+
+    TANH = 1
+
+    TANH_OF_SUM = 2
+
+def elementwise(function: Function, x: Annotated[NDArray, dict(device='cpu', writable=False)], y: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')], repeats: int = 1) -> None:
+    """out = f(x, y); tanh(a + b) is given x = e^2a / 2 and y = e^2b."""
+
+def product(a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
+    """out = a · b; b and out begin a line."""

@@ -1,0 +1,196 @@
+"""What the extension module refuses, and what it lends: no caller can make it leave its memory."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pa_ros.native import _fused
+from pa_ros.native.errors import FusedError
+
+TRUTH = [7, 8, 11]
+STUB = Path(__file__).parents[2] / "pa_ros/pa_ros/native/_fused.pyi"
+
+
+def trunk(critic: bool = False, **changes: object) -> _fused.Network:
+    given = {"hidden": 8, "attention": 4, "group_sizes": [2, 1], "truth": TRUTH}
+    given |= {"detectors": True, "hide_properties": False, "position_scale": 1.0}
+    return _fused.Network.trunk(**given | {"critic": critic, "self_weight": 1.0} | changes)  # type: ignore[arg-type]
+
+
+def canonical(critic: bool = False, **changes: object) -> _fused.Network:
+    given = {"hidden": 8, "words": 3, "slots": [(7, 11), (8, 11)], "position_scale": 1.0}
+    return _fused.Network.canonical(**given | {"critic": critic} | changes)  # type: ignore[arg-type]
+
+
+def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fused.Engine:
+    settings = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
+    return _fused.Engine(make(), make(critic=True), **settings, threads=threads)
+
+
+def program(*rows: tuple[int, int, int]) -> list[np.ndarray]:
+    """`op`, `a`, `b`, [1, L], of instructions."""
+    return [np.array([column], np.int32) for column in zip(*rows, strict=True)]
+
+
+def batch(transitions: int = 4, objects: int = 3, programs: int = 2) -> dict[str, object]:
+    def zeros(*shape: int) -> np.ndarray:
+        return np.zeros(shape, np.float32)
+
+    values = {"actor_rate": 1e-3, "critic_rate": 1e-3, "action_l2": 0.0, "detector_decay": 0.0}
+    return {
+        "objects": zeros(transitions, objects, 16),
+        "arm": zeros(transitions, 18),
+        "action": zeros(transitions, 6),
+        "next_objects": zeros(transitions, objects, 16),
+        "next_arm": zeros(transitions, 18),
+        "program": np.zeros((transitions, programs), np.int32),
+        "reward": zeros(transitions, programs),
+        "discount": zeros(transitions),
+        "hand_index": 0,
+        "values": _fused.UpdateValues(**values, correction1=0.1, correction2=0.001),
+    }
+
+
+WRONG = [
+    (
+        {"objects": np.zeros((4, 3, 15), np.float32)},
+        r"objects: .* \(4, 3, 16\), got float32 \(4, 3, 15",
+    ),
+    (
+        {"next_objects": np.zeros((4, 2, 16), np.float32)},
+        r"next_objects: .*got float32 \(4, 2, 16\)",
+    ),
+    ({"arm": np.zeros((3, 18), np.float32)}, r"arm: expected contiguous float32 \(4, 18\)"),
+    ({"action": np.zeros((4, 12), np.float32)[:, ::2]}, r"action: .*got strided float32 \(4, 6\)"),
+    ({"next_arm": np.zeros((18, 4), np.float32).T}, r"next_arm: .*got strided float32 \(4, 18\)"),
+    ({"program": np.zeros((4, 2), np.int64)}, r"program: .*int32 \(4, 2\), got int64 \(4, 2\)"),
+    ({"program": np.full((4, 2), -1, np.int32)}, "expected programs below 1, got -1"),
+    ({"program": np.ones((4, 2), np.int32)}, "expected programs below 1, got 1"),
+    ({"reward": np.zeros((4, 2))}, r"reward: .*float32 \(4, 2\), got float64 \(4, 2\)"),
+    ({"discount": np.zeros((4, 1), np.float32)}, r"discount: .*\(4,\), got float32 \(4, 1\)"),
+    ({"hand_index": 3}, "hand_index: expected 0 … 2, got 3"),
+    ({"hand_index": -1}, "hand_index: expected 0 … 2, got -1"),
+    (batch(objects=65), "objects: expected 1 … 64, got 65"),
+    (batch(programs=65), "programs: expected 1 … 64, got 65"),
+    (batch(transitions=0), "transitions: expected 1"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), WRONG)
+def test_batches_that_do_not_fit(change: dict[str, object], message: str) -> None:
+    made = engine()
+    made.set_programs(*program((3, 0, 0)))
+    made.update(**batch())  # type: ignore[arg-type]
+    with pytest.raises(FusedError, match=message):
+        made.update(**batch() | change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([(4, 0, 0)], "op of a program: expected 0 … 3, got 4"),
+        ([(-1, 0, 0)], "op of a program: .*got -1"),
+        ([(0, 4, 0)], "register a of a program: expected 0 … 3, got 4"),
+        ([(0, 0, -1)], "register b of a program: .*got -1"),
+        ([(0, 0, 0), (0, 0, 5)], "register b of a program: expected 0 … 4, got 5"),
+        ([(0, 0, 0)] * 1025, "length of a program: expected 1 … 1024, got 1025"),
+    ],
+)
+def test_programs_that_would_read_what_is_not_there(
+    rows: list[tuple[int, int, int]], message: str
+) -> None:
+    seen = np.zeros((2, 16), np.float32), np.zeros(18, np.float32), 0
+    with pytest.raises(FusedError, match=message):
+        engine().set_programs(*program(*rows))
+    with pytest.raises(FusedError, match=message):
+        _fused.Actor(trunk()).act_on_program(*seen, *program(*rows), np.zeros(6, np.float32))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([[0, 3]], "word of a target: expected 0 … 2, got 3"),
+        ([[-1, 0]], "word of a target: .*got -1"),
+        ([[0, 1, 2]], r"targets: expected contiguous int32 \(1, 2\), got int32 \(1, 3\)"),
+    ],
+)
+def test_targets_that_are_not_there(words: list[list[int]], message: str) -> None:
+    with pytest.raises(FusedError, match=message):
+        engine(canonical).set_targets(np.array(words, np.int32))
+
+
+def test_each_kind_of_network_is_told_in_its_own_way() -> None:
+    with pytest.raises(FusedError, match="not told of targets"):
+        engine().set_targets(np.zeros((1, 2), np.int32))
+    with pytest.raises(FusedError, match="not told of programs"):
+        engine(canonical).set_programs(*program((0, 0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("attempt", "message"),
+    [
+        (lambda: trunk(group_sizes=[2, 2]), "size of a group: expected 1 … 1, got 2"),
+        (lambda: trunk(group_sizes=[2]), "words of all groups: expected 3 … 3, got 2"),
+        (lambda: trunk(group_sizes=[1] * 9), "groups: expected 1 … 8, got 9"),
+        (lambda: trunk(truth=[0] * 129), "words: expected 1 … 128, got 129"),
+        (lambda: trunk(truth=[7, 8, 16]), "feature of a word: expected -1 … 15, got 16"),
+        (lambda: trunk(hidden=0), "hidden: expected 1 … 8192, got 0"),
+        (lambda: canonical(slots=[(7, 16)]), "feature of a slot: expected 0 … 15, got 16"),
+        (lambda: canonical(slots=[(7, 11)] * 33), "slots: expected 1 … 32, got 33"),
+        (lambda: engine(threads=65), "threads: expected 1 … 64, got 65"),
+        (lambda: _fused.Actor(trunk(critic=True)), "expected an actor, got a critic"),
+    ],
+)
+def test_networks_beyond_the_limits(attempt: Callable[[], object], message: str) -> None:
+    with pytest.raises(FusedError, match=message):
+        attempt()
+
+
+def test_an_observation_and_a_place_for_its_action_fit() -> None:
+    actor, code = _fused.Actor(trunk()), program((3, 0, 0))
+    objects, arm = np.zeros((2, 16), np.float32), np.zeros(18, np.float32)
+    out = np.zeros(6, np.float32)
+    actor.act_on_program(objects, arm, 1, *code, out)
+    with pytest.raises(FusedError, match=r"action: .*\(6,\), got float32 \(5,\)"):
+        actor.act_on_program(objects, arm, 1, *code, out[:5])
+    with pytest.raises(FusedError, match=r"arm: .*\(18,\), got float32 \(17,\)"):
+        actor.act_on_program(objects, arm[:17], 1, *code, out)
+    with pytest.raises(FusedError, match="hand_index"):
+        actor.act_on_program(objects, arm, 2, *code, out)
+    out.flags.writeable = False
+    with pytest.raises(TypeError):
+        actor.act_on_program(objects, arm, 1, *code, out)
+
+
+def test_views_keep_what_they_show_alive() -> None:
+    made = engine(threads=2)
+    made.critic.parameters[:] = np.arange(made.critic.parameters.size)
+    lent = made.critic.parameters
+    assert lent.ctypes.data % 64 == 0
+    del made
+    gc.collect()
+    np.testing.assert_array_equal(lent, np.arange(lent.size))
+
+
+def test_programs_are_the_engines_own() -> None:
+    """Nothing of the caller's has to outlive the call."""
+    made, codes = engine(), program((3, 0, 0))
+    made.set_programs(*codes)
+    for part in codes:
+        part[:] = 1 << 30
+    made.update(**batch())  # type: ignore[arg-type]
+
+
+def test_the_stub_is_what_the_module_says(tmp_path: Path) -> None:
+    """After a change of bindings.cpp: copy what this command writes."""
+    fresh = tmp_path / "_fused.pyi"
+    command = ["-m", "nanobind.stubgen", "-q", "-m", "pa_ros.native._fused", "-o", str(fresh)]
+    subprocess.run([sys.executable, *command], check=True)
+    assert STUB.read_text() == fresh.read_text()
