@@ -6,11 +6,13 @@ import numpy as np
 
 from pa_ros.core.experience import Float64, Observation, Trajectory, Verdict
 from pa_ros.language import Vocabulary
+from pa_ros.world import Reward, Scoring, Sparse
 
 WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
 PROGRAMS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))")
 KINDS = ((7, 11), (8, 13))  # one-hots of a red cube and a blue sphere
 NEAR_M = 0.25
+SCORING = Scoring(NEAR_M)  # of a PointWorld, unless it pays another reward
 
 
 def objects_at(positions: Float64) -> np.ndarray:
@@ -26,11 +28,13 @@ def objects_at(positions: Float64) -> np.ndarray:
 class PointWorld:
     """A hand that moves in the plane by the first two velocities; two blocks that stay.
 
-    Reward +1 within NEAR_M of the named block. Same protocol as the arena's task.
+    Reward +1 within NEAR_M of the named block, or as `reward` has it. Same protocol as the
+    arena's task.
     """
 
-    def __init__(self, seed: int = 0, steps: int = 20) -> None:
+    def __init__(self, seed: int = 0, steps: int = 20, reward: Reward | None = None) -> None:
         self._seed, self._steps = seed, steps
+        self.scoring = Scoring(NEAR_M, reward or Sparse())
         self._stamp = 0
         self.program = PROGRAMS[0]
 
@@ -52,14 +56,13 @@ class PointWorld:
     def _observe(self) -> tuple[Observation, Verdict]:
         self._stamp += 100
         positions = self._blocks - self._hand
-        named = PROGRAMS.index(self.program)
-        distance = float(np.linalg.norm(positions[named].astype(np.float32).astype(np.float64)))
+        objects = objects_at(positions)
+        named = np.arange(3) == 1 + PROGRAMS.index(self.program)
+        distance, near, reward = (value.item() for value in self.scoring(named, objects))
         where = (self._episode, self._step, self._stamp)
         joints = np.concatenate([self._hand, np.zeros(3)])
         program_id = f"{self._episode}.0"
-        observation = Observation(*where, objects_at(positions), joints, 0 * joints, 0, program_id)
-        near = distance <= NEAR_M
-        reward = 1.0 if near else -1.0
+        observation = Observation(*where, objects, joints, 0 * joints, 0, program_id)
         truncated = self._step >= self._steps
         verdict = Verdict(*where, program_id, reward, near, distance, truncated)
         return observation, verdict

@@ -6,7 +6,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any
 from uuid import uuid4
@@ -20,6 +20,7 @@ from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, FolderInUseError
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin, PublishedPolicy
+from pa_ros.world import Scoring
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,6 @@ def _make_learner(
     config: LearnerNodeConfig, arena: ArenaDescription, vocabulary: Vocabulary
 ) -> Learner:
     settings = config.settings()
-    learner = replace(settings.learner, near_threshold=arena.near_threshold)
     network = settings.network_config(vocabulary, config.network)
-    return Learner(network, learner, arena.training_programs, config.seed)
+    scoring = Scoring(arena.near_threshold)
+    return Learner(network, settings.learner, arena.training_programs, config.seed, scoring)

@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
-from pa_ros.arena.features import hand_distances, words_of
 from pa_ros.core.experience import COLORS, OBJECT_FEATURE_NAMES, SHAPES
 
 
@@ -31,8 +30,6 @@ def test_one_hots_are_the_blocks_properties(task: ReachTask) -> None:
     for row, block in zip(observation.objects[1:], task.episode.blocks, strict=True):
         assert {names[i] for i in np.flatnonzero(row[7:]) + 7} == set(block.kind)
         assert sorted(row[7:])[-2:] == [1.0, 1.0] and row[7:].sum() == 2.0
-    assert words_of(observation.objects)[0] == frozenset()
-    assert list(words_of(observation.objects))[1:] == [b.kind.words for b in task.episode.blocks]
     assert OBJECT_FEATURE_NAMES[7] == f"shape_{SHAPES[0].lower()}"
     assert OBJECT_FEATURE_NAMES[11] == f"color_{COLORS[0].lower()}"
 
@@ -81,14 +78,3 @@ def test_observations_own_their_arrays(task: ReachTask) -> None:
     for array, copy in zip((observation.objects, observation.joint_position), kept, strict=True):
         np.testing.assert_array_equal(array, copy)
         assert array.base is None
-
-
-def test_distances_from_features_equal_the_verifiers(task: ReachTask) -> None:
-    observation, verdict = task.reset(2)
-    rows, expected = [], []
-    while not verdict.truncated:
-        observation, verdict = task.step(scripted_action(task))
-        rows.append(observation.objects)
-        expected.append(verdict.distance)
-    target = task.verifier.targets[0]
-    np.testing.assert_array_equal(hand_distances(np.stack(rows))[:, target], expected)

@@ -11,6 +11,7 @@ from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.relabeling.all_goals import Relabeler
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.world import Scoring
 
 
 def texts(design_name: str) -> list[str]:
@@ -23,16 +24,16 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
     """Each training program is set in turn at every step of scripted episodes."""
     design, arena = design_named(design_name), preset_named("fast")
     programs = [parse(text, design.vocabulary) for text in texts(design_name)]
-    relabeler = Relabeler(programs, design.vocabulary, arena.near_threshold_m)
+    relabeler = Relabeler(programs, design.vocabulary, Scoring(arena.near_threshold_m))
     task = ReachTask(arena, design, seed=1)
     seen = set()
     for episode in range(3):
         observation, _ = task.reset(episode)
-        _, present = relabeler.marks(observation.objects[None], observation.hand_index)
+        _, present, _ = relabeler.marks(observation.objects[None], observation.hand_index)
         named = [j for j in range(len(programs)) if present >> j & 1]
         for t in range(40):
             own = task.program
-            satisfied, _ = relabeler.marks(observation.objects[None], observation.hand_index)
+            satisfied, _, _ = relabeler.marks(observation.objects[None], observation.hand_index)
             for j in named:
                 _, verdict = task.set_program(str(programs[j]))
                 assert verdict.satisfied == bool(int(satisfied[0]) >> j & 1), (episode, t, j)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import KINDS, NEAR_M, PROGRAMS, WORDS, random_trajectory
+from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, random_trajectory
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, UpdateValues
@@ -21,8 +21,9 @@ NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
 
 def learner(network: NetworkConfig = NETWORK, **fields: object) -> Learner:
     values = {"batch_size": 4, "replay_frames": 1000, "warmup_frames": 0, "engine": "torch"}
-    values |= {"trajectory_steps": 10, "near_threshold": NEAR_M}
-    return Learner(network, LearnerConfig(**(values | fields)), PROGRAMS, seed=0)  # type: ignore[arg-type]
+    values |= {"trajectory_steps": 10}
+    config = LearnerConfig(**(values | fields))  # type: ignore[arg-type]
+    return Learner(network, config, PROGRAMS, 0, SCORING)
 
 
 class Recorder:
@@ -222,7 +223,6 @@ def test_one_seed_one_result() -> None:
         ("engine", "abacus"),
         ("dtype", "float16"),
         ("threads", True),
-        ("near_threshold", -0.1),
         ("reward_shift", float("inf")),
         ("reward_scale", 0.0),
         ("action_l2_decay", 1.1),

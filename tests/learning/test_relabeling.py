@@ -10,7 +10,8 @@ import pytest
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language import Vocabulary, parse, satisfying
-from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, Relabeler
+from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, Marks, Relabeler
+from pa_ros.world import Scoring
 
 WORDS = Vocabulary((*SHAPES, "C"), (*COLORS, "A"))
 TEXTS = tuple(f"NEAR(HAND, AND({c}, {s}))" for c in COLORS[:3] for s in SHAPES[:3]) + (
@@ -23,7 +24,7 @@ NEAR_M = 0.3
 
 
 def relabeler() -> Relabeler:
-    return Relabeler(PROGRAMS, WORDS, NEAR_M)
+    return Relabeler(PROGRAMS, WORDS, Scoring(NEAR_M))
 
 
 def episode(rng: np.random.Generator, steps: int, n: int, hand: int):
@@ -46,7 +47,7 @@ def test_marks_are_what_the_verifier_says() -> None:
     for trial in range(30):
         n, hand = 2 + trial % 4, trial % 2
         objects, words = episode(rng, 6, n, hand)
-        satisfied, present = relabeler().marks(objects, hand)
+        satisfied, present, _ = relabeler().marks(objects, hand)
         assert satisfied.shape == (7,)
         for j, program in enumerate(PROGRAMS):
             named = satisfying(program, words, hand)
@@ -63,6 +64,15 @@ def test_marks_are_what_the_verifier_says() -> None:
     assert min(seen.values()) > 100
 
 
+@pytest.mark.parametrize(("x", "near"), [(0.25, True), (np.nextafter(0.25, 1, dtype="f4"), False)])
+def test_exactly_the_threshold_is_near_as_for_the_verifier(x: float, near: bool) -> None:
+    objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
+    objects[:, 1, :3] = x, 0.0, 0.0
+    satisfied, present, _ = Relabeler(PROGRAMS, WORDS, Scoring(0.25)).marks(objects, 0)
+    assert present != 0
+    assert satisfied.tolist() == [present if near else 0] * 2
+
+
 def bits(rows: list[set[int]]) -> np.ndarray:
     return np.array([sum(1 << j for j in row) for row in rows], np.uint64)
 
@@ -77,7 +87,7 @@ def test_draws(k, keep) -> None:
     original = np.array([2, 1, 7, 9], np.int32)
     reward = np.array([1.0, 1.0, -1.0, 1.0], np.float32)
     for _ in range(50):
-        marks = bits(satisfied), bits(present)
+        marks = Marks(bits(satisfied), bits(present))
         program, rewards = relabeler().draw(rng, original, reward, marks, k, keep)
         assert program.shape == rewards.shape == (4, k)
         assert program.dtype == np.int32 and rewards.dtype == np.float32
@@ -94,7 +104,7 @@ def test_draws(k, keep) -> None:
 def test_draws_are_uniform_over_what_is_present() -> None:
     rng = np.random.default_rng(2)
     size = 30_000
-    marks = bits([set()] * size), bits([{0, 3, 4}] * size)
+    marks = Marks(bits([set()] * size), bits([{0, 3, 4}] * size))
     program, _ = relabeler().draw(
         rng, np.zeros(size, np.int32), -np.ones(size, np.float32), marks, 1, False
     )
@@ -111,10 +121,10 @@ def test_the_64th_program_has_its_bit() -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, 7:] = 0.0
     objects[:, 1, [7, 13]], objects[:, 1, :3] = 1.0, 0.1  # a blue cube, near
-    satisfied, present = Relabeler(programs, WORDS, NEAR_M).marks(objects, 0)
+    satisfied, present, _ = Relabeler(programs, WORDS, Scoring(NEAR_M)).marks(objects, 0)
     assert present == int(satisfied[0]) == (2**64 - 2**15)
-    marks = satisfied[:1], np.array([present], np.uint64)
-    drawn, rewards = Relabeler(programs, WORDS, NEAR_M).draw(
+    marks = Marks(satisfied[:1], np.array([present], np.uint64))
+    drawn, rewards = Relabeler(programs, WORDS, Scoring(NEAR_M)).draw(
         np.random.default_rng(0), np.zeros(1, np.int32), np.zeros(1, np.float32), marks, 49, False
     )
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
@@ -123,4 +133,4 @@ def test_the_64th_program_has_its_bit() -> None:
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])
 def test_too_few_or_too_many_programs(count) -> None:
     with pytest.raises(ConfigError, match=f"got {count}"):
-        Relabeler([PROGRAMS[0]] * count, WORDS, NEAR_M)
+        Relabeler([PROGRAMS[0]] * count, WORDS, Scoring(NEAR_M))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORDS, PointWorld, random_trajectory
+from worlds import PROGRAMS, SCORING, WORDS, PointWorld, random_trajectory
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.schedule import Schedule
@@ -118,7 +118,7 @@ def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> N
     trajectories = consumed(monkeypatch)
     run(tmp_path, 100)
     monkeypatch.undo()
-    learner = Learner(NETWORK, SETTINGS, PROGRAMS, seed=3)
+    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
     policies = {0: learner.snapshot()}
     world = PointWorld(3)
     actor = Actor(NETWORK, SETTINGS, seed=3)
@@ -250,7 +250,7 @@ def test_a_checkpoint_is_plain_and_acts(saved) -> None:
 )
 def test_another_learners_checkpoint_is_refused(saved, network, settings, message) -> None:
     with pytest.raises(CheckpointError, match=message):
-        restore(saved, Learner(network, settings, PROGRAMS, 3))
+        restore(saved, Learner(network, settings, PROGRAMS, 3, SCORING))
 
 
 @pytest.mark.parametrize("room", ["learner", "network"])
@@ -260,18 +260,18 @@ def test_an_option_that_is_younger_than_the_checkpoint_had_its_default(saved, ro
     option = {"learner": "detector_decay", "network": "self_weight"}[room]
     kept = {k: v for k, v in json.loads(values[room]).items() if k != option}
     path.write_text(json.dumps(values | {room: json.dumps(kept)}))
-    restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3))
+    restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
     changed = {
         "learner": (NETWORK, replace(SETTINGS, detector_decay=0.5)),
         "network": (replace(NETWORK, self_weight=0.5), SETTINGS),
     }[room]
     with pytest.raises(CheckpointError, match=f"{option}: checkpoint .*, here 0.5"):
-        restore(saved, Learner(*changed, PROGRAMS, 3))
+        restore(saved, Learner(*changed, PROGRAMS, 3, SCORING))
 
 
 def test_other_training_programs_are_refused(saved) -> None:
     with pytest.raises(CheckpointError, match="expected programs"):
-        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS[::-1], 3))
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS[::-1], 3, SCORING))
 
 
 @pytest.mark.parametrize(
@@ -286,7 +286,7 @@ def test_a_damaged_checkpoint_is_refused(saved, name, damage) -> None:
     else:
         path.write_bytes(content[: len(content) // 2] if damage == "truncated" else b"")
     with pytest.raises(CheckpointError):
-        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3))
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
 @pytest.mark.parametrize("missing", ["rng", "counters", "replay", "network", "published", "extra"])
@@ -296,7 +296,7 @@ def test_metadata_that_lacks_something_is_refused(saved, missing) -> None:
     del values[missing]
     path.write_text(json.dumps(values))
     with pytest.raises(CheckpointError):
-        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3))
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
 def test_no_checkpoint_and_another_format(saved, tmp_path) -> None:
@@ -313,7 +313,7 @@ def test_no_checkpoint_and_another_format(saved, tmp_path) -> None:
 def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) -> None:
     from pa_ros.learning import checkpoints as checkpoint
 
-    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3)
+    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
     restore(saved, learner)
     before = load_policy(saved)
     learner.consume(random_trajectory(np.random.default_rng(0), agent_id="other"))
@@ -365,11 +365,11 @@ def test_dpg_solves_the_point_world(tmp_path) -> None:
     network = NetworkConfig(WORDS, "true-properties", hidden=32, attention=8)
     settings = replace(
         SETTINGS, batch_size=64, replay_frames=20_000, warmup_frames=200, actor_rate=1e-3,
-        critic_rate=2e-3, discount=0.9, programs_per_transition=2, near_threshold=0.25,
+        critic_rate=2e-3, discount=0.9, programs_per_transition=2,
     )  # fmt: skip
     learner = run(tmp_path, 4000, settings, network=network, evaluate_every_frames=0)
     before = Actor(network, settings, 3)
-    before.load(Learner(network, settings, PROGRAMS, 3).snapshot())
+    before.load(Learner(network, settings, PROGRAMS, 3, SCORING).snapshot())
     episodes = range(10_000, 10_030)
     assert mean_reward(before, episodes) < -0.8
     assert mean_reward(Actor.of(learner.snapshot()), episodes) > 0.3

@@ -5,7 +5,6 @@ from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
 from pa_ros.arena.episodes import Block, Episode, generate
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError, RenderError
-from pa_ros.arena.features import hand_distances, words_of
 from pa_ros.arena.gym_env import ENV_ID, ReachEnv, register
 from pa_ros.arena.references import mean_reward, random_policy, scripted_action
 from pa_ros.arena.task import ReachTask
@@ -30,12 +29,10 @@ __all__ = [
     "conditions_for",
     "design_named",
     "generate",
-    "hand_distances",
     "mean_reward",
     "preset_named",
     "random_policy",
     "scripted_action",
-    "words_of",
 ]
 
 register()

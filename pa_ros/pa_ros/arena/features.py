@@ -40,23 +40,3 @@ def object_features(
     relative = quaternion[1:] @ (quaternion[0][_ENTRY] * _SIGN)  # [n, 4] xyzw
     objects[1:, 3:7] = relative * np.copysign(1.0, relative[:, 3:])  # qw >= 0
     return objects
-
-
-def words_of(objects: Float32) -> tuple[frozenset[str], ...]:
-    """True property words of each object, from the one-hots of Ω; none for the hand."""
-    names = (*SHAPES, *COLORS)
-    return tuple(
-        frozenset(name for name, value in zip(names, row[7:], strict=True) if value > 0.5)
-        for row in objects
-    )
-
-
-def hand_distances(objects: Float32) -> Float64:
-    """Distance (m) from the hand to each object, [..., N]: the norm of its position in Ω.
-
-    In float64 of the float32 features and in this order of operations, so that a reward computed
-    from stored features equals the verifier's.
-    """
-    x, y, z = np.moveaxis(objects[..., :3].astype(np.float64), -1, 0)
-    distances: Float64 = np.sqrt(x * x + y * y + z * z)
-    return distances

@@ -25,6 +25,7 @@ from pa_ros.core.experience import (
     Observation,
     Verdict,
 )
+from pa_ros.world import Reward
 
 ENV_ID = "pa_ros/Reach-v0"
 SEED_RANGE = 2**31 - 1
@@ -36,8 +37,8 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
     Observation, float32 [18 + 16 · K + V]: the arm's 18 features; 16 features for each of the K
     kinds of block in the design, always at the same place and zero if absent (paper, appendix
     "Canonical"); 1 at the V vocabulary words that describe the target. Action, [6] in [-1, 1]:
-    parts of the joint speed limits. Reward ±1. Episodes are truncated, never terminated.
-    `info` has the program, the distance (m) and whether it is satisfied.
+    parts of the joint speed limits. Reward ±1, or as `reward` has it. Episodes are truncated,
+    never terminated. `info` has the program, the distance (m) and whether it is satisfied.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -48,12 +49,13 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
         design: str | Design = "2-C",
         condition: str = "train",
         render_mode: str | None = None,
+        reward: Reward | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"gym: render_mode: expected None or rgb_array, got {render_mode!r}")
         self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset)
         self.design = design if isinstance(design, Design) else design_named(design)
-        self.condition, self.render_mode = condition, render_mode
+        self.condition, self.render_mode, self._reward = condition, render_mode, reward
         self._slot = {kind: i for i, kind in enumerate(self.design.extended_pool)}
         if condition in ("train", "eval"):
             self._slot = {kind: i for i, kind in enumerate(self.design.pool)}
@@ -71,7 +73,7 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
         super().reset(seed=seed)
         if seed is not None or self._task is None:
             drawn = int(self.np_random.integers(SEED_RANGE))
-            self._task, self._next_episode = ReachTask(self.config, self.design, drawn), 0
+            self._task, self._next_episode = self._new_task(drawn), 0
         observation, verdict = self._task.reset(self._next_episode, self.condition)
         self._next_episode += 1
         return self._flat(observation), self._info(verdict)
@@ -92,6 +94,9 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
         if self._task is None:
             raise ConfigError("gym: expected a reset before the first step")
         return self._task
+
+    def _new_task(self, seed: int) -> ReachTask:
+        return ReachTask(self.config, self.design, seed, reward=self._reward)
 
     def _flat(self, observation: Observation) -> Float32:
         blocks = self.task.episode.blocks

@@ -14,6 +14,7 @@ from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.verifier import Verifier
 from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.language import parse
+from pa_ros.world import Reward, Scoring, Sparse
 
 
 class ReachTask:
@@ -25,10 +26,17 @@ class ReachTask:
     """
 
     def __init__(
-        self, config: ArenaConfig, design: Design, seed: int, n_blocks: int | None = None
+        self,
+        config: ArenaConfig,
+        design: Design,
+        seed: int,
+        n_blocks: int | None = None,
+        reward: Reward | None = None,
     ) -> None:
-        """`seed` and an episode's index fix it; `n_blocks` replaces the design's number."""
+        """`seed` and an episode's index fix it; `n_blocks` replaces the design's number, `reward`
+        the paper's ±1."""
         self.config = config
+        self.scoring = Scoring(config.near_threshold_m, reward or Sparse())
         self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)
         self.seed = seed
         self.simulation = Simulation(config)
@@ -88,7 +96,7 @@ class ReachTask:
     def _verifier(self, episode: Episode, text: str) -> Verifier:
         program = parse(text, self.design.vocabulary)
         kinds = [block.kind for block in episode.blocks]
-        return Verifier(program, kinds, self.config.near_threshold_m)
+        return Verifier(program, kinds, self.scoring)
 
     @property
     def episode(self) -> Episode:
@@ -110,15 +118,14 @@ class ReachTask:
             hand_index=HAND_INDEX,
             program_id=self.program_id,
         )
-        distance = self.verifier.distance(objects)
-        satisfied = self.verifier.satisfied(distance)
+        score = self.verifier.score(objects)
         return observation, Verdict(
             episode=episode.index,
             step=self._step,
             stamp_ns=self._stamp_ns,
             program_id=self.program_id,
-            reward=1.0 if satisfied else -1.0,
-            satisfied=satisfied,
-            distance=distance,
+            reward=float(score.reward),
+            satisfied=bool(score.satisfied),
+            distance=float(score.measure),
             truncated=self._step >= self.config.episode_steps,
         )

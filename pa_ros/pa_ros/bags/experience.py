@@ -12,6 +12,7 @@ from pa_ros.core.experience import Trajectory
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
+from pa_ros.world import Scoring
 
 TRAJECTORIES: Final = "msgs_schema/msg/Trajectory"
 WEIGHTS: Final = "msgs_schema/msg/PolicyWeights"
@@ -71,6 +72,17 @@ class Experience:
         """The one arena; None if none described itself, or several did."""
         unique = {arena.arena_id: arena for arena in self.arenas}
         return next(iter(unique.values())) if len(unique) == 1 else None
+
+    @property
+    def scoring(self) -> Scoring:
+        """The arenas' rule, by which the learner relabeled. ProvenanceError if nothing tells it."""
+        thresholds = {arena.near_threshold for arena in self.arenas}
+        if len(thresholds) != 1:
+            raise ProvenanceError(
+                f"bag: {self._bag.path}: expected one near_threshold in the arenas' descriptions, "
+                f"got {sorted(thresholds)}: nothing says what was rewarded"
+            )
+        return Scoring(thresholds.pop())
 
     def lessons(self) -> Iterator[Lesson]:
         """Trajectories in the learner's order, as far as the weights tell it; else as they came."""

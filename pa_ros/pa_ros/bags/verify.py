@@ -49,11 +49,12 @@ class Verification:
         return self.compared > 0 and not flaws
 
 
-def learner_of(origin: Origin) -> Learner:
-    """The learner that an account describes, as it was at the start of its run.
+def learner_of(experience: Experience) -> Learner:
+    """The learner that a recording tells of, as it was at the start of its run.
 
     Raises ProvenanceError if it did not begin from scratch, ConfigError if it is not understood.
     """
+    origin = experience.learner
     about = origin.learner
     if about is None:
         raise ProvenanceError(f"provenance of {origin.node}: expected a learner's, got another's")
@@ -64,7 +65,7 @@ def learner_of(origin: Origin) -> Learner:
         )
     network = NetworkConfig.from_json(about.network)
     config = LearnerConfig.from_json(about.learner)
-    return Learner(network, config, about.training_programs, origin.seed)
+    return Learner(network, config, about.training_programs, origin.seed, experience.scoring)
 
 
 def verify(
@@ -77,7 +78,7 @@ def verify(
     With `arena`, recorded transitions are also held against a fresh arena. Raises ProvenanceError.
     """
     found = Verification(note=_software(experience.learner))
-    learner = learner_of(experience.learner)
+    learner = learner_of(experience)
     reenactment = _reenactment(experience, found) if arena else None
     _compare(experience, learner, found)
     for lesson in experience.lessons():

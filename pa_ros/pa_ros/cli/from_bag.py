@@ -22,6 +22,7 @@ from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.codec import weights_checksum
+from pa_ros.world import Scoring
 
 log = logging.getLogger(__name__)
 REPORT_S = 5.0
@@ -58,7 +59,8 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
     changes = dict(settings.network)
     network = replace(network, **changes) if changes else network
     seed = origin.seed if options.seed is None else options.seed
-    learner = Learner(network, settings.learner, origin.learner.training_programs, seed)
+    programs = origin.learner.training_programs
+    learner = Learner(network, settings.learner, programs, seed, bag.scoring)
     return learner, {"seed": seed, "design": origin.design, "preset": origin.preset}
 
 
@@ -68,9 +70,10 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
     seed = options.seed or 0
     learner = Learner(
         protocol.network_config(design.vocabulary, options.network),
-        replace(protocol.learner, near_threshold=arena.near_threshold_m),
+        protocol.learner,
         training_programs(design),
         seed,
+        Scoring(arena.near_threshold_m),
     )
     return learner, {"seed": seed, "design": design.name, "preset": arena.preset}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import logging
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +58,6 @@ def run(options: argparse.Namespace) -> int:
     seed = options.seed or 0
     design, arena = design_named(options.design), preset_named(options.preset)
     protocol = protocol_named(options.protocol).with_options(options.options)
-    learner = replace(protocol.learner, near_threshold=arena.near_threshold_m)
     config = TrainConfig(
         out=options.out,
         seed=seed,
@@ -74,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
         train(
             config,
             protocol.network_config(design.vocabulary, options.network),
-            learner,
+            protocol.learner,
             ReachTask(arena, design, seed),
             np.array(arena.joint_speed_limits),
             programs,

@@ -55,7 +55,7 @@ class Verdict:
     step: int
     stamp_ns: int
     program_id: str
-    reward: float  # +1 satisfied, -1 not
+    reward: float  # pa_ros.world.Scoring's; in the paper +1 satisfied, -1 not
     satisfied: bool
     distance: float  # metres, hand to the nearest object the program names; inf if there is none
     truncated: bool  # the episode's time limit was reached (not a termination)

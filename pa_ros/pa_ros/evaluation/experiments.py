@@ -148,7 +148,7 @@ def _train_until(
             checkpoint_every_frames=min(50_000, max(experiment.frames // 4, 1)),
         ),
         protocol.network_config(design.vocabulary, experiment.network),
-        replace(protocol.learner, near_threshold=arena.near_threshold_m),
+        protocol.learner,
         ReachTask(arena, design, seed),
         np.array(arena.joint_speed_limits),
         training_programs(design),
@@ -257,10 +257,10 @@ def write_table(
                 writer.writerow({"seed": seed, **cells})
     write_rows(seeds_table(path), summaries)
     protocol = experiment.settings
-    arena, design = preset_named(experiment.preset), design_named(experiment.design)
+    design = design_named(experiment.design)
     setting = {
         **asdict(experiment),
-        "learner": asdict(replace(protocol.learner, near_threshold=arena.near_threshold_m)),
+        "learner": asdict(protocol.learner),
         "network_options": dict(protocol.network),
         "shapes": design.vocabulary.shapes,
         "colors": design.vocabulary.colors,

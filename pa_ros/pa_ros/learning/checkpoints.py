@@ -186,6 +186,7 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
         "architecture": learner.network.architecture,
         "network": learner.network.to_json(),
         "learner": learner.config.to_json(),
+        "scoring": repr(learner.scoring),
         "counters": asdict(learner.counters),
         "rng": learner.rng.bit_generator.state,
         "programs": list(learner.table.texts),
@@ -207,6 +208,7 @@ def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> No
     config = LearnerConfig.from_json(values["learner"])
     theirs = json.loads(network.to_json()) | json.loads(config.to_json())
     ours = json.loads(learner.network.to_json()) | json.loads(learner.config.to_json())
+    theirs["scoring"], ours["scoring"] = values.get("scoring"), repr(learner.scoring)
     differing = [
         f"{name}: checkpoint {theirs.get(name)!r}, here {ours.get(name)!r}"
         for name in sorted(theirs.keys() | ours)

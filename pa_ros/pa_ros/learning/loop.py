@@ -28,6 +28,7 @@ from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.progress import Progress
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.world import Scoring
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +42,10 @@ class Environment(Protocol):
     @property
     def program(self) -> str:
         """Canonical text of the program that the verifier scores by now."""
+
+    @property
+    def scoring(self) -> Scoring:
+        """The rule of its rewards, by which the learner relabels."""
 
     def reset(self, episode_index: int, condition: str) -> tuple[Observation, Verdict]:
         """Begin an episode, fixed by its index."""
@@ -101,7 +106,9 @@ def train(
     FolderInUseError if another run writes into `config.out`.
     """
     with claim(config.out):
-        learner = Learner(network, learner_config, training_programs, config.seed)
+        learner = Learner(
+            network, learner_config, training_programs, config.seed, environment.scoring
+        )
         wall_s = 0.0
         if resume:
             wall_s = _resume(config, learner)

@@ -8,13 +8,16 @@ per trajectory, as bits, so that drawing programs for a batch is a gather.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float32
+from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import Program, Vocabulary
+from pa_ros.world import Scoring
 from pa_ros.world.programs import ProgramTable, crisp
 from pa_ros.world.properties import truth_matrix
 
@@ -24,11 +27,19 @@ Int32 = NDArray[np.int32]
 UInt64 = NDArray[np.uint64]
 
 
+class Marks(NamedTuple):
+    """What relabeling keeps of rows [...]: bit j, and column j, are of program j."""
+
+    satisfied: UInt64  # [...] bits
+    present: Any  # bits of the programs that name something: of a trajectory, or [...]
+    rewards: Float32 | None = None  # [..., P]; None where a reward is a function of `satisfied`
+
+
 class Relabeler:
     """The P training programs, in order: program j is bit j of every mark, and row j of a batch."""
 
     def __init__(
-        self, programs: Sequence[Program], vocabulary: Vocabulary, near_threshold: float
+        self, programs: Sequence[Program], vocabulary: Vocabulary, scoring: Scoring
     ) -> None:
         if not 1 <= len(programs) <= MAX_PROGRAMS:
             raise ConfigError(
@@ -38,39 +49,46 @@ class Relabeler:
         for program in programs:
             self._table.add(program)
         self._truth = truth_matrix(vocabulary)
-        self._near_threshold = near_threshold
+        self._scoring = scoring
         self._bits = np.arange(len(self._table), dtype=np.uint64)
+        self._values: Float64 | None = None  # of a program not satisfied, and of one that is
+        if not scoring.reward.uses_measure:
+            self._values = scoring.reward(np.array([False, True]), np.array([inf, 0.0]))
 
-    def marks(self, objects: Float32, hand_index: int) -> tuple[UInt64, int]:
-        """Which programs each row satisfies, bits [T + 1], and which name something, bits.
+    @property
+    def rewards_kept(self) -> int:
+        """Programs whose rewards marks hold, because their bits don't tell: all, or none."""
+        return len(self._table) if self._values is None else 0
 
-        `objects` is [T + 1, N, 16] of one episode, where properties do not change. A program is
-        satisfied where an object that it names crisply is nearer to the hand than the threshold:
-        the verifier's rule, from positions in the hand's frame (m).
+    def marks(self, objects: Float32, hand_index: int) -> Marks:
+        """Which programs each row satisfies, [T + 1], which name something, and the rewards.
+
+        `objects` is [T + 1, N, 16] of one episode, where properties do not change.
         """
         named = crisp(self._table.arrays(), (objects[0] @ self._truth).T, hand_index)  # [P, N]
-        x, y, z = np.moveaxis(objects[..., :3].astype(np.float64), -1, 0)
-        near = np.sqrt(x * x + y * y + z * z) <= self._near_threshold  # [T + 1, N]
-        satisfied = (near[:, None] & named).any(-1)  # [T + 1, P]
-        weights = np.uint64(1) << self._bits
-        return satisfied @ weights, int(named.any(-1) @ weights)
+        score = self._scoring(named, objects[:, None])  # [T + 1, P]
+        present, weights = named.any(-1), np.uint64(1) << self._bits
+        rewards = None
+        if self._values is None:
+            rewards = np.where(present, score.reward, 0.0).astype(np.float32)
+        return Marks(score.satisfied @ weights, int(present @ weights), rewards)
 
     def draw(
         self,
         rng: np.random.Generator,
         original: Int32,
         reward: Float32,
-        marks: tuple[UInt64, UInt64],
+        marks: Marks,
         k: int,
         keep_original: bool,
     ) -> tuple[Int32, Float32]:
-        """Draw K programs, [B, K], and their rewards ±1, [B, K], for B transitions.
+        """Draw K programs, [B, K], and their rewards, [B, K], for B transitions.
 
-        Given the program that acted and its reward, [B], and the marks (satisfied at the next
-        row, present), [B]. Programs present are drawn uniformly without replacement, and over
-        again if they are fewer than K; with `keep_original` the one that acted comes first.
+        Given the program that acted and its reward, [B], and the marks of the next rows. Programs
+        present are drawn uniformly without replacement, and over again if they are fewer than K;
+        with `keep_original` the one that acted comes first.
         """
-        satisfied, present = (self._unpack(mark) for mark in marks)  # [B, P]
+        satisfied, present = map(self._unpack, (marks.satisfied, marks.present))  # [B, P]
         own = original[:, None] == np.arange(len(self._bits))
         allowed = present & ~own if keep_original else present
         keys = rng.random(allowed.shape)
@@ -79,7 +97,13 @@ class Relabeler:
         chosen = k - 1 if keep_original else k
         column = np.arange(chosen) % np.maximum(count, 1)  # [B, chosen]
         other = np.take_along_axis(order, column, 1).astype(np.int32)
-        rewards = np.where(np.take_along_axis(satisfied, other, 1), 1.0, -1.0).astype(np.float32)
+        if self._values is None:
+            assert marks.rewards is not None
+            rewards = np.take_along_axis(marks.rewards, other, 1)
+        else:
+            no, yes = self._values
+            satisfying = np.take_along_axis(satisfied, other, 1)
+            rewards = np.where(satisfying, yes, no).astype(np.float32)
         program = np.where(count > 0, other, original[:, None])
         rewards = np.where(count > 0, rewards, reward[:, None])
         if keep_original:

@@ -19,10 +19,11 @@ from pa_ros.learning.errors import (
     TrajectorySizeError,
     TrajectoryVocabularyError,
 )
+from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.ledger import Ledger
 
 Int64 = NDArray[np.int64]
-UInt64 = NDArray[np.uint64]
+NOTHING = Marks(np.zeros((), np.uint64), 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +43,15 @@ class ReplayBuffer:
     first trajectory if it is not given.
     """
 
-    def __init__(self, capacity: int, vocabulary_digest: str, n_objects: int | None = None) -> None:
-        self.capacity = capacity
+    def __init__(
+        self,
+        capacity: int,
+        vocabulary_digest: str,
+        n_objects: int | None = None,
+        goals: int = 0,
+    ) -> None:
+        """`goals`: relabeling programs whose rewards are kept with every row."""
+        self.capacity, self._goals = capacity, goals
         self.vocabulary_digest = vocabulary_digest
         self.ledger = Ledger()
         self.rows = 0  # filled
@@ -81,20 +89,19 @@ class ReplayBuffer:
         self,
         trajectory: Trajectory,
         program: int,
-        satisfied: UInt64 | None = None,
-        present: int = 0,
+        marks: Marks | None = None,
     ) -> InsertReport:
         """Insert once: a second time is counted and changes nothing else.
 
-        `program` is the row of the trajectory's program in the learner's table; `satisfied` [T + 1]
-        and `present` are the relabeling bits of `Relabeler.marks`.
+        `program` is the row of the trajectory's program in the learner's table; `marks` are
+        the relabeler's of its T + 1 rows.
         Raises a TrajectoryError, leaving the replay as it was, if `check` does.
         """
         self.check(trajectory)
         accepted = self.ledger.is_new(trajectory.agent_id, trajectory.sequence)
         if accepted:
             self.ledger.record(trajectory.agent_id, trajectory.sequence)
-            self._write(trajectory, program, satisfied, present)
+            self._write(trajectory, program, marks or NOTHING)
         else:
             self.ledger.duplicates += 1
         transitions = len(trajectory) if accepted else 0
@@ -153,6 +160,8 @@ class ReplayBuffer:
             "satisfied": ((), np.uint64),  # bit j: relabeling program j, at this row
             "present": ((), np.uint64),  # bit j: program j names an object of the scene
         }
+        if self._goals:  # of relabeling program j, at this row
+            shapes["goal_reward"] = (self._goals,), np.float32
         self.arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
 
     def _check_sizes(self, trajectory: Trajectory) -> None:
@@ -182,9 +191,7 @@ class ReplayBuffer:
                 f"trajectory: hand_index: expected one of {n_objects}, got {trajectory.hand_index}"
             )
 
-    def _write(
-        self, trajectory: Trajectory, program: int, satisfied: UInt64 | None, present: int
-    ) -> None:
+    def _write(self, trajectory: Trajectory, program: int, marks: Marks) -> None:
         if not self.arrays:
             self._allocate(trajectory.objects.shape[1])
         steps = len(trajectory)
@@ -200,8 +207,9 @@ class ReplayBuffer:
         arrays["last"][index] = False
         arrays["last"][last] = True
         arrays["action"][last] = arrays["reward"][last] = 0.0
-        arrays["satisfied"][index] = 0 if satisfied is None else satisfied
-        arrays["present"][index] = present
+        arrays["satisfied"][index], arrays["present"][index] = marks.satisfied, marks.present
+        if marks.rewards is not None:
+            arrays["goal_reward"][index] = marks.rewards
         self.head = int(last + 1) % self.capacity
         self.rows = max(self.rows, min(self.capacity, int(index.max()) + 1))
 

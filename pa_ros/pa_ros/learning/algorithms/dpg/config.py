@@ -51,7 +51,6 @@ class LearnerConfig:
     relabel: str = "none"  # the paper's; "all-goals": see pa_ros.learning.relabeling.all_goals
     programs_per_transition: int = 1  # K; more than one needs relabeling
     relabel_keeps_original: bool = False  # the program that acted is always one of the K
-    near_threshold: float = 0.20  # metres; of the verifier, for relabeling alone
     property_dropout: float = 0.0  # of transitions where a block's properties are hidden …
     property_dropout_after: int = 30_000  # … once so many updates were made
     trajectory_steps: int = 100  # transitions per trajectory: an episode
@@ -137,7 +136,7 @@ def _check_integers(config: LearnerConfig) -> None:
 def _check_numbers(config: LearnerConfig) -> None:
     positive = (
         *("action_gradient_clip", "actor_rate", "critic_rate", "adam_epsilon"),
-        *("detector_gain", "near_threshold", "noise_dt", "reward_scale"),
+        *("detector_gain", "noise_dt", "reward_scale"),
     )
     others = (
         *("action_l2", "action_l2_decay", "detector_decay", "updates_per_frame"),

@@ -16,12 +16,13 @@ from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.errors import PolicyError
-from pa_ros.learning.relabeling.all_goals import Int32, Relabeler
+from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import target_one_hots
+from pa_ros.world import Scoring
 from pa_ros.world.programs import ProgramTable
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
@@ -60,8 +61,11 @@ class Learner:
         config: LearnerConfig,
         training_programs: Sequence[str],
         seed: int,
+        scoring: Scoring | None = None,
     ) -> None:
+        """`scoring` is the arena's, which relabeling asks; the paper's unless given."""
         self.network = network
+        self.scoring = scoring or Scoring()
         self.config = config
         self.counters = Counters()
         self.rng = np.random.default_rng([seed, LEARNER_STREAM])
@@ -71,11 +75,12 @@ class Learner:
         self._relabeler = None
         if config.relabel == "all-goals":
             programs = [parse(text, network.vocabulary) for text in training_programs]
-            self._relabeler = Relabeler(programs, network.vocabulary, config.near_threshold)
+            self._relabeler = Relabeler(programs, network.vocabulary, self.scoring)
         self._dropout = None
         if config.property_dropout and network.kind != "canonical":
             self._dropout = PropertyDropout(self.table, config.property_dropout)
-        self.replay = ReplayBuffer(config.replay_frames, network.vocabulary.digest)
+        goals = self._relabeler.rewards_kept if self._relabeler else 0
+        self.replay = ReplayBuffer(config.replay_frames, network.vocabulary.digest, goals=goals)
         self.engine = make_engine(network, config, self.table, self.rng)
         kept = Schedule(config.policy_lag).versions_kept
         self.published: deque[PolicySnapshot] = deque([self._snapshot()], maxlen=kept)
@@ -88,8 +93,10 @@ class Learner:
         """
         self.replay.check(trajectory)
         program = self._row(trajectory.program)
-        marks = self._relabeler and self._relabeler.marks(trajectory.objects, trajectory.hand_index)
-        report = self.replay.insert(trajectory, program, *(marks or ()))
+        marks = None
+        if self._relabeler is not None:
+            marks = self._relabeler.marks(trajectory.objects, trajectory.hand_index)
+        report = self.replay.insert(trajectory, program, marks)
         if not report.accepted:
             return ConsumeReport(report, 0, self.counters.version)
         self.counters.frames += len(trajectory)
@@ -187,7 +194,8 @@ class Learner:
         if self._relabeler is None:
             program, reward = program[:, None], reward[:, None]
         else:
-            marks = arrays["satisfied"][following], arrays["present"][index]
+            rewards = arrays["goal_reward"][following] if self._relabeler.rewards_kept else None
+            marks = Marks(arrays["satisfied"][following], arrays["present"][index], rewards)
             k, keep = config.programs_per_transition, config.relabel_keeps_original
             program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
         shift, scale = np.float32(config.reward_shift), np.float32(reward_scale)

@@ -1,0 +1,88 @@
+"""The one rule: distance, the threshold itself, and rewards, for one state and for many."""
+
+from __future__ import annotations
+
+from math import inf, nextafter, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32
+from pa_ros.world import Scoring, Sparse
+from pa_ros.world.scoring import hand_distances
+
+
+def scene(*positions: tuple[float, float, float]) -> Float32:
+    """Ω of the hand and blocks at these places, [1 + n, 16]."""
+    objects = np.zeros((1 + len(positions), 16), np.float32)
+    objects[1:, :3] = positions
+    return objects
+
+
+NAMED = np.array([False, True, False])
+
+
+@pytest.mark.parametrize(
+    ("x", "satisfied"),
+    [
+        (0.25, True),
+        (np.nextafter(np.float32(0.25), np.float32(0.0)), True),
+        (np.nextafter(np.float32(0.25), np.float32(1.0)), False),
+    ],
+)
+def test_exactly_the_threshold_is_near(x: float, satisfied: bool) -> None:
+    score = Scoring(0.25)(NAMED, scene((x, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    assert score.measure == float(x)
+    assert (score.satisfied, score.reward) == (satisfied, 1.0 if satisfied else -1.0)
+
+
+def test_the_nearest_object_named_counts_and_none_is_never_near() -> None:
+    objects = scene((0.3, 0.4, 0.0), (0.0, 0.0, 0.1))
+    named = np.array([[False, True, False], [False, True, True], [False, False, False]])
+    score = Scoring(0.2)(named, objects)
+    np.testing.assert_allclose(score.measure, [0.5, 0.1, inf])
+    assert score.satisfied.tolist() == [False, True, False]
+    assert score.reward.tolist() == [-1.0, 1.0, -1.0]
+
+
+@given(
+    arrays(np.float32, (4, 3, 16), elements=st.floats(-2, 2, width=32)),
+    arrays(np.bool_, (2, 3)),
+)
+def test_many_states_and_programs_are_scored_as_each_alone(
+    objects: Float32, named: np.ndarray
+) -> None:
+    """To the last bit: rewards that relabeling computes are those that the arena paid."""
+    scoring = Scoring(0.5)
+    together = scoring(named, objects[:, None])  # [4, 2]
+    for t, p in np.ndindex(4, 2):
+        alone = scoring(named[p], objects[t])
+        x, y, z = objects[t, :, :3].astype(float).T.tolist()
+        distances = [sqrt(a * a + b * b + c * c) for a, b, c in zip(x, y, z, strict=True)]
+        least = min((d for d, of in zip(distances, named[p], strict=True) if of), default=inf)
+        assert alone.measure == together.measure[t, p] == least
+        assert alone.satisfied == together.satisfied[t, p] == (least <= 0.5)
+        assert alone.reward == together.reward[t, p]
+        np.testing.assert_array_equal(hand_distances(objects[t]), distances)
+
+
+def test_another_reward_is_paid() -> None:
+    scoring = Scoring(0.2, Sparse(2.0, -0.5))
+    assert scoring(NAMED, scene((0.1, 0, 0), (0, 0, 0))).reward == 2.0
+    assert scoring(NAMED, scene((nextafter(0.3, 1), 0, 0), (0, 0, 0))).reward == -0.5
+
+
+@pytest.mark.parametrize("threshold", [0.0, -0.1, inf, float("nan")])
+def test_a_threshold_that_cannot_be_is_shown(threshold: float) -> None:
+    with pytest.raises(ConfigError, match=str(threshold)):
+        Scoring(threshold)
+
+
+@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
+def test_a_sparse_reward_is_one_of_its_two_numbers(satisfied: float, otherwise: float) -> None:
+    reward = Sparse(satisfied, otherwise)
+    assert reward(np.array([True, False]), np.zeros(2)).tolist() == [satisfied, otherwise]
