@@ -10,7 +10,7 @@ from worlds import PROGRAMS, WORDS
 from pa_ros.benchmarks.cost import Sizes
 from pa_ros.benchmarks.growth import AXES, Axis, bench_growth, markdown_table, series
 from pa_ros.benchmarks.growth_figure import growth_figure
-from pa_ros.benchmarks.learner import markdown_counts, markdown_rates
+from pa_ros.benchmarks.learner import EAGER, GPU, OURS, SAMPLED, SB3, STRAIGHTFORWARD, TWO_THREADS
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 
@@ -38,6 +38,46 @@ def test_measures_every_point() -> None:
     rows = markdown_table(report, axes).splitlines()
     assert len(rows) == 6
     assert rows[2].startswith(f"| blocks | 1 | {report['growth.blocks.1.fused_us']:.0f} |")
+
+
+def markdown_counts(report: dict) -> str:
+    """What one update must compute, at this machine's rates, as a table."""
+    rows = (
+        ("floating-point operations", "learner.mflop", 1e6, "machine.gflop_per_s", 1e3),
+        ("exponentials", "learner.exponentials", 1.0, "machine.exponentials_per_us", 1.0),
+        ("tanh", "learner.tanhs", 1.0, "machine.tanhs_per_us", 1.0),
+        ("tanh of a sum, given e^2x, e^2y", "learner.pair_tanhs", 1.0,
+         "machine.pair_tanhs_per_us", 1.0),
+        ("bytes", "learner.bytes", 1.0, "machine.copied_gb_per_s", 1e3),
+    )  # fmt: skip
+    lines = ["| | count (millions) | per µs, one thread | µs |", "|---|---|---|---|"]
+    for title, count, unit, rate, per_us in rows:
+        operations, speed = unit * float(report[count]), per_us * float(report[rate])
+        lines.append(
+            f"| {title} | {operations / 1e6:.2f} | {speed:,.0f} | {operations / speed:.0f} |"
+        )
+    return "\n".join(lines)
+
+
+def markdown_rates(report: dict) -> str:
+    """Medians and ratios as a table."""
+    rows = (
+        ("fused", OURS, ""),
+        ("fused, batches drawn from the replay", SAMPLED, ""),
+        ("fused, two threads", TWO_THREADS, "learner.ratio_2_threads"),
+        ("torch", EAGER, "learner.ratio_to_eager"),
+        ("the formulas in torch as they stand", STRAIGHTFORWARD,
+         "learner.ratio_to_straightforward"),
+        ("Stable-Baselines3 DDPG, 400-400 MLPs", SB3, "learner.ratio_to_sb3_ddpg"),
+        ("torch on a GPU", GPU, "learner.ratio_to_gpu"),
+    )  # fmt: skip
+    lines = ["| | updates/s | spread | ratio |", "|---|---|---|---|"]
+    for title, name, ratio in rows:
+        if name in report:
+            rate, spread = float(report[name]), float(report[f"{name}_spread"])
+            shown = f"{float(report[ratio]):.2f}" if ratio else ""
+            lines.append(f"| {title} | {rate:.0f} | {spread:.0%} | {shown} |")
+    return "\n".join(lines)
 
 
 def test_the_docs_show_what_was_measured(tmp_path) -> None:

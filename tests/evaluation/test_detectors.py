@@ -7,8 +7,7 @@ import pytest
 
 from pa_ros.arena import design_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.agents import TrainedAgent
-from pa_ros.evaluation.detectors import (
+from pa_ros.evaluation.experiments.detectors import (
     EVERY,
     KNOWN,
     UNSEEN,
@@ -19,6 +18,7 @@ from pa_ros.evaluation.detectors import (
     extremes,
     named,
 )
+from pa_ros.evaluation.scores.agents import TrainedAgent
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 

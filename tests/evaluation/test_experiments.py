@@ -9,7 +9,7 @@ import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation import experiments
-from pa_ros.evaluation.experiments import (
+from pa_ros.evaluation.experiments.seeds import (
     EXPERIMENTS,
     experiment_named,
     final_scores,

@@ -5,9 +5,9 @@ import numpy as np
 
 from pa_ros.arena import RenderError
 from pa_ros.evaluation import figures_generalization
-from pa_ros.evaluation.agents import TrainedAgent
-from pa_ros.evaluation.figures_generalization import detector_figure, generalization_figure
-from pa_ros.evaluation.generalization import CONDITIONS, Row
+from pa_ros.evaluation.experiments.generalization import CONDITIONS, Row
+from pa_ros.evaluation.figures.generalization import detector_figure, generalization_figure
+from pa_ros.evaluation.scores.agents import TrainedAgent
 
 
 def table(level: float) -> list[Row]:

@@ -6,11 +6,7 @@ import pytest
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation import benchmark
-from pa_ros.evaluation.agents import TrainedAgent, without_training
-from pa_ros.evaluation.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.blind import BLIND, blind_policy
-from pa_ros.evaluation.evaluate import run_episodes
-from pa_ros.evaluation.generalization import (
+from pa_ros.evaluation.experiments.generalization import (
     CONDITIONS,
     Row,
     conditions_of,
@@ -18,8 +14,12 @@ from pa_ros.evaluation.generalization import (
     setting,
     summarize,
 )
-from pa_ros.evaluation.intervals import gain_over, normalized_over_seeds
-from pa_ros.evaluation.tables import TableError, read_rows, write_rows
+from pa_ros.evaluation.scores.agents import TrainedAgent, without_training
+from pa_ros.evaluation.scores.benchmark import Benchmark, Scorer
+from pa_ros.evaluation.scores.blind import BLIND, blind_policy
+from pa_ros.evaluation.scores.evaluate import run_episodes
+from pa_ros.evaluation.scores.intervals import gain_over, normalized_interval
+from pa_ros.evaluation.scores.tables import TableError, read_rows, write_rows
 
 ISSUE = (
     "train random eval only-color only-shape not-color not-shape blocks-2 blocks-3 blocks-5 "
@@ -104,7 +104,7 @@ def test_intervals_widen_with_the_spread_over_seeds_and_over_episodes():
     over_episodes = np.tile(rng.normal(0, 0.3, 50), (5, 1))
     over_seeds = np.tile(rng.normal(0, 0.3, (5, 1)), (1, 50))
     intervals = [
-        normalized_over_seeds(scores, random, scripted)
+        normalized_interval(scores, random, scripted)
         for scores in (np.zeros((5, 50)), over_episodes, over_seeds, over_seeds + over_episodes)
     ]
     none, episodes, seeds, both = (interval.high - interval.low for interval in intervals)
@@ -113,7 +113,7 @@ def test_intervals_widen_with_the_spread_over_seeds_and_over_episodes():
     assert episodes == pytest.approx(2 * 1.96 * 0.3 / 2 / 50**0.5, rel=0.3)
     assert seeds == pytest.approx(2 * 1.96 * 0.3 / 2 / 5**0.5, rel=0.5)
     assert both > seeds > episodes
-    assert np.isnan(normalized_over_seeds(over_seeds, random, random).mean)
+    assert np.isnan(normalized_interval(over_seeds, random, random).mean)
     gain = gain_over(over_seeds, np.full(50, -0.5), random, scripted)
     assert gain.mean == pytest.approx(over_seeds.mean() / 2 + 0.25)
 

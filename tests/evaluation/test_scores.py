@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import design_named, preset_named
-from pa_ros.evaluation.evaluate import by_program, evaluate
-from pa_ros.evaluation.scores import mean_interval, normalized, normalized_interval
+from pa_ros.evaluation.scores.evaluate import by_program, evaluate
+from pa_ros.evaluation.scores.intervals import mean_interval, normalized_interval
+from pa_ros.evaluation.scores.rewards import normalized
 
 FAST, TWO_L = preset_named("fast"), design_named("2-L")
 
@@ -25,8 +26,8 @@ def test_interval_of_equal_values_is_a_point():
 
 def test_normalized_is_zero_at_random_and_one_at_scripted():
     random, scripted = np.full(8, -0.9), np.linspace(0.7, 0.9, 8)
-    assert normalized_interval(random, random, scripted).mean == pytest.approx(0.0)
-    whole = normalized_interval(scripted, random, scripted)
+    assert normalized_interval(random[None], random, scripted).mean == pytest.approx(0.0)
+    whole = normalized_interval(scripted[None], random, scripted)
     assert (whole.low, whole.mean, whole.high) == pytest.approx((1.0, 1.0, 1.0))
     assert normalized(0.0, -1.0, 1.0) == 0.5
     assert np.isnan(normalized(0.3, 0.5, 0.5))

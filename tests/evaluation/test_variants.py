@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_ros.evaluation.experiments import EXPERIMENTS, Experiment, summarize, write_table
-from pa_ros.evaluation.tables import TableError, read_rows
-from pa_ros.evaluation.variants import Variant, write_variants
+from pa_ros.evaluation.experiments.seeds import EXPERIMENTS, Experiment, summarize, write_table
+from pa_ros.evaluation.experiments.variants import Variant
+from pa_ros.evaluation.scores.tables import TableError, read_rows
+from pa_ros.evaluation.studies import write_variants
 
 BASE = EXPERIMENTS["programmable-2L"]
 

@@ -21,7 +21,6 @@ from pa_ros.learning.algorithms.dpg.learner import ConsumeReport, Learner
 from pa_ros.learning.checkpoints import (
     claim,
     find_checkpoint,
-    load_configs,
     load_policy,
     read_metadata,
     restore,
@@ -230,7 +229,8 @@ def test_a_checkpoint_is_plain_and_acts(saved) -> None:
     values = read_metadata(saved)
     assert values["counters"]["frames"] == 100
     assert values["extra"]["design"] == "2-L" and values["extra"]["seed"] == 3
-    assert load_configs(saved) == (NETWORK, SETTINGS)
+    assert NetworkConfig.from_json(values["network"]) == NETWORK
+    assert LearnerConfig.from_json(values["learner"]) == SETTINGS
     snapshot = load_policy(saved)
     assert snapshot.version == 5
     actor = Actor.of(snapshot)

@@ -14,16 +14,16 @@ from waiting import DEADLINE_S
 
 from pa_ros.arena import design_named, preset_named
 from pa_ros.cli import demo
-from pa_ros.cli.demo_results import Outcome, write_report
-from pa_ros.cli.demo_setup import DemoConfig
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.demo_report import demo_programs, find_scene
-from pa_ros.evaluation.tally import HeldOutTarget
-from pa_ros.evaluation.training import training_programs
+from pa_ros.evaluation.scores.tally import HeldOutTarget
+from pa_ros.evaluation.scores.training import training_programs
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import load_policy, save_checkpoint
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.client import client_node
+from pa_ros.tools.demo.config import DemoConfig
+from pa_ros.tools.demo.results import Outcome, write_report
+from pa_ros.tools.demo.scenes import demo_programs, find_scene
 from pa_ros.tools.execution import Execution
 
 graph = pytest.mark.graph

@@ -5,7 +5,13 @@ import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.demo_report import (
+from pa_ros.evaluation.scores.tally import EpisodeTally, HeldOutTarget, StreamedEpisode
+from pa_ros.evaluation.scores.training import training_programs
+from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.checkpoints import save_checkpoint
+from pa_ros.learning.protocols import protocol_named
+from pa_ros.tools.demo.scenes import (
     FARTHER_M,
     DemoProgram,
     demo_programs,
@@ -13,12 +19,6 @@ from pa_ros.evaluation.demo_report import (
     draw_phi,
     find_scene,
 )
-from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget, StreamedEpisode
-from pa_ros.evaluation.training import training_programs
-from pa_ros.language import parse
-from pa_ros.learning.algorithms.dpg.learner import Learner
-from pa_ros.learning.checkpoints import save_checkpoint
-from pa_ros.learning.protocols import protocol_named
 
 ARENA = preset_named("fast")
 TWO_L = design_named("2-L")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
+LOST: Final = "pa_ros.lost"  # key of metadata.yaml: JSON object, messages lost by topic
 STREAMS = 16  # publishers of one topic that are told apart at a time
 
 

@@ -11,10 +11,10 @@ from typing import Any, Final
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import BagFullError
-from pa_ros.bags.provenance import as_custom_data
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.experience import Trajectory
 from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.provenance.origins import describe, learner_origin
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr

@@ -12,9 +12,8 @@ import numpy as np
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.errors import BagError, DefinitionError, ForeignBagError, ProvenanceError
 from pa_ros.bags.experience import TRAJECTORIES, Experience
-from pa_ros.bags.losses import Losses
+from pa_ros.bags.losses import LOST, Losses
 from pa_ros.bags.numbers import losses_of
-from pa_ros.bags.provenance import LOST
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 

@@ -222,46 +222,6 @@ def _ratios(report: Report) -> dict[str, float]:
     return ratios
 
 
-def markdown_counts(report: Report) -> str:
-    """What one update must compute, at this machine's rates, as a table."""
-    rows = (
-        ("floating-point operations", "learner.mflop", 1e6, "machine.gflop_per_s", 1e3),
-        ("exponentials", "learner.exponentials", 1.0, "machine.exponentials_per_us", 1.0),
-        ("tanh", "learner.tanhs", 1.0, "machine.tanhs_per_us", 1.0),
-        ("tanh of a sum, given e^2x, e^2y", "learner.pair_tanhs", 1.0,
-         "machine.pair_tanhs_per_us", 1.0),
-        ("bytes", "learner.bytes", 1.0, "machine.copied_gb_per_s", 1e3),
-    )  # fmt: skip
-    lines = ["| | count (millions) | per µs, one thread | µs |", "|---|---|---|---|"]
-    for title, count, unit, rate, per_us in rows:
-        operations, speed = unit * float(report[count]), per_us * float(report[rate])
-        lines.append(
-            f"| {title} | {operations / 1e6:.2f} | {speed:,.0f} | {operations / speed:.0f} |"
-        )
-    return "\n".join(lines)
-
-
-def markdown_rates(report: Report) -> str:
-    """Medians and ratios as a table."""
-    rows = (
-        ("fused", OURS, ""),
-        ("fused, batches drawn from the replay", SAMPLED, ""),
-        ("fused, two threads", TWO_THREADS, "learner.ratio_2_threads"),
-        ("torch", EAGER, "learner.ratio_to_eager"),
-        ("the formulas in torch as they stand", STRAIGHTFORWARD,
-         "learner.ratio_to_straightforward"),
-        ("Stable-Baselines3 DDPG, 400-400 MLPs", SB3, "learner.ratio_to_sb3_ddpg"),
-        ("torch on a GPU", GPU, "learner.ratio_to_gpu"),
-    )  # fmt: skip
-    lines = ["| | updates/s | spread | ratio |", "|---|---|---|---|"]
-    for title, name, ratio in rows:
-        if name in report:
-            rate, spread = float(report[name]), float(report[f"{name}_spread"])
-            shown = f"{float(report[ratio]):.2f}" if ratio else ""
-            lines.append(f"| {title} | {rate:.0f} | {spread:.0%} | {shown} |")
-    return "\n".join(lines)
-
-
 def random_scenes(rng: np.random.Generator, count: int, objects: int) -> Float32:
     """Ω of one scene seen `count` times, [count, N, 16]: a hand, then blocks of any kind."""
     scenes = np.zeros((count, objects, 16), np.float32)

@@ -6,7 +6,8 @@ import argparse
 import os
 from pathlib import Path
 
-from pa_ros.core.report import Report, device, versions, write_report
+from pa_ros.core.report import Report, write_report
+from pa_ros.provenance.software import device, versions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

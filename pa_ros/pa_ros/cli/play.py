@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 
 from pa_ros.bags.reader import Bag
-from pa_ros.core.report import device, versions, write_report
+from pa_ros.core.report import write_report
+from pa_ros.provenance.software import device, versions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,8 @@ from pa_ros.bags.repair import repair
 from pa_ros.bags.storage import STORAGES
 from pa_ros.bags.writer import BagOptions
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.report import Report, device, versions, write_report
+from pa_ros.core.report import Report, write_report
+from pa_ros.provenance.software import device, versions
 
 EXIT_FAILED = 1
 REFRESH_S = 0.5

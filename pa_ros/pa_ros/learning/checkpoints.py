@@ -100,12 +100,6 @@ def load_policy(path: Path) -> PolicySnapshot:
     return _load_policies(find_checkpoint(path), values)[-1]
 
 
-def load_configs(path: Path) -> tuple[NetworkConfig, LearnerConfig]:
-    """The configurations that a checkpoint was made with."""
-    values = read_metadata(path)
-    return NetworkConfig.from_json(values["network"]), LearnerConfig.from_json(values["learner"])
-
-
 def restore(path: Path, learner: Learner) -> dict[str, Any]:
     """Put a new learner where the checkpoint's was; returns the caller's `extra`.
 

@@ -10,7 +10,7 @@ from pa_ros import __version__
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.arena.features import HAND_INDEX
 from pa_ros.core.experience import JOINTS
-from pa_ros.core.report import device, versions
+from pa_ros.provenance.software import device, versions
 from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
 
 if TYPE_CHECKING:

@@ -25,10 +25,10 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 
 from pa_ros.bags.contents import FOREVER, topic
 from pa_ros.bags.errors import BagError, BagFullError
-from pa_ros.bags.losses import Losses
-from pa_ros.bags.provenance import LOST, as_custom_data
+from pa_ros.bags.losses import LOST, Losses
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import PaError
+from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import Topic

@@ -8,8 +8,8 @@ from typing import Any
 
 from pa_ros.arena import ArenaConfig, Design, design_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.demo_report import FEWER, FULL
 from pa_ros.learning.protocols import usual_protocol
+from pa_ros.tools.demo.scenes import FEWER, FULL
 from pa_ros.tools.launch_params import Parameters, load_parameters, merged, packaged
 
 

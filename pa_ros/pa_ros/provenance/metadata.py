@@ -12,7 +12,6 @@ from pa_ros.wire.records import ArenaDescription, Origin
 # Keys of custom_data in metadata.yaml.
 ORIGINS: Final = "pa_ros.provenance"  # JSON list, one object per process
 ARENAS: Final = "pa_ros.arena_info"  # JSON list, one object per arena
-LOST: Final = "pa_ros.lost"  # JSON object: messages lost on the way to the bag, by topic
 
 
 def as_custom_data(origins: Iterable[Origin], arenas: Iterable[ArenaDescription]) -> dict[str, str]:

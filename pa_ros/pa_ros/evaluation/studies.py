@@ -1,4 +1,4 @@
-"""The experiments on agents that are trained already: their tables and pictures in one folder."""
+"""Studies of trained agents and of variants of an experiment: tables and pictures."""
 
 from __future__ import annotations
 
@@ -6,12 +6,20 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pa_ros.evaluation.agents import TrainedAgent
-from pa_ros.evaluation.detectors import Accuracy, detector_table
-from pa_ros.evaluation.equalities import Difference, difference_table
-from pa_ros.evaluation.figures_generalization import detector_figure, generalization_figure
-from pa_ros.evaluation.generalization import Row, Summary, generalize, setting, summarize
-from pa_ros.evaluation.tables import read_rows, write_rows
+from pa_ros.evaluation.experiments.detectors import Accuracy, detector_table
+from pa_ros.evaluation.experiments.equalities import Difference, difference_table
+from pa_ros.evaluation.experiments.generalization import (
+    Row,
+    Summary,
+    generalize,
+    setting,
+    summarize,
+)
+from pa_ros.evaluation.experiments.variants import compare
+from pa_ros.evaluation.figures.generalization import detector_figure, generalization_figure
+from pa_ros.evaluation.figures.variants import variants_figure
+from pa_ros.evaluation.scores.agents import TrainedAgent
+from pa_ros.evaluation.scores.tables import read_rows, write_rows
 
 EQUALITY_EPISODES, DETECTOR_EPISODES = 30, 50
 
@@ -81,6 +89,15 @@ def detectors(
     )
     detector_figure(table.with_suffix(".png"), agent, episodes, title)
     return rows
+
+
+def write_variants(name: str, results: Path) -> Path:
+    """`NAME-variants.csv` in `results`, and its picture; the table's path."""
+    rows, seeds = compare(name, results)
+    path = results / f"{name}-variants.csv"
+    write_rows(path, rows)
+    variants_figure(path.with_suffix(".png"), rows, seeds)
+    return path
 
 
 def _write_setting(table: Path, agents: Agents, episodes: int) -> None:

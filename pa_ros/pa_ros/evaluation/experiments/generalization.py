@@ -15,13 +15,13 @@ import numpy as np
 
 from pa_ros.arena import ArenaConfig, Design, conditions_for
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.report import device, versions
-from pa_ros.evaluation.agents import TrainedAgent, without_training
-from pa_ros.evaluation.benchmark import EPISODES_SEED, Benchmark, Scorer
-from pa_ros.evaluation.blind import BLIND
-from pa_ros.evaluation.evaluate import REFERENCES
-from pa_ros.evaluation.intervals import gain_over, normalized_over_seeds
-from pa_ros.evaluation.scores import normalized, rewards
+from pa_ros.evaluation.scores.agents import TrainedAgent, without_training
+from pa_ros.evaluation.scores.benchmark import EPISODES_SEED, Benchmark, Scorer
+from pa_ros.evaluation.scores.blind import BLIND
+from pa_ros.evaluation.scores.evaluate import REFERENCES
+from pa_ros.evaluation.scores.intervals import gain_over, normalized_interval
+from pa_ros.evaluation.scores.rewards import normalized, rewards
+from pa_ros.provenance.software import device, versions
 
 RANDOM_WEIGHTS = "random"
 """The condition whose agents have random weights; its episodes are those of `train`."""
@@ -145,7 +145,7 @@ def _summary(condition: str, rows: Sequence[Row]) -> Summary:
         np.array([getattr(row, name) for row in one]) for name in ("random", "scripted", *BLIND)
     )
     best = int(np.argmax([reference.mean() for reference in blind]))
-    mean = normalized_over_seeds(scores, random, scripted)
+    mean = normalized_interval(scores, random, scripted)
     gain = gain_over(scores, blind[best], random, scripted)
     low, high = float(random.mean()), float(scripted.mean())
     by_seed = np.array([normalized(float(mean), low, high) for mean in scores.mean(axis=1)])

@@ -10,13 +10,8 @@ import numpy as np
 
 from pa_ros.arena import ArenaConfig, Design, ReachTask, random_policy, scripted_action
 from pa_ros.core.experience import Float64, Observation
-from pa_ros.evaluation.scores import (
-    EpisodeScore,
-    Interval,
-    mean_interval,
-    normalized_interval,
-    rewards,
-)
+from pa_ros.evaluation.scores.intervals import Interval, mean_interval, normalized_interval
+from pa_ros.evaluation.scores.rewards import EpisodeScore, rewards
 
 # From what an agent sees, and the program's text, to joint velocities in rad/s [6].
 AgentPolicy = Callable[[Observation, str], Float64]
@@ -40,9 +35,8 @@ class Evaluation:
     @property
     def normalized(self) -> Interval:
         """Reward per step, 0 at the random and 1 at the scripted reference."""
-        return normalized_interval(
-            rewards(self.scores), rewards(self.random), rewards(self.scripted)
-        )
+        scores = rewards(self.scores)[None]
+        return normalized_interval(scores, rewards(self.random), rewards(self.scripted))
 
     @property
     def success_rate(self) -> float:

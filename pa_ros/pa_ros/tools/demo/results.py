@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pa_ros.cli.demo_setup import DemoConfig
-from pa_ros.core.report import device, versions
-from pa_ros.evaluation.demo_report import DemoProgram, Scene
-from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
+from pa_ros.evaluation.scores.tally import EpisodeTally, HeldOutTarget
+from pa_ros.provenance.software import device, versions
+from pa_ros.tools.demo.config import DemoConfig
+from pa_ros.tools.demo.scenes import DemoProgram, Scene
 from pa_ros.tools.execution import Execution
 
 NEEDED = 5  # programs of the six, the held-out one among them

@@ -8,13 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from pa_ros.evaluation.experiments import SOLVED, SeedSummary, read_curve, summarize
-from pa_ros.evaluation.figures import save
-from pa_ros.evaluation.scores import mean_interval
-from pa_ros.evaluation.tables import TableError, write_rows
+from pa_ros.evaluation.experiments.seeds import SeedSummary, read_curve, summarize
+from pa_ros.evaluation.scores.intervals import mean_interval
+from pa_ros.evaluation.scores.tables import TableError
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +63,6 @@ def compare(name: str, results: Path) -> tuple[list[Variant], dict[str, list[See
     return rows, seeds_of
 
 
-def write_variants(name: str, results: Path) -> Path:
-    """`NAME-variants.csv` in `results`, and its picture; the table's path."""
-    rows, seeds = compare(name, results)
-    path = results / f"{name}-variants.csv"
-    write_rows(path, rows)
-    _picture(rows, seeds, path.with_suffix(".png"))
-    return path
-
-
 def _curves(table: Path) -> dict[int, list[dict[str, float]]]:
     by_seed: dict[int, list[dict[str, float]]] = {}
     for row in read_curve(table):
@@ -101,26 +90,3 @@ def _variant(
 
 def _median(values: Sequence[float]) -> float:
     return float(np.median([math.inf if math.isnan(value) else value for value in values]))
-
-
-def _picture(rows: list[Variant], seeds: dict[str, list[SeedSummary]], path: Path) -> None:
-    figure, (scores, frames) = plt.subplots(
-        1, 2, figsize=(9, 1 + 0.32 * len(rows)), sharey=True, layout="constrained"
-    )
-    for y, row in enumerate(reversed(rows)):
-        color = "#d33682" if row.changed else "#268bd2"
-        own = seeds[row.label]
-        scores.plot([s.held_out_at_end for s in own], [y] * len(own), "o", color=color, alpha=0.6)
-        scores.plot([row.low, row.high], [y, y], color=color, linewidth=1)
-        solved = [s.frames_to_solve for s in own if not math.isnan(s.frames_to_solve)]
-        frames.plot(solved, [y] * len(solved), "o", color=color, alpha=0.6)
-        if missing := len(own) - len(solved):
-            frames.text(1.0, y, f"{missing} never ", transform=frames.get_yaxis_transform(),
-                        ha="right", va="center", fontsize=8)  # fmt: skip
-    names = [row.label.partition(".")[2] or "as it is" for row in reversed(rows)]
-    scores.set_yticks(range(len(rows)), names)
-    scores.axvline(SOLVED, color="grey", linestyle=":", linewidth=1)
-    scores.set(xlabel=f"held-out score after {rows[0].frames:g} frames", xlim=(-0.1, 1.05))
-    frames.set(xlabel=f"frames to {SOLVED} to stay", xlim=(0, 1.25 * rows[0].frames))
-    figure.suptitle(f"{rows[0].label.partition('.')[0]}: each dot is a seed", fontsize=11)
-    save(figure, path)

@@ -1,0 +1,1 @@
+"""Several seeds of one setting, and studies of trained agents, as tables."""

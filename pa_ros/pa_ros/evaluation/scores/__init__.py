@@ -1,0 +1,1 @@
+"""How well a policy does: episodes, references, scores with their intervals."""

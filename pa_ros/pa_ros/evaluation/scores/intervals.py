@@ -1,0 +1,72 @@
+"""Bootstrap intervals of scores over seeds and episodes at once.
+
+Seeds and episodes are resampled independently, with replacement (a bootstrap of a crossed design:
+every seed is scored on the same episodes), as `rliable` resamples runs; with one seed, episodes
+alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.evaluation.scores.rewards import normalized
+
+CONFIDENCE = 0.95
+RESAMPLES = 2000
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A mean with its bootstrap confidence interval (95 %, percentile)."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def mean_interval(values: Float, seed: int = 0) -> Interval:
+    """Of the mean of independent values [E]."""
+    weights = _weights(len(values), np.random.default_rng(seed))
+    return _interval(float(values.mean()), weights @ values / len(values))
+
+
+def normalized_interval(scores: Float, random: Float, scripted: Float, seed: int = 0) -> Interval:
+    """Mean normalized score of `scores` [S, E] between the references [E] on the same episodes."""
+    return gain_over(scores, random, random, scripted, seed)
+
+
+def gain_over(
+    scores: Float, other: Float, random: Float, scripted: Float, seed: int = 0
+) -> Interval:
+    """How much higher `scores` [S, E] are than a reference `other` [E], in normalized units.
+
+    (scores − other) / (scripted − random), each a mean over the resampled episodes. Resamples in
+    which the references coincide are left out; nan if they always do.
+    """
+    seeds, episodes = scores.shape
+    gains, span = scores - other, scripted - random  # [S, E], [E]
+    rng = np.random.default_rng(seed)
+    seed_weights, weights = _weights(seeds, rng), _weights(episodes, rng)
+    gain = ((seed_weights @ gains) * weights).sum(1) / seeds  # [R]
+    spans = weights @ span  # [R]
+    kept = spans != 0.0
+    if not kept.any():
+        return Interval(*[float("nan")] * 3)
+    mean = normalized(float(gains.mean()), 0.0, float(span.mean()))
+    return _interval(mean, gain[kept] / spans[kept])
+
+
+def _weights(count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """How often each of `count` is drawn in each resample, [R, count]."""
+    return rng.multinomial(count, [1 / count] * count, size=RESAMPLES)
+
+
+def _interval(mean: float, resampled: Float) -> Interval:
+    tail = 50 * (1 - CONFIDENCE)
+    low, high = np.percentile(resampled, [tail, 100 - tail])
+    return Interval(mean, float(low), float(high))
