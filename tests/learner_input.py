@@ -6,7 +6,7 @@ import numpy as np
 
 from pa_ros.arena import design_named
 from pa_ros.core.experience import Trajectory
-from pa_ros.evaluation.scores.training import training_programs
+from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.wire.records import ArenaDescription, Mode
 
 DESIGN = design_named("2-L")

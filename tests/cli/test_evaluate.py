@@ -5,7 +5,7 @@ import json
 import pytest
 
 from pa_ros.cli.main import main
-from pa_ros.evaluation.experiments.generalization import CONDITIONS
+from pa_ros.evaluation.studies.generalization import CONDITIONS
 
 
 @pytest.fixture(scope="module")

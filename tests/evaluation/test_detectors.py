@@ -7,7 +7,8 @@ import pytest
 
 from pa_ros.arena import design_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.experiments.detectors import (
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.studies.detectors import (
     EVERY,
     KNOWN,
     UNSEEN,
@@ -18,7 +19,6 @@ from pa_ros.evaluation.experiments.detectors import (
     extremes,
     named,
 )
-from pa_ros.evaluation.scores.agents import TrainedAgent
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import condition_named, design_named, generate, preset_named
-from pa_ros.evaluation.experiments.equalities import CONDITIONS, LAWS, Law, difference_table
-from pa_ros.evaluation.scores.agents import TrainedAgent
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.studies.equalities import CONDITIONS, LAWS, Law, difference_table
 from pa_ros.language import Program, Word, parse, relevance, satisfying
 
 THREE_D = design_named("3-D")

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation import experiments
-from pa_ros.evaluation.experiments.seeds import (
+from pa_ros.evaluation.studies import experiments
+from pa_ros.evaluation.studies.experiments import (
     EXPERIMENTS,
     experiment_named,
     final_scores,

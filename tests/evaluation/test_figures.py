@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.figures.drawing import learning_curve, phi_picture
+from pa_ros.evaluation.pictures.drawing import learning_curve, phi_picture
 
 
 def test_learning_curve_with_gaps(tmp_path):

@@ -4,10 +4,10 @@ import matplotlib.image
 import numpy as np
 
 from pa_ros.arena import RenderError
-from pa_ros.evaluation import figures_generalization
-from pa_ros.evaluation.experiments.generalization import CONDITIONS, Row
-from pa_ros.evaluation.figures.generalization import detector_figure, generalization_figure
-from pa_ros.evaluation.scores.agents import TrainedAgent
+from pa_ros.evaluation.pictures import generalization as figures_generalization
+from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.studies.generalization import CONDITIONS, Row
 
 
 def table(level: float) -> list[Row]:

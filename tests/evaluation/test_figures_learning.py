@@ -5,9 +5,9 @@ import json
 import pytest
 
 from pa_ros.cli.main import main
-from pa_ros.evaluation.experiments.seeds import experiment_named, summarize, write_table
-from pa_ros.evaluation.figures.learning import is_curves, learning_figure
-from pa_ros.evaluation.scores.tables import TableError
+from pa_ros.evaluation.pictures.learning import is_curves, learning_figure
+from pa_ros.evaluation.scoring.tables import TableError
+from pa_ros.evaluation.studies.experiments import experiment_named, summarize, write_table
 
 
 def rows(*scores):

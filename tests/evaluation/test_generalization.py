@@ -5,8 +5,14 @@ import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation import benchmark
-from pa_ros.evaluation.experiments.generalization import (
+from pa_ros.evaluation.scoring import benchmark
+from pa_ros.evaluation.scoring.agents import TrainedAgent, without_training
+from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
+from pa_ros.evaluation.scoring.blind import BLIND, blind_policy
+from pa_ros.evaluation.scoring.evaluate import run_episodes
+from pa_ros.evaluation.scoring.intervals import gain_over, normalized_interval
+from pa_ros.evaluation.scoring.tables import TableError, read_rows, write_rows
+from pa_ros.evaluation.studies.generalization import (
     CONDITIONS,
     Row,
     conditions_of,
@@ -14,12 +20,6 @@ from pa_ros.evaluation.experiments.generalization import (
     setting,
     summarize,
 )
-from pa_ros.evaluation.scores.agents import TrainedAgent, without_training
-from pa_ros.evaluation.scores.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scores.blind import BLIND, blind_policy
-from pa_ros.evaluation.scores.evaluate import run_episodes
-from pa_ros.evaluation.scores.intervals import gain_over, normalized_interval
-from pa_ros.evaluation.scores.tables import TableError, read_rows, write_rows
 
 ISSUE = (
     "train random eval only-color only-shape not-color not-shape blocks-2 blocks-3 blocks-5 "

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import design_named, preset_named
-from pa_ros.evaluation.scores.evaluate import by_program, evaluate
-from pa_ros.evaluation.scores.intervals import mean_interval, normalized_interval
-from pa_ros.evaluation.scores.rewards import normalized
+from pa_ros.evaluation.scoring.evaluate import by_program, evaluate
+from pa_ros.evaluation.scoring.intervals import mean_interval, normalized_interval
+from pa_ros.evaluation.scoring.rewards import normalized
 
 FAST, TWO_L = preset_named("fast"), design_named("2-L")
 

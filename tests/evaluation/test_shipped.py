@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pa_ros.evaluation.scores.agents import load_agent
-from pa_ros.evaluation.scores.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scores.rewards import rewards
+from pa_ros.evaluation.scoring.agents import load_agent
+from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
+from pa_ros.evaluation.scoring.rewards import rewards
 from pa_ros.learning.checkpoints import SHIPPED, load_policy, read_metadata, ship
 from pa_ros.learning.errors import CheckpointError
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from pa_ros.evaluation.experiments.seeds import EXPERIMENTS, Experiment, summarize, write_table
-from pa_ros.evaluation.experiments.variants import Variant
-from pa_ros.evaluation.scores.tables import TableError, read_rows
-from pa_ros.evaluation.studies import write_variants
+from pa_ros.evaluation.results import write_variants
+from pa_ros.evaluation.scoring.tables import TableError, read_rows
+from pa_ros.evaluation.studies.experiments import EXPERIMENTS, Experiment, summarize, write_table
+from pa_ros.evaluation.studies.variants import Variant
 
 BASE = EXPERIMENTS["programmable-2L"]
 

@@ -5,12 +5,12 @@ import json
 import pytest
 
 from pa_ros.cli.main import main
-from pa_ros.evaluation import studies
-from pa_ros.evaluation.experiments.detectors import Accuracy
-from pa_ros.evaluation.experiments.equalities import LAWS, Difference
-from pa_ros.evaluation.experiments.generalization import CONDITIONS, Row, Summary
-from pa_ros.evaluation.scores.agents import TrainedAgent, load_agent, without_training
-from pa_ros.evaluation.scores.tables import read_rows
+from pa_ros.evaluation import results
+from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
+from pa_ros.evaluation.scoring.tables import read_rows
+from pa_ros.evaluation.studies.detectors import Accuracy
+from pa_ros.evaluation.studies.equalities import LAWS, Difference
+from pa_ros.evaluation.studies.generalization import CONDITIONS, Row, Summary
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def agents(novice: TrainedAgent) -> dict[int, TrainedAgent]:
 def test_generalization(agents, tmp_path):
     said: list[str] = []
     out = tmp_path / "results"
-    summaries = studies.generalization(agents, out, tmp_path / "cache", 2, ".x", said.append)
+    summaries = results.generalization(agents, out, tmp_path / "cache", 2, ".x", said.append)
     rows = read_rows(out / "generalization.x.csv", Row)
     assert len(rows) == len(CONDITIONS) * 2 * 2 and len(said) == len(CONDITIONS) * 2
     assert [s.condition for s in summaries] == list(CONDITIONS)
@@ -31,14 +31,14 @@ def test_generalization(agents, tmp_path):
     picture = out / "generalization.x.png"
     before = picture.read_bytes()
     picture.unlink()
-    assert studies.redraw_generalization(out / "generalization.x.csv") == picture
+    assert results.redraw_generalization(out / "generalization.x.csv") == picture
     assert picture.read_bytes() == before
 
 
 def test_equalities_and_detectors(agents, tmp_path):
-    assert len(studies.equalities(agents, tmp_path, 1)) == 2 * 2 * len(LAWS)
+    assert len(results.equalities(agents, tmp_path, 1)) == 2 * 2 * len(LAWS)
     assert {row.seed for row in read_rows(tmp_path / "equalities.csv", Difference)} == {0, 1}
-    studies.detectors(agents, tmp_path, 1)
+    results.detectors(agents, tmp_path, 1)
     assert {row.seed for row in read_rows(tmp_path / "detectors.csv", Accuracy)} == {0, 1}
     assert (tmp_path / "detectors.png").stat().st_size < 120_000
     assert json.loads((tmp_path / "detectors.json").read_text())["episodes"] == 1

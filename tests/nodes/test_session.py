@@ -9,7 +9,7 @@ from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation import training
+from pa_ros.evaluation.scoring import training
 from pa_ros.language import ProgramError
 from pa_ros.wire.records import ProgramRequest, ResetRequest
 from sim_node.config import SimConfig

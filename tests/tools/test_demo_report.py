@@ -5,8 +5,8 @@ import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scores.tally import EpisodeTally, HeldOutTarget, StreamedEpisode
-from pa_ros.evaluation.scores.training import training_programs
+from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget, StreamedEpisode
+from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint

@@ -6,7 +6,7 @@ import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Verdict
-from pa_ros.evaluation.scores.tally import EpisodeTally, HeldOutTarget
+from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
 
 
 class Stream:

@@ -20,7 +20,7 @@ from pa_ros.benchmarks.learner import bare_updates, bench_learner
 from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.training import bench_train
 from pa_ros.core.report import Report
-from pa_ros.evaluation.scores.training import training_programs
+from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig

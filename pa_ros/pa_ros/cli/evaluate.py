@@ -10,20 +10,20 @@ from tempfile import TemporaryDirectory
 from pa_ros.arena import DESIGNS, ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, write_report
-from pa_ros.evaluation.experiments.generalization import (
-    RANDOM_WEIGHTS,
-    condition_rows,
-    conditions_of,
-    summarize,
-)
-from pa_ros.evaluation.scores.agents import TrainedAgent, load_agent, without_training
-from pa_ros.evaluation.scores.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scores.evaluate import (
+from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
+from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
+from pa_ros.evaluation.scoring.evaluate import (
     REFERENCES,
     AgentPolicy,
     Evaluation,
     by_program,
     evaluate,
+)
+from pa_ros.evaluation.studies.generalization import (
+    RANDOM_WEIGHTS,
+    condition_rows,
+    conditions_of,
+    summarize,
 )
 from pa_ros.provenance.software import device, versions
 

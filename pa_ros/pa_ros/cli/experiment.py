@@ -16,7 +16,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import write_report
 
 if TYPE_CHECKING:
-    from pa_ros.evaluation.experiments.seeds import Experiment, SeedSummary
+    from pa_ros.evaluation.studies.experiments import Experiment, SeedSummary
 
 STUDIES = ("generalization", "detectors", "equalities")
 REFRESH_S = 1.0
@@ -24,7 +24,7 @@ REFRESH_S = 1.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros experiment`."""
-    from pa_ros.evaluation.experiments.seeds import EXPERIMENTS
+    from pa_ros.evaluation.studies.experiments import EXPERIMENTS
 
     parser.add_argument("name", help=", ".join([*EXPERIMENTS, *STUDIES, "variants", "summary"]))
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="(%(default)s)")
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the seeds that are missing and write the tables; or a study of trained seeds."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     if options.name == "summary":
-        from pa_ros.evaluation.experiments.seeds import headline
+        from pa_ros.evaluation.studies.experiments import headline
 
         write_report(options.json, headline(options.results))
         return 0
@@ -77,8 +77,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _compare(results: Path) -> int:
     """Every programmable experiment beside its variants, where there are tables of any."""
-    from pa_ros.evaluation.scores.tables import TableError
-    from pa_ros.evaluation.studies import write_variants
+    from pa_ros.evaluation.results import write_variants
+    from pa_ros.evaluation.scoring.tables import TableError
 
     missing = 0
     names = ("programmable-2L", "programmable-3D")
@@ -92,7 +92,7 @@ def _compare(results: Path) -> int:
 
 
 def _experiment(options: argparse.Namespace) -> Experiment:
-    from pa_ros.evaluation.experiments.seeds import experiment_named, under_protocol
+    from pa_ros.evaluation.studies.experiments import experiment_named, under_protocol
     from pa_ros.learning.protocols import usual_protocol
 
     protocol = options.protocol or usual_protocol(options.preset)
@@ -113,7 +113,7 @@ def _train(experiment: Experiment, seeds: Sequence[int], folder: Path, jobs: int
     """Each seed in a process, `jobs` at a time, with progress and time left."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from pa_ros.evaluation.experiments.seeds import frames_done, run_seed
+    from pa_ros.evaluation.studies.experiments import frames_done, run_seed
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
     context = multiprocessing.get_context("spawn")
@@ -138,7 +138,7 @@ def _tabulate(
     experiment: Experiment, seeds: Sequence[int], folder: Path, options: argparse.Namespace
 ) -> None:
     """Tables and a line for each seed that has a curve, however far it came."""
-    from pa_ros.evaluation.experiments.seeds import (
+    from pa_ros.evaluation.studies.experiments import (
         final_scores,
         frames_done,
         read_curve,
@@ -173,8 +173,8 @@ def _print(summaries: Sequence[SeedSummary]) -> None:
 
 def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Evaluate the trained seeds of programmable-3D."""
-    from pa_ros.evaluation import studies
-    from pa_ros.evaluation.scores.agents import load_agent
+    from pa_ros.evaluation import results
+    from pa_ros.evaluation.scoring.agents import load_agent
 
     chosen = argparse.Namespace(**{**vars(options), "name": "programmable-3D"})
     label = _experiment(chosen).label
@@ -182,11 +182,11 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     suffix = label.removeprefix("programmable-3D")
     if options.name == "generalization":
         cache = options.runs / "scores"
-        for row in studies.generalization(agents, options.results, cache, suffix=suffix):
+        for row in results.generalization(agents, options.results, cache, suffix=suffix):
             print(f"{row.condition:16s} {row.normalized:5.2f} [{row.low:5.2f}, {row.high:5.2f}]  "
                   f"best blind {row.blind_normalized:5.2f}")  # fmt: skip
     elif options.name == "detectors":
-        studies.detectors(agents, options.results, suffix=suffix)
+        results.detectors(agents, options.results, suffix=suffix)
     else:
-        studies.equalities(agents, options.results, suffix=suffix)
+        results.equalities(agents, options.results, suffix=suffix)
     return 0

@@ -18,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw each table's picture beside it, and print the path."""
-    from pa_ros.evaluation.figures.learning import is_curves, learning_figure
-    from pa_ros.evaluation.studies import redraw_generalization
+    from pa_ros.evaluation.pictures.learning import is_curves, learning_figure
+    from pa_ros.evaluation.results import redraw_generalization
 
     draw = {}
     for table in sorted(options.results.glob("*.csv")):

@@ -15,7 +15,7 @@ from pa_ros.bags.experience import Experience
 from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scores.training import training_programs
+from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint

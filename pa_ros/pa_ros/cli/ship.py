@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_card(run: Path, cache: Path) -> dict[str, object]:
     """Scores on fresh episodes and versions, for the policy's metadata."""
-    from pa_ros.evaluation.experiments.seeds import FINAL_EPISODES, final_scores
+    from pa_ros.evaluation.studies.experiments import FINAL_EPISODES, final_scores
     from pa_ros.provenance.software import device, versions
 
     held_out, trained = final_scores(run, cache)
@@ -30,7 +30,7 @@ def run_card(run: Path, cache: Path) -> dict[str, object]:
 
 def run(options: argparse.Namespace) -> int:
     """Score the policy, then write it with its card; prints the folder."""
-    from pa_ros.evaluation.scores.agents import trained
+    from pa_ros.evaluation.scoring.agents import trained
     from pa_ros.learning.checkpoints import ship
 
     card = run_card(options.run, options.scores)

@@ -12,7 +12,7 @@ import numpy as np
 from pa_ros.arena import DESIGNS, ArenaConfig, Design, ReachTask, design_named, preset_named
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
-from pa_ros.evaluation.scores.training import TrainingScores, training_programs
+from pa_ros.evaluation.scoring.training import TrainingScores, training_programs
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import PROTOCOLS, protocol_named, usual_protocol
 from pa_ros.networks.config import KINDS

@@ -9,10 +9,10 @@ import numpy as np
 
 from pa_ros.arena import ReachTask
 from pa_ros.core.errors import PaError
-from pa_ros.evaluation.scores.evaluate import reference_scores
-from pa_ros.evaluation.scores.rewards import rewards
-from pa_ros.evaluation.scores.tally import HeldOutTarget
-from pa_ros.evaluation.scores.training import training_programs
+from pa_ros.evaluation.scoring.evaluate import reference_scores
+from pa_ros.evaluation.scoring.rewards import rewards
+from pa_ros.evaluation.scoring.tally import HeldOutTarget
+from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.tools.client import Node, client_node
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.executor import Executor, hear_verdicts

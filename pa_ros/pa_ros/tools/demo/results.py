@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pa_ros.evaluation.scores.tally import EpisodeTally, HeldOutTarget
+from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
 from pa_ros.provenance.software import device, versions
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.scenes import DemoProgram, Scene

@@ -16,8 +16,8 @@ from pa_ros.arena import (
     generate,
 )
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.figures.drawing import learning_curve, phi_picture
-from pa_ros.evaluation.scores.tally import EpisodeTally, HeldOutTarget
+from pa_ros.evaluation.pictures.drawing import learning_curve, phi_picture
+from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
 from pa_ros.language import parse, relevance, satisfying
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.config import actor_config

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.evaluation.scores.rewards import normalized
+from pa_ros.evaluation.scoring.rewards import normalized
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000

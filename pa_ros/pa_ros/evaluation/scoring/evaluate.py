@@ -10,8 +10,8 @@ import numpy as np
 
 from pa_ros.arena import ArenaConfig, Design, ReachTask, random_policy, scripted_action
 from pa_ros.core.experience import Float64, Observation
-from pa_ros.evaluation.scores.intervals import Interval, mean_interval, normalized_interval
-from pa_ros.evaluation.scores.rewards import EpisodeScore, rewards
+from pa_ros.evaluation.scoring.intervals import Interval, mean_interval, normalized_interval
+from pa_ros.evaluation.scoring.rewards import EpisodeScore, rewards
 
 # From what an agent sees, and the program's text, to joint velocities in rad/s [6].
 AgentPolicy = Callable[[Observation, str], Float64]

@@ -11,11 +11,11 @@ from pa_ros import __version__
 from pa_ros.arena import ArenaConfig, Design, ReachTask, conditions_for
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation
-from pa_ros.evaluation.scores.agents import TrainedAgent
-from pa_ros.evaluation.scores.blind import BLIND, blind_policy
-from pa_ros.evaluation.scores.evaluate import reference_scores, run_episodes
-from pa_ros.evaluation.scores.rewards import EpisodeScore
-from pa_ros.evaluation.scores.tables import read_rows, write_rows
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.scoring.blind import BLIND, blind_policy
+from pa_ros.evaluation.scoring.evaluate import reference_scores, run_episodes
+from pa_ros.evaluation.scoring.rewards import EpisodeScore
+from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 
 EPISODES_SEED = 2_000_003  # apart from training's episodes and from those scored during training
 

@@ -6,20 +6,20 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pa_ros.evaluation.experiments.detectors import Accuracy, detector_table
-from pa_ros.evaluation.experiments.equalities import Difference, difference_table
-from pa_ros.evaluation.experiments.generalization import (
+from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
+from pa_ros.evaluation.pictures.variants import variants_figure
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+from pa_ros.evaluation.studies.detectors import Accuracy, detector_table
+from pa_ros.evaluation.studies.equalities import Difference, difference_table
+from pa_ros.evaluation.studies.generalization import (
     Row,
     Summary,
     generalize,
     setting,
     summarize,
 )
-from pa_ros.evaluation.experiments.variants import compare
-from pa_ros.evaluation.figures.generalization import detector_figure, generalization_figure
-from pa_ros.evaluation.figures.variants import variants_figure
-from pa_ros.evaluation.scores.agents import TrainedAgent
-from pa_ros.evaluation.scores.tables import read_rows, write_rows
+from pa_ros.evaluation.studies.variants import compare
 
 EQUALITY_EPISODES, DETECTOR_EPISODES = 30, 50
 

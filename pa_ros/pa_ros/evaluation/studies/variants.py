@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.evaluation.experiments.seeds import SeedSummary, read_curve, summarize
-from pa_ros.evaluation.scores.intervals import mean_interval
-from pa_ros.evaluation.scores.tables import TableError
+from pa_ros.evaluation.scoring.intervals import mean_interval
+from pa_ros.evaluation.scoring.tables import TableError
+from pa_ros.evaluation.studies.experiments import SeedSummary, read_curve, summarize
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Verdict
-from pa_ros.evaluation.scores.rewards import normalized
+from pa_ros.evaluation.scoring.rewards import normalized
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ import numpy as np
 
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, ReachTask
-from pa_ros.evaluation.scores.evaluate import REFERENCES, reference_scores, run_episodes
-from pa_ros.evaluation.scores.rewards import normalized, rewards
+from pa_ros.evaluation.scoring.evaluate import REFERENCES, reference_scores, run_episodes
+from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.language import parse
 
 EVALUATION_SEED = 1_000_003  # apart from every training seed's episodes

@@ -12,7 +12,7 @@ from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot
-from pa_ros.evaluation.scores.evaluate import AgentPolicy
+from pa_ros.evaluation.scoring.evaluate import AgentPolicy
 from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor

@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from pa_ros.evaluation.experiments.seeds import SOLVED
-from pa_ros.evaluation.figures.drawing import save
-from pa_ros.evaluation.scores.intervals import mean_interval
-from pa_ros.evaluation.scores.tables import TableError
+from pa_ros.evaluation.pictures.drawing import save
+from pa_ros.evaluation.scoring.intervals import mean_interval
+from pa_ros.evaluation.scoring.tables import TableError
+from pa_ros.evaluation.studies.experiments import SOLVED
 
 Float = NDArray[np.float64]
 _CURVES = (

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from pa_ros.evaluation.experiments.seeds import SOLVED, SeedSummary
-from pa_ros.evaluation.experiments.variants import Variant
-from pa_ros.evaluation.figures.drawing import save
+from pa_ros.evaluation.pictures.drawing import save
+from pa_ros.evaluation.studies.experiments import SOLVED, SeedSummary
+from pa_ros.evaluation.studies.variants import Variant
 
 
 def variants_figure(

@@ -15,12 +15,12 @@ import numpy as np
 
 from pa_ros.arena import ArenaConfig, Design, conditions_for
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scores.agents import TrainedAgent, without_training
-from pa_ros.evaluation.scores.benchmark import EPISODES_SEED, Benchmark, Scorer
-from pa_ros.evaluation.scores.blind import BLIND
-from pa_ros.evaluation.scores.evaluate import REFERENCES
-from pa_ros.evaluation.scores.intervals import gain_over, normalized_interval
-from pa_ros.evaluation.scores.rewards import normalized, rewards
+from pa_ros.evaluation.scoring.agents import TrainedAgent, without_training
+from pa_ros.evaluation.scoring.benchmark import EPISODES_SEED, Benchmark, Scorer
+from pa_ros.evaluation.scoring.blind import BLIND
+from pa_ros.evaluation.scoring.evaluate import REFERENCES
+from pa_ros.evaluation.scoring.intervals import gain_over, normalized_interval
+from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.provenance.software import device, versions
 
 RANDOM_WEIGHTS = "random"

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from pa_ros.arena import ReachTask, RenderError
 from pa_ros.arena.render import render, top_view
-from pa_ros.evaluation.experiments.detectors import (
+from pa_ros.evaluation.pictures.drawing import heat_map, save
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.studies.detectors import (
     DetectorView,
     Look,
     detector_conditions,
     extremes,
     named,
 )
-from pa_ros.evaluation.experiments.generalization import RANDOM_WEIGHTS, Row, Summary, summarize
-from pa_ros.evaluation.figures.drawing import heat_map, save
-from pa_ros.evaluation.scores.agents import TrainedAgent
+from pa_ros.evaluation.studies.generalization import RANDOM_WEIGHTS, Row, Summary, summarize
 
 BOX, SEEDS, SCRIPT, BLIND_MARK = "#8fb8de", "#1f4e79", "#555555", "#c0392b"
 COLORS = 256  # of the palette
