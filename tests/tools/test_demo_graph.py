@@ -13,7 +13,6 @@ from mcap_ros2.decoder import DecoderFactory
 from waiting import DEADLINE_S
 
 from pa_ros.arena import design_named, preset_named
-from pa_ros.cli import demo
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tally import HeldOutTarget
 from pa_ros.evaluation.scoring.training import training_programs
@@ -21,6 +20,7 @@ from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import load_policy, save_checkpoint
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.client import client_node
+from pa_ros.tools.demo import phases
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.results import Outcome, write_report
 from pa_ros.tools.demo.scenes import demo_programs, find_scene
@@ -93,7 +93,7 @@ def test_programs_are_executed_on_the_graph_and_recorded(tmp_path):
     scenes = [find_scene(ARENA, DESIGN, config.scene_seed, p) for p in programs]
     with client_node("test") as node:
         asked = list(zip(programs, scenes, strict=True))
-        demo._execute(node, config, asked, outcome, lambda: False)
+        phases.execute_programs(node, config, asked, outcome, lambda: False)
     assert [program for program, _, _ in outcome.executions] == programs
     for _, scene, execution in outcome.executions:
         # The arm hardly moves, so the distance shows that the scene asked for was up.
@@ -109,7 +109,7 @@ def test_the_shipped_agent_executes_in_a_folder_of_its_own(tmp_path):
     config = DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo", real_time_factor=5.0)
     shipped, outcome = config.of_shipped(), Outcome()
     with client_node("test") as node:
-        demo._show_shipped(node, shipped, outcome, lambda: False)
+        phases.show_shipped(node, shipped, outcome, lambda: False)
     assert shipped.folder == config.folder / "shipped" and shipped.design.name == "3-D"
     assert outcome.executed, [e for _, _, e in outcome.executions]
     assert len(sent_programs(shipped.folder / "programs")) == 6

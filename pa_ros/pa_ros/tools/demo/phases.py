@@ -39,16 +39,16 @@ REFERENCE_EPISODES = 50
 Interrupted = Callable[[], bool]
 
 
-def demonstrate(config: DemoConfig, show_shipped: bool, interrupted: Interrupted) -> bool:
+def demonstrate(config: DemoConfig, shipped_first: bool, interrupted: Interrupted) -> bool:
     """Execute, learn, execute; whether all went well. Leaves checkpoint, pictures, bags, demo.json.
 
     Raises PaError if nodes fail, KeyboardInterrupt if `interrupted`.
     """
     outcome, shipped = Outcome(), Outcome()
-    if show_shipped:
+    if shipped_first:
         # A node of its own: its last program is latched, and would be executed by those that learn.
         with client_node("demo") as node:
-            _show_shipped(node, config.of_shipped(), shipped, interrupted)
+            show_shipped(node, config.of_shipped(), shipped, interrupted)
     with client_node("demo") as node:
         _introduce(config)
         asked = _asked(config)
@@ -58,10 +58,10 @@ def demonstrate(config: DemoConfig, show_shipped: bool, interrupted: Interrupted
         _draw(config, target, outcome, held_out, scene)
         if outcome.reached:
             print("Now what was learned is executed, as the shipped agent was.\n")
-            _execute(node, config, asked, outcome, interrupted)
+            execute_programs(node, config, asked, outcome, interrupted)
     write_report(config, target, outcome, shipped)
     conclude(config, target, outcome)
-    return outcome.success and (shipped.executed or not show_shipped)
+    return outcome.success and (shipped.executed or not shipped_first)
 
 
 def _asked(config: DemoConfig) -> list[tuple[DemoProgram, Scene]]:
@@ -72,7 +72,7 @@ def _asked(config: DemoConfig) -> list[tuple[DemoProgram, Scene]]:
     ]
 
 
-def _show_shipped(
+def show_shipped(
     node: Node, config: DemoConfig, outcome: Outcome, interrupted: Interrupted
 ) -> None:
     """First: what an agent that comes with the package does at once."""
@@ -81,7 +81,7 @@ def _show_shipped(
         f"robot arm among blocks) and agent_node (moves the arm; weights {config.policy}).\n"
         f"Trained on: {_listed(training_programs(config.design))}\n"
     )
-    _execute(node, config, _asked(config), outcome, interrupted)
+    execute_programs(node, config, _asked(config), outcome, interrupted)
     print(f"\n{outcome.satisfied} of {len(outcome.executions)} programs executed.\n")
 
 
@@ -181,7 +181,7 @@ def _draw(
     draw_phi(phi, config.checkpoint, config.arena, config.design, scene, program.text)
 
 
-def _execute(
+def execute_programs(
     node: Node,
     config: DemoConfig,
     asked: list[tuple[DemoProgram, Scene]],
