@@ -43,7 +43,7 @@ lint: install-dev
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
 
 # The fused engine's own tests: plain, with AddressSanitizer and UBSan, and with ThreadSanitizer.
 sanitize: sanitize-none sanitize-address,undefined sanitize-thread

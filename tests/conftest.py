@@ -18,6 +18,14 @@ os.environ["OMP_NUM_THREADS"] = "1"  # of processes that tests start
 os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of processes that share the tests (`-n 2`), one runs all graphs, one at a time."""
+    for item in items:
+        if item.get_closest_marker("graph") is not None:
+            item.add_marker(pytest.mark.xdist_group("graph"))
+
+
 @pytest.fixture(autouse=True)
 def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The ROS domain of a test that is marked `graph`; nobody else's, and in its environment.

@@ -230,6 +230,7 @@ def test_a_foreign_bag_says_what_it_has_instead(tmp_path, capsys):
         assert "expected a topic of type msgs_schema/msg/Trajectory" in capsys.readouterr().err
 
 
+@pytest.mark.graph
 def test_an_older_definition_is_named_and_not_misread(tmp_path, capsys):
     """Transitions of an edition without `terminated`, which learning needs."""
     store = get_typestore(Stores.ROS2_JAZZY)

@@ -18,6 +18,7 @@ from pa_ros.cli.main import main
 from pa_ros.learning.checkpoints import find_checkpoint
 from pa_ros.wire.definitions import installed_types
 
+pytestmark = pytest.mark.xdist_group("learning from bags")  # its recordings are made once
 FRAMES = 500
 
 

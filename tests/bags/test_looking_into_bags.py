@@ -24,6 +24,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
 from pa_ros.wire.records import Command, ProgramRequest
 
+pytestmark = pytest.mark.xdist_group("looking into bags")  # its recordings are made once
 STEPS = 30
 ARENA, DESIGN = preset_named("fast"), design_named("2-L")
 

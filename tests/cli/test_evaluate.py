@@ -7,6 +7,8 @@ import pytest
 from pa_ros.cli.main import main
 from pa_ros.evaluation.studies.generalization import CONDITIONS
 
+pytestmark = pytest.mark.xdist_group("evaluate")  # its checkpoint is made once
+
 
 @pytest.fixture(scope="module")
 def checkpoint(tmp_path_factory) -> str:
