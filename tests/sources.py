@@ -1,4 +1,4 @@
-"""The source files of the packages, and the rooms that they lie in."""
+"""The source files of the packages."""
 
 from __future__ import annotations
 
@@ -21,9 +21,3 @@ def files() -> list[tuple[str, Path]]:
             parts = path.relative_to(folder).with_suffix("").parts
             found.append((".".join([package, *(p for p in parts if p != "__init__")]), path))
     return found
-
-
-def room(module: str) -> str:
-    """`pa_ros.language` of `pa_ros.language.parser`; a node's package is one room."""
-    parts = module.split(".")
-    return ".".join(parts[:2]) if parts[0] == "pa_ros" and len(parts) > 1 else parts[0]

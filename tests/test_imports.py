@@ -3,45 +3,40 @@
 from __future__ import annotations
 
 import ast
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from sources import PACKAGES, files, room
+from sources import PACKAGES, files
 
-CORE = {"pa_ros.core", "pa_ros"}  # `pa_ros` itself holds the version alone
-LANGUAGE = CORE | {"pa_ros.language"}
-WORLD = LANGUAGE | {"pa_ros.world"}
-NETWORKS = WORLD | {"pa_ros.networks"}
-LEARNING = NETWORKS | {"pa_ros.acting", "pa_ros.learning", "pa_ros.native"}
-ARENA = WORLD | {"pa_ros.arena"}
-WIRE = CORE | {"pa_ros.wire"}
-PROVENANCE = LEARNING | ARENA | WIRE | {"pa_ros.provenance"}
-EVALUATION = LEARNING | ARENA | {"pa_ros.evaluation", "pa_ros.provenance"}
-BAGS = EVALUATION | PROVENANCE | {"pa_ros.bags"}
-ROS = WIRE | {"pa_ros.ros"}
-TOOLS = BAGS | ROS | {"pa_ros.tools"}
-NODES = LEARNING | ARENA | EVALUATION | PROVENANCE | ROS
-ALLOWED = {
-    "pa_ros.core": CORE,
-    "pa_ros.language": LANGUAGE,
-    "pa_ros.world": WORLD,
-    "pa_ros.networks": NETWORKS,
-    "pa_ros.acting": LEARNING,
-    "pa_ros.native": LEARNING,
-    "pa_ros.learning": LEARNING,
-    "pa_ros.arena": ARENA,
-    "pa_ros.evaluation": EVALUATION,
-    "pa_ros.wire": WIRE,
-    "pa_ros.provenance": PROVENANCE,
-    "pa_ros.bags": BAGS,
-    "pa_ros.ros": ROS,
-    "pa_ros.tools": TOOLS,
-    "pa_ros.benchmarks": TOOLS | {"pa_ros.benchmarks"},
-    "pa_ros.cli": TOOLS | {"pa_ros.benchmarks", "pa_ros.cli"},
-    "sim_node": NODES | {"sim_node"},
-    "agent_node": NODES | {"agent_node"},
-    "learner_node": NODES | {"learner_node"},
-}
+TABLE = Path(__file__).parents[1] / "docs/DESIGN.md"
+
+
+def table_of_rooms(text: str) -> dict[str, set[str]]:
+    """The rooms that each room may import, itself included, in the order of the docs' table."""
+    allowed: dict[str, set[str]] = {}
+    for line in text.splitlines():
+        if found := re.fullmatch(r"\| (`[^|]*`) \|[^|]*\| ?([^|]*) ?\|", line):
+            rooms = re.findall(r"`([^`]+)`", found[1])
+            above = {room for named in found[2].split(",") for room in _named(named, allowed)}
+            allowed |= {room: above | set(rooms) for room in rooms}
+    return allowed
+
+
+def _named(text: str, above: Iterable[str]) -> set[str]:
+    """Rooms above by what a cell calls them: `core`, `all of learning`, `all above`."""
+    name = text.strip()
+    if name in ("", "all above"):
+        return set(above) if name else set()
+    within = f"pa_ros.{name.removeprefix('all of ')}"
+    nested = {room for room in above if room.startswith(f"{within}.")}
+    found = {within} & set(above) | (nested if name.startswith("all of ") else set())
+    assert found, f"{TABLE.name}: a room may import rooms above it, got {name!r}"
+    return found
+
+
+ALLOWED = table_of_rooms(TABLE.read_text().partition("## Observation")[0])
 MESSAGES = ("_msgs", "_interfaces", "_srvs", "msgs_schema")
 ROS_CLIENT = {
     "pa_ros.ros",
@@ -66,19 +61,38 @@ def imports(path: Path) -> set[str]:
     return found
 
 
+def room(module: str) -> str:
+    """The room of a module, by the longest name in the table; `pa_ros` holds the version alone."""
+    parts = module.split(".")
+    names = (".".join(parts[:n]) for n in range(len(parts), 0, -1))
+    return next((name for name in names if name in ALLOWED), "")
+
+
 def rooms_imported(path: Path) -> set[str]:
-    known = set(ALLOWED) | {"pa_ros"}
-    ours = {room(name) for name in imports(path) if name.split(".")[0] in PACKAGES}
-    return {name if name in known else "pa_ros" for name in ours}
+    return {room(name) for name in imports(path) if name.split(".")[0] in PACKAGES} - {""}
 
 
-SOURCES = [(module, path) for module, path in files() if room(module) in ALLOWED]
+SOURCES = [(module, path) for module, path in files() if room(module)]
 
 
-def test_every_room_is_known():
-    rooms = {room(module) for module, path in files() if len(module.split(".")) > 2}
-    assert rooms <= set(ALLOWED)
-    assert len(SOURCES) > 50
+def test_every_file_lies_in_a_room_and_every_room_has_files():
+    strays = {module for module, _ in files() if not room(module)}
+    assert strays == {"pa_ros", "pa_ros.__main__"}
+    assert {room(module) for module, _ in SOURCES} == set(ALLOWED)
+
+
+def test_a_room_that_is_not_above_is_refused():
+    with pytest.raises(AssertionError, match="'upper'"):
+        table_of_rooms("| `pa_ros.core` | x | upper |\n| `pa_ros.upper` | y | core |")
+    lower = "| `pa_ros.core` | x | |\n| `pa_ros.upper`, `pa_ros.other` | y | core |"
+    assert table_of_rooms(lower)["pa_ros.other"] == {"pa_ros.core", "pa_ros.upper", "pa_ros.other"}
+
+
+def test_benchmarks_are_imported_by_the_command_line_alone():
+    users = {
+        room(module) for module, path in SOURCES if "pa_ros.benchmarks" in rooms_imported(path)
+    }
+    assert users == {"pa_ros.benchmarks", "pa_ros.cli"}
 
 
 @pytest.mark.parametrize(("module", "path"), SOURCES, ids=[module for module, _ in SOURCES])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from worlds import WORDS, random_trajectory
 
 from pa_ros.learning.errors import (
-    EmptyPlaybackError,
+    EmptyReplayError,
     NonFiniteError,
     TrajectorySizeError,
     TrajectoryVocabularyError,
@@ -142,7 +142,7 @@ def test_what_does_not_fit_is_refused_and_changes_nothing(fields, error, message
 def test_other_refusals() -> None:
     rng = np.random.default_rng(0)
     replay = ReplayBuffer(10, WORDS.digest)
-    with pytest.raises(EmptyPlaybackError):
+    with pytest.raises(EmptyReplayError):
         replay.sample(rng, 1)
     with pytest.raises(TrajectorySizeError, match="got 10"):
         replay.insert(random_trajectory(rng, 10), 0)

@@ -41,7 +41,7 @@ class PolicyError(PaError):
     code = "learning.policy"
 
 
-class EmptyPlaybackError(PaError):
+class EmptyReplayError(PaError):
     """A sample was asked of a replay without transitions."""
 
     code = "learning.empty_replay"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Trajectory
 from pa_ros.learning.errors import (
-    EmptyPlaybackError,
+    EmptyReplayError,
     NonFiniteError,
     TrajectorySizeError,
     TrajectoryVocabularyError,
@@ -110,7 +110,7 @@ class ReplayBuffer:
     def sample(self, rng: np.random.Generator, size: int) -> Int64:
         """Draw rows [size] of transitions, uniformly and with replacement."""
         if self.rows == 0:
-            raise EmptyPlaybackError("replay: expected transitions, got an empty buffer")
+            raise EmptyReplayError("replay: expected transitions, got an empty buffer")
         index = rng.integers(self.rows, size=size)
         last = self.arrays["last"]
         while (again := np.flatnonzero(last[index])).size:

@@ -110,7 +110,7 @@ class Learner:
         return ConsumeReport(report, updates, self.counters.version)
 
     def update(self, updates: int) -> None:
-        """Make this many updates, whether due or not; EmptyPlaybackError without transitions."""
+        """Make this many updates, whether due or not; EmptyReplayError without transitions."""
         for batch in self.batches(updates):
             self.engine.update(batch, values_after(self.counters.updates, self.config))
             self.counters.updates += 1
