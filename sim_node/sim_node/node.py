@@ -98,7 +98,7 @@ class SimNode(Node):
             self.watchdog.offer(command)
             return
         self.session.check(command)
-        self._run(self.session.execute(command))
+        self._run(self.session.apply(command))
 
     def _tick(self) -> None:
         if not self.paused:

@@ -109,7 +109,7 @@ class Session:
                 f"joint_commands: expected (episode, step, stamp) {expected}, got {received}"
             )
 
-    def execute(self, command: Command) -> Iterator[Frame]:
+    def apply(self, command: Command) -> Iterator[Frame]:
         """Act for one control period as commanded, clamped to [-1, 1]; see `advance`."""
         action = np.clip(command.action, -1.0, 1.0)
         exact = bool((action == command.action).all())

@@ -44,7 +44,7 @@ class Watchdog:
             and command.stamp_ns >= stands.stamp_ns - self._timeout_ns
         )
         if fresh and command is not None:
-            return self._session.execute(command)
+            return self._session.apply(command)
         self._command = None
         self.holds += self._session.program is not None
         return self._session.advance(self._session.hold)

@@ -74,7 +74,7 @@ def test_no_transition_joins_what_did_not_follow(events) -> None:
     """Whatever is dropped, repeated or restarted, a trajectory is one run of true transitions."""
     builder = TrajectoryBuilder(*AGENT)
     episode, index, program = 0, 0, "P"
-    taken: set[tuple[int, int, str]] = set()  # steps whose action was executed, by program
+    taken: set[tuple[int, int, str]] = set()  # steps whose action was applied, by program
     true: set[tuple[int, int, str]] = set()  # transitions that happened
     trajectories = []
     acted_at: tuple[int, int, str] | None = None

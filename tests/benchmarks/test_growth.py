@@ -63,7 +63,7 @@ def markdown_rates(report: dict) -> str:
     """Medians and ratios as a table."""
     rows = (
         ("fused", OURS, ""),
-        ("fused, batches drawn from the replay", SAMPLED, ""),
+        ("fused, batches drawn from the replay buffer", SAMPLED, ""),
         ("fused, two threads", TWO_THREADS, "learner.ratio_2_threads"),
         ("torch", EAGER, "learner.ratio_to_eager"),
         ("the formulas in torch as they stand", STRAIGHTFORWARD,

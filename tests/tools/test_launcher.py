@@ -62,7 +62,7 @@ def test_a_child_that_ends_is_reported_with_the_tail_of_its_log(tmp_path):
             wait_for(lambda: supervisor.check())
 
 
-def test_what_cannot_be_executed_is_refused(tmp_path):
+def test_what_cannot_be_run_is_refused(tmp_path):
     with Supervisor(tmp_path) as supervisor:
         with pytest.raises(ChildError, match="cannot start"):
             supervisor.start("a", [str(tmp_path / "absent")])

@@ -78,7 +78,7 @@ class TrajectoryBuilder:
         return trajectory
 
     def acted(self, action: Float32, version: int) -> None:
-        """Record the action, [6], executed at the step observed last, and the policy's version.
+        """Record the action, [6], applied at the step observed last, and the policy's version.
 
         Raises StepError if no step was observed since the last action, or if the version is
         another one than that of the pending transitions: weights change between trajectories.

@@ -33,8 +33,8 @@ class Verification:
     version: int = 0  # of the newest weights made here
     frames: int = 0
     updates: int = 0
-    recorded: str = ""  # hash of the newest weights compared, as recorded …
-    remade: str = ""  # … and as made here
+    recorded: str = ""  # hash of the newest weights compared, as recorded
+    remade: str = ""  # hash of the newest weights compared, as made here
     difference: str = ""  # where the weights first differ; empty: nowhere
     incomplete: str = ""  # why nothing can be said from some point on; empty: all was verified
     altered: int = 0  # trajectories that the arena denies

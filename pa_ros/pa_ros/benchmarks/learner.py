@@ -75,7 +75,7 @@ def bench_learner(
 def random_learner(
     network: NetworkConfig, config: LearnerConfig, programs: Sequence[str], sizes: Sizes
 ) -> Learner:
-    """A learner with random experience in its replay and no update made."""
+    """A learner with random experience in its replay buffer and no update made."""
     waiting = replace(config, warmup_frames=TRAJECTORY_STEPS * TRAJECTORIES)
     learner = Learner(network, waiting, programs, seed=0)
     rng = np.random.default_rng(0)
@@ -215,7 +215,7 @@ def _ratios(report: Report) -> dict[str, float]:
         for name, short in names.items()
         if name in report
     }
-    if SB3 in report:  # its train() draws its batches from a replay, so ours does here
+    if SB3 in report:  # its train() draws its batches from a replay buffer, so ours does here
         ratios["learner.ratio_to_sb3_ddpg"] = float(report[SAMPLED]) / float(report[SB3])
     if TWO_THREADS in report:
         ratios["learner.ratio_2_threads"] = float(report[TWO_THREADS]) / ours

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from statistics import median
 from time import perf_counter, process_time
 
-QUIET = 0.95  # share of its threads' time that a slice must have got to count …
-LEAST_QUIET = 3  # … if so many slices did
+QUIET = 0.95  # share of its threads' time that a quiet slice has got
+LEAST_QUIET = 3  # with fewer quiet slices, all count
 
 
 @dataclass(frozen=True)

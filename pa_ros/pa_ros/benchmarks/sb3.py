@@ -9,7 +9,7 @@ from pa_ros.benchmarks.rounds import Contender
 
 HIDDEN = [400, 400]  # paper, appendix "Training parameters"
 BATCH = 64
-STEPS = 1000  # of random actions, to fill the replay
+STEPS = 1000  # of random actions, to fill the replay buffer
 
 
 def sb3_contender(environment: Any) -> Contender:

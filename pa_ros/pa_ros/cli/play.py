@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay until the end or a signal."""
+    """Play until the end or a signal."""
     from pa_ros.tools.client import client_node
     from pa_ros.tools.graph import signals_noted
     from pa_ros.tools.playback import PlaybackOptions, Played, Player

@@ -78,7 +78,7 @@ class Trajectory:
     hand_index: int
     objects: Float32  # [T + 1, N, 16]
     arm: Float32  # [T + 1, 18]
-    actions: Float32  # [T, 6] in [-1, 1], as executed
+    actions: Float32  # [T, 6] in [-1, 1], as the arena applied them
     rewards: Float32  # [T], of row t + 1
     ends_episode: bool
     terminated: bool  # always False for the reaching tasks: their time limit is a truncation

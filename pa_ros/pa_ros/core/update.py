@@ -33,13 +33,13 @@ class UpdateValues:
 
     actor_rate: float
     critic_rate: float
-    correction1: float  # Adam's: what the first moment is divided by, 1 − β₁ᵗ …
-    correction2: float  # … and the second
+    correction1: float  # what Adam's first moment is divided by, 1 − β₁ᵗ
+    correction2: float  # what Adam's second moment is divided by, 1 − β₂ᵗ
     action_l2: float  # weight of ½|a|², taken from Q in the actor's objective
     detector_decay: float  # of the detectors' weights per unit of their rate, as AdamW's
     geometry_decay: float  # share of their weights of all but the one-hots that is taken away
     discount: float  # γ
-    reward_scale: float  # with which Q keeps its bounds, whatever γ is
+    reward_scale: float  # of rewards; keeps the bounds of Q, whatever γ is
     property_dropout: float  # of transitions where a block's properties are hidden
 
 

@@ -1,1 +1,1 @@
-"""ReplayBuffer, exploration noise, actor, DPG, checkpoints and the loop."""
+"""Replay buffer, relabeling, algorithms, checkpoints and the loop."""

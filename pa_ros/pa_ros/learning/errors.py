@@ -12,7 +12,7 @@ class TrajectoryError(PaError):
 
 
 class TrajectorySizeError(TrajectoryError):
-    """Array shapes that do not fit each other or the replay."""
+    """Array shapes that do not fit each other or the replay buffer."""
 
     code = "learning.size"
 
@@ -42,7 +42,7 @@ class PolicyError(PaError):
 
 
 class EmptyReplayError(PaError):
-    """A sample was asked of a replay without transitions."""
+    """A sample was asked of a replay buffer without transitions."""
 
     code = "learning.empty_replay"
 

@@ -16,8 +16,7 @@ class Execution:
 
     satisfied: bool  # NEAR held for HOLD_S, or still held when the window or the episode ended
     distance: float  # m, hand to the nearest object named, at the last step watched
-    reached_s: float | None  # simulation time from the program's first step to where NEAR began …
-    # … to hold for good; None if not satisfied
+    reached_s: float | None  # simulation time from its first step to NEAR for good; None: never
     watched_s: float  # simulation time from the program's first step to the last step watched
     ended: str  # what ended it: "held", "window", "episode" or "replaced" (by another program)
 

@@ -84,7 +84,7 @@ class Supervisor:
         return [child.name for child in self._children]
 
     def start(self, name: str, command: Sequence[str]) -> int:
-        """Start a child; its process id. Raises ChildError if the program cannot be executed."""
+        """Start a child; its process id. Raises ChildError if it cannot be run."""
         self._log_folder.mkdir(parents=True, exist_ok=True)
         log = self._log_folder / f"{name}.log"
         with log.open("ab") as output:

@@ -27,7 +27,7 @@ _CURVES = (
 def learning_figure(table: Path) -> Path:
     """Draw every seed, their mean and its 95 % bootstrap interval over seeds; the picture's path.
 
-    Marks the switch of programs, and when the replay memory has turned over after it, where the
+    Marks the switch of programs, and when the replay buffer has turned over after it, where the
     setting beside the table has one. Raises TableError for a file that is not such a table.
     """
     rows, setting = _read(table)

@@ -25,7 +25,7 @@ class Variant:
     frames: float
     solved: int  # seeds whose held-out score is at least SOLVED there
     frames_to_solve: float  # median over seeds, the unsolved counted as infinite
-    wall_s_to_solve: float  # the same
+    wall_s_to_solve: float  # median over seeds, the unsolved counted as infinite
     held_out: float  # mean over seeds, there
     low: float  # 95 % bootstrap interval over seeds
     high: float

@@ -22,8 +22,8 @@ class DemoConfig:
     seed: int
     minutes: float
     folder: Path  # new or empty; everything is left in it
-    real_time_factor: float = 2.0  # of the execution
-    policy: str = ""  # that is executed, as a checkpoint is named; empty: what was learned here
+    real_time_factor: float = 2.0  # while programs are executed
+    policy: str = ""  # checkpoint that executes programs; empty: what was learned here
 
     def __post_init__(self) -> None:
         if self.seed < 0:

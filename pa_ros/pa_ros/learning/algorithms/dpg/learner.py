@@ -1,4 +1,4 @@
-"""The learning side: replay, updates in a fixed ratio to frames, and published weights."""
+"""The learning side: replay buffer, updates in a fixed ratio to frames, and published weights."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class Learner:
             self.counters.updates += 1
 
     def batches(self, updates: int) -> Iterator[Batch]:
-        """Batches for this many updates, all drawn at once, since the replay does not change.
+        """Batches for this many updates, all drawn at once, since the replay buffer does not change.
 
         So γ and hiding are those of the first of them.
         """
