@@ -116,7 +116,7 @@ class Learner:
             self.counters.updates += 1
 
     def batches(self, updates: int) -> Iterator[Batch]:
-        """Batches for this many updates, all drawn at once, since the replay buffer does not change.
+        """Batches for this many updates, drawn at once: the replay buffer does not change.
 
         So γ and hiding are those of the first of them.
         """
