@@ -12,13 +12,13 @@ from torch.utils.flop_counter import flop_registry
 from updates import update
 from worlds import PROGRAMS, WORDS, PointWorld
 
+from pa_ros.benchmarks import design
 from pa_ros.benchmarks import learner as bench
 from pa_ros.benchmarks.cost import Cost, Rates, Sizes, floor_us, update_cost
 from pa_ros.benchmarks.machine import aligned, elementwise, measure_rates, product
 from pa_ros.benchmarks.rounds import Contender, Slice, measure
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.benchmarks.training import bench_train
-from pa_ros.cli import bench_learner as command
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.native import library as fused_library
@@ -215,6 +215,6 @@ def test_without_the_library_it_says_so(monkeypatch) -> None:
 
 def test_stable_baselines_is_left_out_with_a_message(monkeypatch, capsys) -> None:
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    peers, facts = command._peers()
+    peers, facts = design._peers()
     assert peers == [] and facts == {"learner.sb3": "not installed"}
     assert "Stable-Baselines3 is left out" in capsys.readouterr().err

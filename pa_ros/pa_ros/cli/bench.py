@@ -46,15 +46,17 @@ def _graph(_: argparse.Namespace) -> Report:
 
 
 def _learner(options: argparse.Namespace) -> Report:
-    from pa_ros.cli.bench_learner import bench
+    from pa_ros.benchmarks.design import bench_growing, bench_updates
 
-    return bench(options)
+    if not options.growth:
+        return bench_updates(options.network)
+    return bench_growing(options.network, options.json and options.json.with_suffix(".png"))
 
 
 def _train(options: argparse.Namespace) -> Report:
-    from pa_ros.cli.bench_learner import bench_graph_loop, bench_loop
+    from pa_ros.benchmarks.design import bench_graph_loop, bench_loop
 
-    return bench_graph_loop(options) if options.graph else bench_loop(options)
+    return (bench_graph_loop if options.graph else bench_loop)(options.network)
 
 
 BENCHMARKS = {

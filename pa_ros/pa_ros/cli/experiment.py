@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 import logging
-import multiprocessing
 import os
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +17,6 @@ if TYPE_CHECKING:
     from pa_ros.evaluation.studies.experiments import Experiment, SeedSummary
 
 STUDIES = ("generalization", "detectors", "equalities")
-REFRESH_S = 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,12 +63,16 @@ def run(options: argparse.Namespace) -> int:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     if options.name in STUDIES:
         return _study(options, seeds)
+    from pa_ros.evaluation.studies.seeds import tabulate, train_seeds
+
     experiment = _experiment(options)
     folder = options.runs / experiment.label
     try:
-        _train(experiment, seeds, folder, options.jobs)
+        train_seeds(experiment, seeds, folder, options.jobs)
     finally:
-        _tabulate(experiment, seeds, folder, options)
+        if done := tabulate(experiment, seeds, folder, options.results, options.runs / "scores"):
+            _print(done.summaries)
+            print(done.table)
     return 0
 
 
@@ -107,60 +108,6 @@ def _experiment(options: argparse.Namespace) -> Experiment:
         return experiment
     switch = options.frames // 2 if experiment.switch_frames else 0
     return replace(experiment, frames=options.frames, switch_frames=switch)
-
-
-def _train(experiment: Experiment, seeds: Sequence[int], folder: Path, jobs: int) -> None:
-    """Each seed in a process, `jobs` at a time, with progress and time left."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from pa_ros.evaluation.studies.experiments import frames_done, run_seed
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
-    context = multiprocessing.get_context("spawn")
-    with (
-        ProcessPoolExecutor(jobs, context) as pool,
-        Progress(*columns, TimeRemainingColumn()) as progress,
-    ):
-        curves = {seed: folder / f"seed-{seed}" / "progress.csv" for seed in seeds}
-        task = progress.add_task(experiment.label, total=experiment.frames * len(seeds))
-        pending: set[Future[Path]] = {
-            pool.submit(run_seed, experiment, seed, curve.parent) for seed, curve in curves.items()
-        }
-        while pending:
-            ended, pending = wait(pending, REFRESH_S, FIRST_COMPLETED)
-            for future in ended:
-                future.result()
-            reached = sum(min(frames_done(curve), experiment.frames) for curve in curves.values())
-            progress.update(task, completed=reached)
-
-
-def _tabulate(
-    experiment: Experiment, seeds: Sequence[int], folder: Path, options: argparse.Namespace
-) -> None:
-    """Tables and a line for each seed that has a curve, however far it came."""
-    from pa_ros.evaluation.studies.experiments import (
-        final_scores,
-        frames_done,
-        read_curve,
-        summarize,
-        write_table,
-    )
-
-    runs = {seed: folder / f"seed-{seed}" for seed in seeds}
-    done = {seed: run for seed, run in runs.items() if frames_done(run / "progress.csv")}
-    if not done:
-        return
-    curves = {seed: read_curve(run / "progress.csv") for seed, run in done.items()}
-    scored = {seed: (run / "checkpoint" / "LATEST").exists() for seed, run in done.items()}
-    summaries = [
-        summarize(seed, rows, final_scores(done[seed], options.runs / "scores"))
-        if scored[seed]
-        else summarize(seed, rows)
-        for seed, rows in curves.items()
-    ]
-    path = write_table(options.results, experiment, curves, summaries)
-    _print(summaries)
-    print(path)
 
 
 def _print(summaries: Sequence[SeedSummary]) -> None:

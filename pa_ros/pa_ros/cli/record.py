@@ -5,15 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from pa_ros.bags.repair import repair
 from pa_ros.bags.storage import STORAGES
 from pa_ros.bags.writer import BagOptions
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.report import Report, write_report
-from pa_ros.provenance.software import device, versions
+from pa_ros.core.report import write_report
 
 EXIT_FAILED = 1
 REFRESH_S = 0.5
@@ -65,13 +63,14 @@ def _record(options: argparse.Namespace, bag: BagOptions) -> int:
     from pa_ros.tools.graph import signals_noted
     from pa_ros.tools.monitor import Display
     from pa_ros.tools.record import BAG_TOPICS, Recorder, topics_named
+    from pa_ros.tools.recording_figures import RecordingFigures
 
     die_with_parent()
     with signals_noted() as interrupted, client_node("record", options.namespace) as node:
         chosen = topics_named(node, options.topics) if options.topics else BAG_TOPICS
         with Recorder(options.out, node, chosen, bag) as recorder:
             print(f"recording into {options.out} (Ctrl-C closes it)", flush=True)
-            figures = Figures(recorder.counts, lambda: (recorder.counts, recorder.lost))
+            figures = RecordingFigures(recorder.counts, lambda: (recorder.counts, recorder.lost))
             with Display("Recording (Ctrl-C closes the bag)", figures.rows, figures.line) as shown:
                 while not (interrupted() or recorder.failure or figures.late(options.duration)):
                     time.sleep(REFRESH_S)
@@ -83,64 +82,3 @@ def _record(options: argparse.Namespace, bag: BagOptions) -> int:
         print(f"pa_ros record: {recorder.failure}", file=sys.stderr)
         return EXIT_FAILED
     return 0
-
-
-class Figures:
-    """What a recording is told by: messages, rates and losses per topic, size, processor time."""
-
-    def __init__(
-        self,
-        topics: dict[str, int],
-        counted: Callable[[], tuple[dict[str, int], dict[str, int]]],
-    ) -> None:
-        """`counted` gives messages and losses by topic so far."""
-        self.size = 0  # bytes on disk
-        self._counted = counted
-        self._started, self._cpu = time.monotonic(), time.process_time()
-        self._before = (self._started, topics)
-
-    def late(self, duration_s: float | None) -> bool:
-        """Whether the time is up."""
-        return duration_s is not None and time.monotonic() - self._started >= duration_s
-
-    def rows(self) -> list[tuple[str, str]]:
-        """(label, text) for the live table."""
-        counts, lost = self._counted()
-        now, (then, before) = time.monotonic(), self._before
-        self._before = (now, counts)
-        elapsed = max(now - then, 1e-9)
-        rows = [
-            (name, f"{count:>9}  {(count - before.get(name, 0)) / elapsed:8.1f}/s"
-             f"  lost {lost.get(name, 0)}")
-            for name, count in counts.items()
-        ]  # fmt: skip
-        return [*rows, ("size", f"{self.size / 1e6:.1f} MB"), ("processor", f"{self._share():.1%}")]
-
-    def line(self) -> str:
-        """The same in one line."""
-        counts, lost = self._counted()
-        return (
-            f"{sum(counts.values())} messages  {self.size / 1e6:.1f} MB  lost {sum(lost.values())}"
-        )
-
-    def report(self) -> Report:
-        """Flat figures of the whole recording."""
-        counts, lost = self._counted()
-        wall_s = max(time.monotonic() - self._started, 1e-9)
-        report: dict[str, float | int | str] = {
-            "record.wall_s": wall_s,
-            "record.messages": sum(counts.values()),
-            "record.lost": sum(lost.values()),
-            "record.megabytes": self.size / 1e6,
-            "record.megabytes_per_min": self.size / 1e6 / wall_s * 60,
-            "record.cpu_share": self._share(),
-        }
-        for name, count in counts.items():
-            report[f"record.topic.{name}.messages"] = count
-            report[f"record.topic.{name}.lost"] = lost.get(name, 0)
-        return {**report, "device": device(), "threads": 1, "versions": versions()}
-
-    def _share(self) -> float:
-        """Processor time of this process per wall time, since the start."""
-        wall_s = max(time.monotonic() - self._started, 1e-9)
-        return (time.process_time() - self._cpu) / wall_s

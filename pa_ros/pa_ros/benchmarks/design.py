@@ -1,10 +1,8 @@
-"""`pa_ros bench learner` and `train`: on design 2-L, beside peers and bare updates."""
+"""Learning on design 2-L: updates beside peers, the loop in one process and over the graph."""
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -29,37 +27,46 @@ DESIGN = "2-L"
 BARE_S = 2.0  # of bare updates between graphs
 
 
-def bench(options: argparse.Namespace) -> Report:
-    """One run of everything, one thread unless a name says otherwise; one program a transition."""
-    design, protocol = design_named(DESIGN), protocol_named("ours")
-    network = protocol.network_config(design.vocabulary, options.network)
-    config = replace(protocol.learner, programs_per_transition=1)
-    if options.growth:
-        return _growth(network, config, training_programs(design), options.json)
+def bench_updates(kind: str) -> Report:
+    """`pa_ros bench learner`: one run of everything, for networks of a kind.
+
+    One thread unless a name says otherwise; one program a transition.
+    """
+    network, config, programs = _setting(kind)
     peers, facts = _peers()
-    report = bench_learner(network, config, training_programs(design), others=peers)
+    report = bench_learner(network, config, programs, others=peers)
     return {**report, **facts}
 
 
-def bench_loop(options: argparse.Namespace) -> Report:
+def bench_growing(kind: str, picture: Path | None) -> Report:
+    """`pa_ros bench learner --growth`: the table on standard output, and a picture if asked for."""
+    network, config, programs = _setting(kind)
+    report = bench_growth(network, config, programs)
+    print(markdown_table(report))
+    if picture is not None:
+        growth_figure(picture, report)
+    return report
+
+
+def bench_loop(kind: str) -> Report:
     """`pa_ros bench train`: arena, actor and learner in one process, as `pa_ros train` has them."""
     design, arena, protocol = design_named(DESIGN), preset_named("fast"), protocol_named("ours")
     report = bench_train(
-        protocol.network_config(design.vocabulary, options.network),
+        protocol.network_config(design.vocabulary, kind),
         protocol.learner,
         training_programs(design),
         ReachTask(arena, design, seed=0),
         np.array(arena.joint_speed_limits),
     )
-    return {**report, "train.network": options.network, "train.design": DESIGN}
+    return {**report, "train.network": kind, "train.design": DESIGN}
 
 
-def bench_graph_loop(options: argparse.Namespace) -> Report:
+def bench_graph_loop(kind: str) -> Report:
     """`pa_ros bench train --graph`: the same over the graph, three processes."""
     from pa_ros.benchmarks.graph_learning import bench_learning_graph
 
     design, protocol = design_named(DESIGN), protocol_named("ours")
-    network = protocol.network_config(design.vocabulary, options.network)
+    network = protocol.network_config(design.vocabulary, kind)
     bare = bare_updates(network, protocol.learner, training_programs(design))
 
     def updates_per_s() -> float:
@@ -68,6 +75,13 @@ def bench_graph_loop(options: argparse.Namespace) -> Report:
         return part.calls / part.wall_s
 
     return {**bench_learning_graph(updates_per_s), "graph.design": DESIGN}
+
+
+def _setting(kind: str) -> tuple[NetworkConfig, LearnerConfig, list[str]]:
+    design, protocol = design_named(DESIGN), protocol_named("ours")
+    network = protocol.network_config(design.vocabulary, kind)
+    config = replace(protocol.learner, programs_per_transition=1)
+    return network, config, training_programs(design)
 
 
 def _peers() -> tuple[list[Contender], dict[str, str]]:
@@ -81,14 +95,3 @@ def _peers() -> tuple[list[Contender], dict[str, str]]:
         print(f"Stable-Baselines3 is left out: {error} (make install-bench)", file=sys.stderr)
         return [], {name: "not installed"}
     return [peer], {name: f"stable-baselines3 {version('stable-baselines3')}"}
-
-
-def _growth(
-    network: NetworkConfig, config: LearnerConfig, programs: Sequence[str], path: Path | None
-) -> Report:
-    """The table on standard output; the picture beside the report."""
-    report = bench_growth(network, config, programs)
-    print(markdown_table(report))
-    if path is not None:
-        growth_figure(path.with_suffix(".png"), report)
-    return report
