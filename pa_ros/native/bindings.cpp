@@ -321,8 +321,6 @@ NB_MODULE(_fused, m) {
     nb::set_leak_warnings(false);  // caches of Python may hold objects to the end
     nb::register_exception_translator(raise_error);
     m.attr("MAX_WORDS") = kMaxWords;
-    m.attr("MAX_GROUPS") = kMaxGroups;
-    m.attr("MAX_SLOTS") = kMaxSlots;
     m.attr("LARGEST_PART") = kLargestPart;
     bind_network(m);
     bind_engine(m);

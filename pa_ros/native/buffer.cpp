@@ -2,9 +2,10 @@
 
 #include <cstdlib>
 #include <cstring>
-#include <new>
+#include <string>
 #include <utility>
 
+#include "error.h"
 #include "layout.h"
 
 namespace pa {
@@ -12,7 +13,7 @@ namespace pa {
 Buffer::Buffer(int64_t floats) : size_(floats) {
     const size_t bytes = (size_t)padded(floats) * sizeof(float);
     at_ = static_cast<float*>(std::aligned_alloc(64, bytes));
-    if (!at_) throw std::bad_alloc();
+    if (!at_) throw Error("expected memory for " + std::to_string(floats) + " floats, got none");
     std::memset(at_, 0, bytes);
 }
 

@@ -7,7 +7,7 @@ namespace pa {
 class Buffer {
   public:
     Buffer() = default;
-    explicit Buffer(int64_t floats);  // std::bad_alloc if there is no memory
+    explicit Buffer(int64_t floats);  // Error if there is no memory
     ~Buffer();
     Buffer(Buffer&& other) noexcept;
     Buffer& operator=(Buffer&& other) noexcept;

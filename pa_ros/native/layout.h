@@ -25,7 +25,9 @@ constexpr int kMaxTransitions = 1 << 20;                           // of a batch
 constexpr int kTargetWords = 2;                                    // that canonical networks read
 constexpr float kLargestPart = 43.6f;                              // see simd.h
 
-[[gnu::always_inline]] constexpr int64_t padded(int64_t size) { return (size + kLane - 1) / kLane * kLane; }
+[[gnu::always_inline]] constexpr int64_t padded(int64_t size) {
+    return (size + kLane - 1) / kLane * kLane;
+}
 
 // One network. `detectors` 0: Φ is true, word v is object feature truth[v] (-1: names nothing).
 struct Network {

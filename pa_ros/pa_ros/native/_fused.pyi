@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 
 MAX_WORDS: int = 128
 
-MAX_GROUPS: int = 8
-
-MAX_SLOTS: int = 32
-
 LARGEST_PART: float = 43.599998474121094
 
 class Network:
