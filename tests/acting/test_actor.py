@@ -20,7 +20,7 @@ from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.errors import PolicyError, StepError
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
-from pa_ros.networks.inference import ProgrammableInference
+from pa_ros.networks.inference import TorchActor
 
 NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
 SETTINGS = LearnerConfig(replay_frames=100, trajectory_steps=20)
@@ -77,7 +77,7 @@ def test_acts_by_the_fused_code_where_it_applies(engine, caplog) -> None:
     assert isinstance(one._inference, FusedActor)
     observation, _ = PointWorld().reset(0)
     program = one.parse(PROGRAMS[0])
-    plain = ProgrammableInference(NETWORK, given.tensors)
+    plain = TorchActor(NETWORK, given.tensors)
     expected = plain.act(observation.objects, observation.arm, program, 0)
     np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
     other.load(given)
@@ -86,13 +86,13 @@ def test_acts_by_the_fused_code_where_it_applies(engine, caplog) -> None:
     )
 
 
-def test_acts_by_numpy_if_asked_to_and_says_so(caplog) -> None:
+def test_acts_by_torch_if_asked_to_and_says_so(caplog) -> None:
     _inference_for.cache_clear()
     with caplog.at_level(logging.INFO):
         actor = Actor(NETWORK, replace(SETTINGS, engine="torch"), 0)
-    assert "actor inference: numpy (the learner's is torch)" in caplog.text
+    assert "actor inference: torch (the learner's is torch)" in caplog.text
     actor.load(snapshot())
-    assert isinstance(actor._inference, ProgrammableInference)
+    assert isinstance(actor._inference, TorchActor)
 
 
 def test_the_graph_and_the_loop_choose_alike() -> None:

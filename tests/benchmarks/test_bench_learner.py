@@ -17,14 +17,11 @@ from pa_ros.benchmarks import learner as bench
 from pa_ros.benchmarks.cost import Cost, Rates, Sizes, floor_us, update_cost
 from pa_ros.benchmarks.machine import aligned, elementwise, measure_rates, product
 from pa_ros.benchmarks.rounds import Contender, Slice, measure
-from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.benchmarks.training import bench_train
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.native import library as fused_library
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import initial_actor, initial_critic
 
 NETWORK = NetworkConfig(WORDS, hidden=6, attention=4, canonical_hidden=8)
 CONFIG = LearnerConfig(relabel="all-goals", replay_frames=3000, reward_scale=0.05)
@@ -43,42 +40,6 @@ class Products(TorchDispatchMode):
         if func._overloadpacket in flop_registry:
             self.flops += flop_registry[func._overloadpacket](*args, **(kwargs or {}), out_val=out)
         return out
-
-
-def made(network: NetworkConfig, engine: type[TorchEngine], **changes: object) -> TorchEngine:
-    learner = bench.random_learner(network, CONFIG, PROGRAMS, Sizes())
-    rng = np.random.default_rng(3)
-    tensors = initial_actor(network, rng), initial_critic(network, rng)
-    config = replace(CONFIG, engine="torch", **changes)  # type: ignore[arg-type]
-    return engine(network, config, learner.table, *tensors)
-
-
-@pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
-@pytest.mark.parametrize("k", [1, 3])
-def test_the_straightforward_way_computes_the_same(kind, k) -> None:
-    network = replace(NETWORK, kind=kind, hidden=12, actor_output_scale=0.5)
-    config = replace(CONFIG, programs_per_transition=k, batch_size=16)
-    batches = list(bench.random_learner(network, config, PROGRAMS, Sizes()).batches(5))
-    # some of ∂Q/∂a are clipped, some are not
-    changes = {
-        "dtype": "float64",
-        "action_gradient_clip": 2e-3,
-        "action_l2": 3e-3,
-        "action_l2_decay": 0.5,
-        "rates_fall_after": 2,
-        "geometry_decay": 0.1,
-        "geometry_decay_after": 2,
-        "detector_gain": 3.0,
-    }
-    ours = made(network, TorchEngine, **changes)
-    theirs = made(network, StraightforwardEngine, **changes)
-    for batch in batches:
-        update(ours, batch, replace(CONFIG, **changes))
-        update(theirs, batch, replace(CONFIG, **changes))
-    expected = ours.tensors()
-    for name, tensor in theirs.tensors().items():
-        np.testing.assert_allclose(tensor, expected[name], rtol=0, atol=1e-11, err_msg=name)
-    assert theirs.metrics() == pytest.approx(ours.metrics(), rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "canonical"])

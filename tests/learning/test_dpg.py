@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import oracle
 import pytest
-import torch
 from updates import update
 from worlds import WORDS, objects_at
 
+from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.update import Batch
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
+from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
 from pa_ros.networks.slots import slot_matrices, target_one_hots
@@ -85,57 +85,30 @@ def assert_close(engine: TorchEngine, prefix: str, expected: dict, tolerance: fl
         np.testing.assert_allclose(ours[f"{prefix}.{name}"], value, rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize("kind", ["programmable", "distilled-critic"])
-def test_updates_agree_with_the_oracle(kind) -> None:
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
+@pytest.mark.parametrize("k", [1, 3])
+@pytest.mark.parametrize("see", [True, False])
+def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see) -> None:
     """Five updates with a target copy between: formulas, clipping and Adam written out."""
-    network = NetworkConfig(WORDS, kind, hidden=8, attention=5, actor_output_scale=0.5)
-    actor, critic = networks(network)
-    engine = TorchEngine(network, CONFIG, table(), actor, critic)
-    values = {"actor": as_float64(actor), "critic": as_float64(critic)}
-    values |= {f"target_{name}": dict(tensors) for name, tensors in values.items()}
-    adam = {
-        name: oracle.Adam(rate, GAIN, DECAY, DECAYS_FOR)
-        for name, rate in (("actor", 1e-3), ("critic", 2e-3))
-    }
+    network = NetworkConfig(
+        *(WORDS, kind), hidden=8, attention=5, actor_output_scale=0.5, relations_see_properties=see
+    )
+    given = network, CONFIG, table(), *networks(network)
+    engine, expected = TorchEngine(*given), StraightforwardEngine(*given)
     rng = np.random.default_rng(1)
     for made in range(5):
         if made == 3:
             engine.copy_targets()
-            values |= {f"target_{name}": dict(values[name]) for name in adam}
-        batch = random_batch(rng, 4, 2, len(TEXTS))
-        update(engine, batch, CONFIG)
-        nets = {name: oracle.parameters(tensors) for name, tensors in values.items()}
-        price = L2 * (1 - L2_DECAY * min(1.0, made / L2_DECAYS_FOR))
-        gradients = oracle.dpg_gradients(nets, oracle_transitions(batch), CLIP, price)
-        for name, gradient in zip(adam, gradients, strict=True):
-            share = min(1.0, 2 / max(made, 1))
-            adam[name].update(values[name], {k: g.numpy() for k, g in gradient.items()}, share)
-            if "detectors.weight" in values[name] and made >= 3:
-                values[name]["detectors.weight"][:, oracle.GEOMETRY] *= 0.75
-    for name, tensors in values.items():
-        assert_close(engine, name, tensors, 1e-11)
-    for name, optimizer in adam.items():
-        assert_close(engine, f"adam.{name}.m", optimizer.m, 1e-12)
-        assert_close(engine, f"adam.{name}.v", optimizer.v, 1e-12)
-        assert engine.tensors()[f"adam.{name}.step"] == 5
-
-
-def oracle_transitions(batch: Batch) -> list[oracle.Transition]:
-    def scene(objects: np.ndarray, arm: np.ndarray, row: int) -> oracle.Scene:
-        given = (torch.from_numpy(array).double() for array in (objects, arm))
-        return oracle.Scene(*given, parse(TEXTS[row], WORDS), WORDS)
-
-    return [
-        oracle.Transition(
-            scene(batch.objects[b], batch.arm[b], row),
-            torch.from_numpy(batch.action[b]).double(),
-            float(batch.reward[b, i]),
-            float(batch.discount[b]),
-            scene(batch.next_objects[b], batch.next_arm[b], row),
-        )
-        for b in range(len(batch.arm))
-        for i, row in enumerate(batch.program[b])
-    ]
+            expected.copy_targets()
+        batch = random_batch(rng, 4, k, len(TEXTS))
+        for one in (engine, expected):
+            one.update(batch, values_after(made, CONFIG))
+        assert engine.metrics()["critic_loss"] == pytest.approx(expected.loss, rel=1e-9)
+    ours = engine.tensors()
+    assert ours.pop("adam.actor.step") == ours.pop("adam.critic.step") == 5
+    assert ours.keys() == expected.tensors().keys()
+    for name, tensor in expected.tensors().items():
+        np.testing.assert_allclose(ours[name], tensor, rtol=0, atol=1e-11, err_msg=name)
 
 
 class HandMlp:

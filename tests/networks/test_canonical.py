@@ -10,16 +10,14 @@ from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.inference import make_inference
-from pa_ros.networks.parameters import (
-    actor_shapes,
+from pa_ros.networks.inference import TorchActor
+from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
+from pa_ros.networks.slots import (
+    UnsupportedProgramError,
     canonical_inputs,
-    critic_shapes,
-    initial_actor,
-    initial_critic,
     slot_words,
+    target_one_hots,
 )
-from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "BLUE"))
 CONFIG = NetworkConfig(WORDS, "canonical", canonical_hidden=9)
@@ -63,7 +61,7 @@ def test_each_block_has_its_place() -> None:
         np.testing.assert_allclose(x[0, 0].numpy(), np.concatenate(expected), rtol=1e-6)
 
 
-def test_torch_and_numpy_agree_with_the_layers_by_hand() -> None:
+def test_modules_and_inference_agree_with_the_layers_by_hand() -> None:
     rng = np.random.default_rng(0)
     actor, critic = initial_actor(CONFIG, rng), initial_critic(CONFIG, rng)
     objects = np.stack([block("SPHERE", "BLUE", 0.3), hand(), block("CUBE", "RED", -0.2)])
@@ -78,7 +76,7 @@ def test_torch_and_numpy_agree_with_the_layers_by_hand() -> None:
     expected = np.tanh(actor["output.weight"] @ hidden + actor["output.bias"])
     action = actor_module(*given, 1)
     np.testing.assert_allclose(action[0, 0].detach().numpy(), expected, atol=1e-9)
-    inferred = make_inference(CONFIG, actor).act(objects, arm, program, 1)
+    inferred = TorchActor(CONFIG, actor).act(objects, arm, program, 1)
     np.testing.assert_allclose(inferred, expected, atol=1e-5)
 
     hidden = np.tanh(critic["layers.0.weight"] @ x + critic["layers.0.bias"])

@@ -1,16 +1,16 @@
-"""The torch networks against the oracle: forward and gradients, in float64 and float32."""
+"""The torch networks against the formulas as they stand: forward and gradients, both dtypes."""
 
 from __future__ import annotations
 
 import numpy as np
-import oracle
 import pytest
 import torch
 
+from pa_ros.benchmarks import straightforward as formulas
 from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.inference import ProgrammableInference, make_inference
+from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import (
     TensorError,
     actor_shapes,
@@ -74,25 +74,17 @@ def programs(rows: np.ndarray) -> Programs:
     return Programs(*(tensor[torch.from_numpy(rows)] for tensor in program_tensors(table)))
 
 
-def scenes(objects, arm, rows, hand_index: int, self_weight: float):
-    """One oracle scene per transition and program."""
-    return [
-        [
-            oracle.Scene(
-                torch.from_numpy(objects[b]), torch.from_numpy(arm[b]), parse(TEXTS[row], WORDS),
-                WORDS, hand_index, self_weight=self_weight,
-            )
-            for row in rows[b]
-        ]
-        for b in range(len(objects))
-    ]  # fmt: skip
+def scenes(objects, arm, rows, hand_index: int) -> formulas.Scenes:
+    given = (torch.from_numpy(array).double() for array in (objects, arm))
+    programs = [parse(text, WORDS) for text in TEXTS]
+    return formulas.Scenes(*given, programs, torch.from_numpy(rows), hand_index)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("self_weight", [1.0, 0.3, 0.0])
 @pytest.mark.parametrize(("n", "k", "hand_index"), [(5, 1, 0), (2, 3, 1), (7, 4, 3), (1, 2, 0)])
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-11), (torch.float32, 1e-5)])
-def test_agree_with_the_oracle(kind, self_weight, n, k, hand_index, dtype, tolerance) -> None:
+def test_agree_with_the_formulas(kind, self_weight, n, k, hand_index, dtype, tolerance) -> None:
     rng = np.random.default_rng(n)
     config = network(kind, self_weight)
     actor_tensors, critic_tensors = tensors_of(config)
@@ -109,19 +101,10 @@ def test_agree_with_the_oracle(kind, self_weight, n, k, hand_index, dtype, toler
     (a * given[3]).sum().backward()
     (q * given[3][..., 0]).sum().backward()
 
-    actor_named = oracle.parameters(actor_tensors)
-    critic_named = oracle.parameters(critic_tensors)
-    expected = scenes(objects, arm, rows, hand_index, self_weight)
-    expected_a = torch.stack(
-        [torch.stack([oracle.actor(actor_named, s) for s in per]) for per in expected]
-    )
-    expected_q = torch.stack([
-        torch.stack([
-            oracle.critic(critic_named, s, torch.from_numpy(actions[b, i]))
-            for i, s in enumerate(per)
-        ])
-        for b, per in enumerate(expected)
-    ])  # fmt: skip
+    actor_named, critic_named = map(formulas.parameters, (actor_tensors, critic_tensors))
+    seen = scenes(objects, arm, rows, hand_index)
+    expected_a = formulas.actor(config, actor_named, seen)
+    expected_q = formulas.critic(config, critic_named, seen, torch.from_numpy(actions))
     (expected_a * torch.from_numpy(weigh)).sum().backward()
     (expected_q * torch.from_numpy(weigh[..., 0])).sum().backward()
 
@@ -184,12 +167,12 @@ def test_irrelevant_objects_change_nothing() -> None:
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
 @pytest.mark.parametrize("self_weight", [1.0, 0.3, 0.0])
 @pytest.mark.parametrize(("n", "hand_index"), [(5, 0), (3, 2), (1, 0)])
-def test_numpy_inference_equals_torch(kind, self_weight, n, hand_index) -> None:
+def test_one_observation_is_a_batch_of_one(kind, self_weight, n, hand_index) -> None:
     rng = np.random.default_rng(n)
     config = network(kind, self_weight)
     tensors = tensors_of(config)[0]
     actor = module(ProgrammableActor, config, tensors, torch.float64)
-    inference = make_inference(config, tensors)
+    inference = TorchActor(config, tensors)
     for row, text in enumerate(TEXTS):
         objects = random_objects(rng, 1, n).astype(np.float32)
         arm = rng.normal(size=(1, 18)).astype(np.float32)
@@ -200,29 +183,26 @@ def test_numpy_inference_equals_torch(kind, self_weight, n, hand_index) -> None:
         np.testing.assert_allclose(action, expected.detach().numpy(), atol=1e-5)
 
 
-def test_numpy_inference_shows_its_properties() -> None:
+def test_inference_shows_its_properties() -> None:
     rng = np.random.default_rng(3)
     config = network()
     tensors = tensors_of(config)[0]
     objects = random_objects(rng, 1, 4).astype(np.float32)
     arm = rng.normal(size=18).astype(np.float32)
-    phi = ProgrammableInference(config, tensors).properties(objects[0], arm)
-    scene = oracle.Scene(
-        torch.from_numpy(objects[0]).double(), torch.from_numpy(arm).double(),
-        parse(TEXTS[0], WORDS), WORDS,
-    )  # fmt: skip
-    named = oracle.parameters(tensors)
-    for i in range(4):
-        expected = [x.item() for x in oracle.properties(named, scene, i).values()]
-        np.testing.assert_allclose(phi[:, i], expected, atol=1e-5)
+    phi = TorchActor(config, tensors).properties(objects[0], arm)
+    seen = scenes(objects, arm[None], np.zeros((1, 1), int), 0)
+    expected = formulas.properties(config, formulas.parameters(tensors), seen)
+    for row, (word, degrees) in enumerate(expected.items()):
+        assert WORDS.row[word] == row
+        np.testing.assert_allclose(phi[row], degrees[0].detach(), atol=1e-5)
 
 
 def test_inference_refuses_tensors_that_do_not_fit() -> None:
     config = network()
     tensors = tensors_of(config)[0]
     with pytest.raises(TensorError, match=r"query.bias: expected \(7,\), got \(8,\)"):
-        make_inference(config, tensors | {"query.bias": np.zeros(8, np.float32)})
+        TorchActor(config, tensors | {"query.bias": np.zeros(8, np.float32)})
     with pytest.raises(TensorError, match="missing .*output.bias"):
-        make_inference(config, {k: v for k, v in tensors.items() if k != "output.bias"})
+        TorchActor(config, {k: v for k, v in tensors.items() if k != "output.bias"})
     with pytest.raises(TensorError, match="finite"):
-        make_inference(config, tensors | {"query.bias": np.full(7, np.nan, np.float32)})
+        TorchActor(config, tensors | {"query.bias": np.full(7, np.nan, np.float32)})

@@ -16,7 +16,7 @@ from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.errors import PolicyError
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
-from pa_ros.networks.inference import Inference, make_inference
+from pa_ros.networks.inference import Inference, TorchActor
 from pa_ros.networks.parameters import TensorError, Tensors
 
 log = logging.getLogger(__name__)
@@ -28,7 +28,7 @@ class Actor:
     """A policy: observation and program to action; weights arrive as snapshots.
 
     `config` supplies the exploration noise, `seed` its stream. Actions are computed by the fused
-    code where it applies, else by NumPy: the choice depends on `network` and `config.engine`
+    code where it applies, else by torch: the choice depends on `network` and `config.engine`
     alone, so it is the same in process and over the graph.
     """
 
@@ -91,11 +91,11 @@ class Actor:
 
 @lru_cache(maxsize=16)
 def _inference_for(network: NetworkConfig, engine: str) -> MakeInference:
-    """FusedActor where it applies, else NumPy; the choice is logged once."""
+    """FusedActor where it applies, else TorchActor; the choice is logged once."""
     reason = "the learner's is torch" if engine == "torch" else why_not_network(network)
-    log.info("actor inference: %s", f"numpy ({reason})" if reason else "fused")
+    log.info("actor inference: %s", f"torch ({reason})" if reason else "fused")
     if reason:
-        return make_inference
+        return TorchActor
     from pa_ros.native.engine import FusedActor
 
     return FusedActor

@@ -7,11 +7,15 @@ computed once; what an implementation computes again or moves through memory com
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
+from functools import singledispatch
 from math import prod
 
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import Shapes, actor_shapes, canonical_inputs, critic_shapes
+from pa_ros.networks.families import Canonical, Family, Programmable
+from pa_ros.networks.parameters import Shapes, actor_shapes, critic_shapes
+from pa_ros.networks.slots import canonical_inputs
 
 ADAM_FLOPS = 12  # per parameter: 3 for m, 4 for v, 5 for the step
 FLOAT_BYTES = 4
@@ -70,17 +74,22 @@ def floor_us(cost: Cost, rates: Rates) -> float:
 
 def update_cost(network: NetworkConfig, sizes: Sizes) -> Cost:
     """One update: targets, both gradients, Adam (docs/DESIGN.md, "Learning")."""
-    parts = _canonical_parts if network.kind == "canonical" else _programmable_parts
-    return parts(network, sizes) + _adam(network) + _batch(sizes)
+    return _parts(network.family, network, sizes) + _adam(network) + _batch(sizes)
 
 
-def _programmable_parts(network: NetworkConfig, z: Sizes) -> Cost:
+@singledispatch
+def _parts(family: Family, network: NetworkConfig, z: Sizes) -> Cost:
+    """What an update computes but for Adam and the batch."""
+    raise ConfigError(f"benchmark: expected networks whose cost is known, got {family.name!r}")
+
+
+@_parts.register
+def _(family: Programmable, network: NetworkConfig, z: Sizes) -> Cost:
     """Forward four times, backward twice; the critic's head once more, at π(s)."""
     words = len(network.vocabulary.words)
-    actor_words = words if network.actor_kind == "programmable" else 0
-    critic_words = words if network.kind == "programmable" else 0
     rows, total = z.transitions * z.programs, Cost()
-    for detectors in (actor_words, critic_words):
+    for critic in (False, True):
+        detectors = words if family.detects(critic) else 0
         total += _trunk(network, z, detectors) * 2 + _trunk_backward(network, z, detectors)
     actor_head = Cost(flops=rows * 2 * network.hidden * JOINTS, tanhs=rows * network.hidden)
     critic_head = actor_head + Cost(flops=rows * 2 * network.hidden)
@@ -122,7 +131,8 @@ def _first_columns(network: NetworkConfig, detectors: int) -> int:
     return 3 * network.hidden + 2 * network.attention + detectors
 
 
-def _canonical_parts(network: NetworkConfig, z: Sizes) -> Cost:
+@_parts.register
+def _(family: Canonical, network: NetworkConfig, z: Sizes) -> Cost:
     """MLPs: three layers; the critic's first is shared by Q(s, a) and Q(s, π(s))."""
     rows, h = z.transitions * z.programs, network.canonical_hidden
     inputs = canonical_inputs(network.vocabulary)

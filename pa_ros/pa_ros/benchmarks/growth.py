@@ -113,5 +113,5 @@ def _contender(
     )
     learner = random_learner(network, config, programs, sizes)
     batches = list(learner.batches(4))
-    run = repeated(engine_of(learner), batches, learner.config)
+    run = repeated(engine_of(learner).update, batches, learner.config)
     return Contender(f"{name}.{way}_us", run)

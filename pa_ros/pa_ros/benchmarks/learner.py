@@ -17,17 +17,18 @@ from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation, Trajectory
 from pa_ros.core.report import Report
-from pa_ros.core.update import Batch, Engine
+from pa_ros.core.update import Batch, Engine, UpdateValues
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.schedule import values_after
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.inference import make_inference
+from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import initial_actor, initial_critic
 
 log = logging.getLogger(__name__)
+Update = Callable[[Batch, UpdateValues], None]
 
 OURS = "learner.updates_per_s"
 TWO_THREADS = "learner.updates_per_s_2_threads"
@@ -36,7 +37,7 @@ STRAIGHTFORWARD = "learner.straightforward_updates_per_s"
 EAGER = "learner.eager_updates_per_s"
 SB3 = "learner.sb3_ddpg_updates_per_s"
 GPU = "learner.gpu_updates_per_s"
-ACT, ACT_NUMPY = "actor.inference_us", "actor.inference_numpy_us"
+ACT, ACT_TORCH = "actor.inference_us", "actor.inference_torch_us"
 TRAJECTORY_STEPS, TRAJECTORIES = 100, 20
 
 
@@ -90,19 +91,19 @@ def bare_updates(
     """Updates by the clock, with the configuration's batch, of tables with four blocks."""
     sizes = Sizes(config.batch_size, 5, config.programs_per_transition)
     idle = random_learner(network, config, programs, sizes)
-    run = repeated(engine_of(idle), list(idle.batches(16)), config)
+    run = repeated(engine_of(idle).update, list(idle.batches(16)), config)
     return Contender("bare", run, wall=True)
 
 
 def repeated(
-    engine: Engine, batches: Sequence[Batch], config: LearnerConfig
+    update: Update, batches: Sequence[Batch], config: LearnerConfig
 ) -> Callable[[int], None]:
     """Updates with these batches in turn."""
     endless = enumerate(cycle(batches))
 
     def run(calls: int) -> None:
         for updates, batch in islice(endless, calls):
-            engine.update(batch, values_after(updates, config))
+            update(batch, values_after(updates, config))
         if torch.cuda.is_available():
             torch.cuda.synchronize()
 
@@ -116,39 +117,40 @@ def engine_of(learner: Learner, **changes: object) -> Engine:
 
 
 def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
-    made = {
-        OURS: engine_of(learner, engine="auto", threads=1),
-        EAGER: engine_of(learner, engine="torch"),
+    ours = engine_of(learner, engine="auto", threads=1)
+    made: dict[str, Update] = {
+        OURS: ours.update,
+        EAGER: engine_of(learner, engine="torch").update,
     }
-    if made[OURS].name == "fused":
-        made[TWO_THREADS] = engine_of(learner, engine="fused", threads=2)
-    if learner.network.kind != "canonical":
-        made[STRAIGHTFORWARD] = _straightforward(learner)
+    if ours.name == "fused":
+        made[TWO_THREADS] = engine_of(learner, engine="fused", threads=2).update
+    if learner.network.family.evaluates_programs:
+        made[STRAIGHTFORWARD] = _straightforward(learner).update
     if torch.cuda.is_available():
-        made[GPU] = engine_of(learner, engine="torch", device="cuda")
+        made[GPU] = engine_of(learner, engine="torch", device="cuda").update
     return [
         Contender(
             name,
-            repeated(engine, batches, learner.config),
+            repeated(update, batches, learner.config),
             threads=2 if name == TWO_THREADS else 1,
             wall=name in (TWO_THREADS, GPU),
         )
-        for name, engine in made.items()
+        for name, update in made.items()
     ]
 
 
-def _straightforward(learner: Learner) -> Engine:
+def _straightforward(learner: Learner) -> StraightforwardEngine:
     rng, network = np.random.default_rng(0), learner.network
     tensors = initial_actor(network, rng), initial_critic(network, rng)
     return StraightforwardEngine(network, learner.config, learner.table, *tensors)
 
 
 def _actors(learner: Learner, program: str) -> list[Contender]:
-    """One observation to one action, by what agents use and by NumPy."""
+    """One observation to one action, by what agents use and by torch."""
     network, snapshot = learner.network, learner.snapshot()
     actor = Actor(network, learner.config, seed=0)
     actor.load(snapshot)
-    plain, parsed = make_inference(network, snapshot.tensors), actor.parse(program)
+    plain, parsed = TorchActor(network, snapshot.tensors), actor.parse(program)
     objects = learner.replay.arrays["objects"][0].copy()
     joints = np.random.default_rng(0).normal(size=JOINTS)
     observation = Observation(0, 0, 0, objects, joints, joints, 0, "0.0")
@@ -157,11 +159,11 @@ def _actors(learner: Learner, program: str) -> list[Contender]:
         for _ in range(calls):
             actor.act(observation, program)
 
-    def numpy(calls: int) -> None:
+    def reference(calls: int) -> None:
         for _ in range(calls):
             plain.act(observation.objects, observation.arm, parsed, 0)
 
-    return [Contender(ACT, fused), Contender(ACT_NUMPY, numpy)]
+    return [Contender(ACT, fused), Contender(ACT_TORCH, reference)]
 
 
 def _rows(contenders: Sequence[Contender]) -> dict[str, float]:

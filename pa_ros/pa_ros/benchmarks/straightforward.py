@@ -1,75 +1,219 @@
-"""The paper's formulas in torch as they stand: what one writes first, and what speed is told by.
+"""The paper's formulas in torch as they stand: what one writes first, and what others are held to.
 
-Batched over transitions and programs, but nothing is rearranged or shared: r is an MLP of every
-concatenated pair, its last layer inside the sum, and the critic is evaluated anew for each loss.
-It is never chosen for learning; the benchmark and the tests use it.
+Batched over transitions and programs, but nothing is rearranged or shared: programs run over their
+trees, r is an MLP of every concatenated pair with its last layer inside the sum, the critic is
+evaluated anew for each loss, gradients are autograd's and Adam is written out. Nothing of
+`pa_ros.networks` or an engine is used but the names of tensors. It is never chosen for learning:
+benchmarks compare speed with it, in float32, and tests compare numbers with it, in float64.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
+import numpy as np
 import torch
-from torch import Tensor, nn
-from torch.nn import functional as F
+from numpy.typing import NDArray
+from torch import Tensor
 
-from pa_ros.core.update import HAND_INDEX, UpdateValues
-from pa_ros.learning.algorithms.dpg.torch_engine import Inputs, TorchEngine
+from pa_ros.core.experience import COLORS, SHAPES
+from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
+from pa_ros.language import Program, degree, parse
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import NOTHING
-from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs, Trunk
+from pa_ros.world.programs import ProgramTable
+
+Named = dict[str, Tensor]
+
+GEOMETRY = [*range(7), *range(16, 34)]  # what is no property in ω: position, orientation, arm
 
 
-class _Formulas(Trunk):
-    def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
-        """h = Σ p_i ω'_i, ω'_i = f(ω_i) + Σ_j α_ij r(ω_i, ω_j) (eq. message-passing), [B, K, H]."""
-        n = objects.shape[1]
-        arms = arm[:, None, :].expand(-1, n, -1)
-        columns = torch.cat([objects * self.position_scale, arms], -1)  # [B, N, 34]
-        p = programs.relevant_objects(self.properties(objects, columns), hand_index)  # [B, K, N]
-        columns = columns * self.seen
-        queries, contexts = self.query(columns)[:, :, None], self.context(columns)[:, None]
-        scores = torch.tanh(queries + contexts) @ self.attention.weight  # [B, N, N]
-        exponentials = torch.exp(scores) * self.senders(n)
-        weights = p[:, :, None, :] * exponentials[:, None]  # [B, K, N, N]
-        alpha = weights / weights.sum(-1, keepdim=True).clamp_min(NOTHING)
-        receivers = columns[:, :, None].expand(-1, -1, n, -1)
-        senders = columns[:, None].expand(-1, n, -1, -1)
-        r = _mlp(self.message, torch.cat([receivers, senders], -1))  # [B, N, N, H]
-        f = _mlp(self.local, columns)  # [B, N, H]
-        omega = f[:, None] + torch.einsum("bkij,bijh->bkih", alpha, r)  # [B, K, N, H]
-        return torch.einsum("bki,bkih->bkh", p, omega)
+class Scenes(NamedTuple):
+    """B scenes, each under K programs."""
+
+    objects: Tensor  # [B, N, 16]
+    arm: Tensor  # [B, 18]
+    programs: Sequence[Program]
+    row: Tensor  # [B, K], of `programs`
+    hand_index: int = HAND_INDEX
 
 
-class StraightforwardActor(_Formulas, ProgrammableActor):
-    """`ProgrammableActor` by the formulas as they stand."""
+def parameters(tensors: Mapping[str, NDArray[Any]], dtype: torch.dtype = torch.float64) -> Named:
+    """Leaves of autograd."""
+    return {k: torch.tensor(v, dtype=dtype, requires_grad=True) for k, v in tensors.items()}
 
 
-class StraightforwardCritic(_Formulas, ProgrammableCritic):
-    """`ProgrammableCritic` by the formulas as they stand."""
+def linear(named: Named, layer: str, x: Tensor) -> Tensor:
+    return x @ named[f"{layer}.weight"].T + named[f"{layer}.bias"]
 
 
-class StraightforwardEngine(TorchEngine):
-    """`TorchEngine` with the networks above and nothing shared between the two losses."""
+def mlp(named: Named, name: str, x: Tensor) -> Tensor:
+    return linear(named, f"{name}.1", torch.tanh(linear(named, f"{name}.0", x)))
+
+
+def columns(network: NetworkConfig, seen: Scenes) -> Tensor:
+    """ω, [B, N, 34]: positions scaled, the arm's features appended (appendix)."""
+    arms = seen.arm[:, None].expand(-1, seen.objects.shape[1], -1)
+    positions = seen.objects[..., :3] * network.position_scale
+    return torch.cat([positions, seen.objects[..., 3:], arms], -1)
+
+
+def properties(network: NetworkConfig, named: Named, seen: Scenes) -> Named:
+    """Φ by word, each [B, N]: one softmax per group of detectors, or the one-hots of Ω."""
+    words = network.vocabulary.words
+    if "detectors.weight" not in named:
+        true = dict(zip(SHAPES + COLORS, seen.objects[..., 7:].unbind(-1), strict=True))
+        return {word: true.get(word, torch.zeros_like(seen.objects[..., 0])) for word in words}
+    logits = linear(named, "detectors", columns(network, seen)).unbind(-1)
+    exponentials = dict(zip(words, map(torch.exp, logits), strict=True))
+    phi: Named = {}
+    for group in (network.vocabulary.shapes, network.vocabulary.colors):
+        total = torch.stack([exponentials[word] for word in group]).sum(0)
+        phi |= {word: exponentials[word] / total for word in group}
+    return phi
+
+
+def relevance(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
+    """p = OR(HAND, e) (eq. logic), [B, K, N]."""
+    phi = properties(network, named, seen)
+    hand = torch.zeros_like(seen.objects[..., 0])
+    hand[:, seen.hand_index] = 1.0
+    named_by = [degree(program.target, phi.__getitem__) for program in seen.programs]
+    p = torch.stack([hand + e - hand * e for e in named_by], 1)  # [B, P, N]
+    return p[torch.arange(len(p))[:, None], seen.row]
+
+
+def trunk(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
+    """h = Σ p_i ω'_i, ω'_i = f(ω_i) + Σ_j α_ij r(ω_i, ω_j) (eq. message-passing), [B, K, H].
+
+    exp α̃_ii is multiplied by `self_weight`; of an r that hears nothing, its last bias remains.
+    """
+    p, n = relevance(network, named, seen), seen.objects.shape[1]
+    w = columns(network, seen)
+    if not network.relations_see_properties:
+        w = w.index_fill(-1, torch.arange(7, 16), 0.0)
+    receivers, senders = w[:, :, None].expand(-1, -1, n, -1), w[:, None].expand(-1, n, -1, -1)
+    queries, contexts = linear(named, "query", w)[:, :, None], linear(named, "context", w)[:, None]
+    scores = torch.tanh(queries + contexts)  # [B, N, N, A]
+    own = 1.0 - (1.0 - network.self_weight) * torch.eye(n, dtype=w.dtype)
+    heard = p[:, :, None] * (torch.exp(scores @ named["attention.weight"]) * own)[:, None]
+    total = heard.sum(-1, keepdim=True)  # [B, K, N, 1]
+    alpha = torch.where(total > 0, heard / total.clamp_min(1e-30), 0.0)
+    r = mlp(named, "message", torch.cat([receivers, senders], -1))  # [B, N, N, H]
+    nothing = (total == 0) * named["message.1.bias"]
+    told = torch.einsum("bkij,bijh->bkih", alpha, r) + nothing
+    return torch.einsum("bki,bkih->bkh", p, mlp(named, "local", w)[:, None] + told)
+
+
+def actor(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
+    """a = tanh(Linear(tanh h)), [B, K, 6]."""
+    return torch.tanh(linear(named, "output", torch.tanh(trunk(network, named, seen))))
+
+
+def critic(network: NetworkConfig, named: Named, seen: Scenes, action: Tensor) -> Tensor:
+    """Q = Linear(tanh(h + Linear(a))), [B, K], for actions [B, K or 1, 6]."""
+    hidden = torch.tanh(trunk(network, named, seen) + linear(named, "action", action))
+    return linear(named, "output", hidden)[..., 0]
+
+
+class StraightforwardEngine:
+    """One DPG update (appendix): what `Engine.update` must compute."""
 
     name = "straightforward"
 
-    def _classes(self, network: NetworkConfig) -> tuple[Any, Any]:
-        return StraightforwardActor, StraightforwardCritic
+    def __init__(
+        self,
+        network: NetworkConfig,
+        config: LearnerConfig,
+        table: ProgramTable,
+        actor: Mapping[str, NDArray[Any]],
+        critic: Mapping[str, NDArray[Any]],
+    ) -> None:
+        self.network, self._config, self._table = network, config, table
+        self._dtype: torch.dtype = getattr(torch, config.dtype)
+        self.networks = {
+            name: parameters(tensors, self._dtype)
+            for name, tensors in (("actor", actor), ("critic", critic))
+        }
+        self.copy_targets()
+        self._moments = {
+            f"adam.{name}.{moment}.{k}": torch.zeros_like(tensor)
+            for name in ("actor", "critic")
+            for moment in "mv"
+            for k, tensor in self.networks[name].items()
+        }
+        self.loss = float("nan")  # of the latest update
 
-    def _step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
-        target = self._bootstrap(x)  # [B, K]
-        q = self._critic(x.objects, x.arm, x.goals, x.action, HAND_INDEX)
-        loss = F.mse_loss(q, target)
-        action = self._actor(x.objects, x.arm, x.goals, HAND_INDEX)  # [B, K, 6]
+    def update(self, batch: Batch, values: UpdateValues) -> None:
+        """Both gradients at the parameters before it."""
+        gradients = self.gradients(batch, values.action_l2)
+        for name, rate in (("actor", values.actor_rate), ("critic", values.critic_rate)):
+            for k, gradient in gradients[name].items():
+                self._step(name, k, gradient, rate, values)
+
+    def gradients(self, batch: Batch, action_l2: float) -> dict[str, Named]:
+        """Of the critic's loss, and of minus the actor's objective.
+
+        The objective is Q with its slope clipped, less `action_l2` · ½|a|².
+        """
+        network, nets = self.network, self.networks
+        now, after = (
+            self._scenes(batch.objects, batch.arm, batch),
+            self._scenes(batch.next_objects, batch.next_arm, batch),
+        )
+        taken, reward, discount = map(self._given, (batch.action, batch.reward, batch.discount))
+        with torch.no_grad():
+            following = actor(network, nets["target_actor"], after)
+            value = critic(network, nets["target_critic"], after, following)
+            target = reward + discount[:, None] * value
+        loss = ((target - critic(network, nets["critic"], now, taken[:, None])) ** 2).mean()
+        action = actor(network, nets["actor"], now)
         given = action.detach().requires_grad_()
-        value = self._critic(x.objects, x.arm, x.goals, given, HAND_INDEX)
-        ascent = self._ascent(value, given, values.action_l2)
-        self._descend(loss, action, -ascent / q.numel(), values)
-        return loss.detach(), q.detach().mean()
+        (slope,) = torch.autograd.grad(critic(network, nets["critic"], now, given).sum(), given)
+        clip = self._config.action_gradient_clip
+        ascent = slope.clamp(-clip, clip) - action_l2 * given.detach()
+        self.loss = float(loss.detach())
+        return {
+            "critic": _gradients(loss, nets["critic"], None),
+            "actor": _gradients(action, nets["actor"], -ascent / target.numel()),
+        }
+
+    def copy_targets(self) -> None:
+        """Hard copies."""
+        for name in ("actor", "critic"):
+            copied = {k: tensor.detach().clone() for k, tensor in self.networks[name].items()}
+            self.networks[f"target_{name}"] = copied
+
+    def tensors(self) -> dict[str, NDArray[Any]]:
+        """As `Engine.tensors` names them, but for the count of steps."""
+        named = {f"{name}.{k}": x for name, net in self.networks.items() for k, x in net.items()}
+        return {k: x.detach().numpy().copy() for k, x in (named | self._moments).items()}
+
+    @torch.no_grad()
+    def _step(self, name: str, k: str, gradient: Tensor, rate: float, values: UpdateValues) -> None:
+        """Kingma & Ba 2015, algorithm 1; detectors besides as Loshchilov & Hutter 2019."""
+        config, x = self._config, self.networks[name][k]
+        detects, weighs = k.startswith("detectors."), k == "detectors.weight"
+        rate = rate * config.detector_gain if detects else rate
+        m, v = (self._moments[f"adam.{name}.{moment}.{k}"] for moment in "mv")
+        m.copy_(config.adam_beta1 * m + (1 - config.adam_beta1) * gradient)
+        v.copy_(config.adam_beta2 * v + (1 - config.adam_beta2) * gradient**2)
+        kept = 1 - rate * values.detector_decay if weighs else 1.0
+        root = torch.sqrt(v / values.correction2) + config.adam_epsilon
+        x.copy_(kept * x - rate * (m / values.correction1) / root)
+        if weighs:
+            x[:, GEOMETRY] *= 1 - values.geometry_decay
+
+    def _scenes(self, objects: NDArray[Any], arm: NDArray[Any], batch: Batch) -> Scenes:
+        programs = [parse(text, self._table.vocabulary) for text in self._table.texts]
+        row = torch.from_numpy(batch.program).long()
+        return Scenes(self._given(objects), self._given(arm), programs, row)
+
+    def _given(self, array: NDArray[Any]) -> Tensor:
+        return torch.from_numpy(np.asarray(array)).to(self._dtype)
 
 
-def _mlp(layers: nn.ModuleList, x: Tensor) -> Tensor:
-    first, last = layers
-    y: Tensor = last(torch.tanh(first(x)))
-    return y
+def _gradients(of: Tensor, named: Named, weights: Tensor | None) -> Named:
+    found = torch.autograd.grad(of, list(named.values()), weights, materialize_grads=True)
+    return dict(zip(named, found, strict=True))

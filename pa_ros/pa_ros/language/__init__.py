@@ -1,7 +1,7 @@
 """The program language: text to tree, what it means, and its flat form. Standard library only."""
 
 from pa_ros.language.errors import ProgramError
-from pa_ros.language.evaluate import relevance, require_target, satisfying
+from pa_ros.language.evaluate import degree, relevance, require_target, satisfying
 from pa_ros.language.flat import FlatProgram, compile_program
 from pa_ros.language.parser import parse
 from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
@@ -19,6 +19,7 @@ __all__ = [
     "Word",
     "compile_program",
     "parse",
+    "degree",
     "relevance",
     "require_target",
     "satisfying",

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence, Set
 from functools import reduce
+from operator import mul
+from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.errors import NamesNothingError, ProgramError, one_of, refuse_word
@@ -76,10 +78,11 @@ def relevance(
     columns = len(phi[0]) if phi else 0
     check_hand(hand_index, columns)
 
-    def degree(j: int) -> float:
-        return _degree(program.target, lambda word: phi[row[word]][j])
+    def of(j: int) -> float:
+        value: float = degree(program.target, lambda word: phi[row[word]][j])
+        return value
 
-    return [_either(1.0 if j == hand_index else 0.0, degree(j)) for j in range(columns)]
+    return [_either(1.0 if j == hand_index else 0.0, of(j)) for j in range(columns)]
 
 
 def unknown_word(program: Program, word: str, known: Mapping[str, int]) -> ProgramError:
@@ -90,24 +93,23 @@ def unknown_word(program: Program, word: str, known: Mapping[str, int]) -> Progr
     return refuse_word(source, span, word, known)
 
 
-def _degree(expression: Expression, value: Callable[[str], float]) -> float:
-    """Soft truth for one object; AND and OR of more than two fold from the left."""
+def degree(expression: Expression, value: Callable[[str], Any]) -> Any:
+    """Soft truth from each word's (paper, eq. logic): of numbers a number, of arrays an array.
+
+    AND and OR of more than two fold from the left.
+    """
     match expression:
         case Word(name):
             return value(name)
         case Not(operand):
-            return 1.0 - _degree(operand, value)
+            return 1.0 - degree(operand, value)
         case And(operands):
-            return reduce(_both, (_degree(operand, value) for operand in operands))
+            return reduce(mul, (degree(operand, value) for operand in operands))
         case Or(operands):
-            return reduce(_either, (_degree(operand, value) for operand in operands))
+            return reduce(_either, (degree(operand, value) for operand in operands))
 
 
-def _both(x: float, y: float) -> float:
-    return x * y
-
-
-def _either(x: float, y: float) -> float:
+def _either(x: Any, y: Any) -> Any:
     return x + y - x * y
 
 

@@ -7,7 +7,6 @@ they are rearranged. Float32; deterministic for given inputs, threads and instru
 from __future__ import annotations
 
 import logging
-from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -15,12 +14,13 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import JOINTS, Float32
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
-from pa_ros.language import Program, compile_program, parse
+from pa_ros.language import Program
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.native import _fused
 from pa_ros.native.errors import FusedError
+from pa_ros.native.families import FUSED
 from pa_ros.native.library import why_not, why_not_network
-from pa_ros.native.tensors import FlatNetwork, describe
+from pa_ros.native.tensors import FlatNetwork
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
     GEOMETRY,
@@ -31,7 +31,6 @@ from pa_ros.networks.parameters import (
     check_tensors,
     critic_shapes,
 )
-from pa_ros.networks.slots import target_one_hots
 from pa_ros.world.programs import ProgramTable
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -90,7 +89,8 @@ class FusedEngine:
             raise FusedError(f"fused update: {reason}")
         check_tensors(actor, actor_shapes(network), "actor")
         check_tensors(critic, critic_shapes(network), "critic")
-        actor_network, critic_network = (describe(network, critic) for critic in (False, True))
+        family = FUSED[type(network.family)]
+        actor_network, critic_network = (family.describe(network, x) for x in (False, True))
         self._engine = _fused.Engine(
             actor_network,
             critic_network,
@@ -205,7 +205,8 @@ class FusedActor:
             raise FusedError(f"fused actor: {reason}")
         check_tensors(tensors, actor_shapes(config), "actor")
         self._config = config
-        described = describe(config, critic=False)
+        self._family = FUSED[type(config.family)]
+        described = self._family.describe(config, critic=False)
         self._actor = _fused.Actor(described)
         FlatNetwork(described).write(self._actor.parameters, tensors)
 
@@ -213,12 +214,7 @@ class FusedActor:
         """Action in [-1, 1], [6], for objects [N, 16] and arm [18]."""
         objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
         action = np.empty(JOINTS, np.float32)
-        if self._config.kind == "canonical":
-            target = _target(program, self._config)
-            self._actor.act_on_target(objects, arm, hand_index, target, action)
-        else:
-            flat = _flat(program, self._config)
-            self._actor.act_on_program(objects, arm, hand_index, *flat, action)
+        self._family.act(self._actor, self._config, (objects, arm, hand_index), program, action)
         return action
 
 
@@ -230,28 +226,7 @@ class _Programs:
         self._told = 0
 
     def tell(self) -> None:
-        """UnsupportedProgramError for a program that canonical networks cannot be told."""
-        if self._told == len(self._table):
-            return
-        if self._network.kind == "canonical":
-            programs = [parse(text, self._table.vocabulary) for text in self._table.texts]
-            targets = [_target(program, self._network) for program in programs]
-            self._engine.set_targets(np.concatenate(targets))
-        else:
-            self._engine.set_programs(*self._table.arrays())
-        self._told = len(self._table)
-
-
-@lru_cache(maxsize=1024)
-def _flat(program: Program, network: NetworkConfig) -> tuple[Int32, Int32, Int32]:
-    """`op`, `a` and `b` of the flat form, each [1, L]."""
-    flat = compile_program(program, network.vocabulary)
-    op, a, b = (np.array([part], np.int32) for part in (flat.op, flat.a, flat.b))
-    return op, a, b
-
-
-@lru_cache(maxsize=1024)
-def _target(program: Program, network: NetworkConfig) -> Int32:
-    """The target's two words, [1, 2]; UnsupportedProgramError for a program that has none such."""
-    words = np.flatnonzero(target_one_hots(program, network.vocabulary))
-    return words.astype(np.int32)[None]
+        """UnsupportedProgramError for a program that the networks cannot be told."""
+        if self._told != len(self._table):
+            FUSED[type(self._network.family)].tell(self._engine, self._network, self._table)
+            self._told = len(self._table)

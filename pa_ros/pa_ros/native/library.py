@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import Canonical, Programmable
 
 if TYPE_CHECKING:
     from pa_ros.learning.algorithms.dpg.config import LearnerConfig
@@ -47,5 +48,7 @@ def why_not_network(network: NetworkConfig) -> str:
     except FusedError as error:
         return str(error)
     level()
+    if not isinstance(network.family, Programmable | Canonical):
+        return f"it knows no networks of the family {network.family.name!r}"
     words = len(network.vocabulary.words)
     return f"it takes {limit} words, not {words}" if words > limit else ""

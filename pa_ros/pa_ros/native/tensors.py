@@ -6,36 +6,7 @@ import numpy as np
 
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
 from pa_ros.native import _fused
-from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors
-from pa_ros.networks.slots import slot_matrices
-from pa_ros.world.properties import truth_matrix
-
-
-def describe(network: NetworkConfig, critic: bool) -> _fused.Network:
-    """What the library is told of the actor or the critic."""
-    if network.kind == "canonical":
-        shapes, colors = (matrix.argmax(0).tolist() for matrix in slot_matrices(network.vocabulary))
-        return _fused.Network.canonical(
-            hidden=network.canonical_hidden,
-            words=len(network.vocabulary.words),
-            slots=list(zip(shapes, colors, strict=True)),
-            critic=critic,
-            position_scale=network.position_scale,
-        )
-    truth = truth_matrix(network.vocabulary)  # [16, V]
-    return _fused.Network.trunk(
-        hidden=network.hidden,
-        attention=network.attention,
-        group_sizes=list(network.vocabulary.group_sizes),
-        truth=np.where(truth.any(0), truth.argmax(0), -1).tolist(),
-        detectors=network.kind == "programmable"
-        or (not critic and network.actor_kind == "programmable"),
-        hide_properties=not network.relations_see_properties,
-        critic=critic,
-        position_scale=network.position_scale,
-        self_weight=network.self_weight,
-    )
 
 
 class FlatNetwork:

@@ -15,8 +15,7 @@ from torch import Tensor, nn
 
 from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import canonical_inputs
-from pa_ros.networks.slots import slot_matrices
+from pa_ros.networks.slots import canonical_inputs, slot_matrices
 
 
 class FlattenedInput(nn.Module):

@@ -11,8 +11,9 @@ from typing import Any
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.networks.families import FAMILIES, Family, family_named
 
-KINDS = ("programmable", "distilled-critic", "true-properties", "canonical")
+KINDS = tuple(FAMILIES)
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,7 @@ class NetworkConfig:
     self_weight: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ConfigError(f"network kind: expected one of {KINDS}, got {self.kind!r}")
+        family_named(self.kind)
         for name in ("hidden", "attention", "canonical_hidden"):
             size = getattr(self, name)
             if not isinstance(size, int) or size < 1:
@@ -79,22 +79,17 @@ class NetworkConfig:
             )
 
     @property
-    def actor_kind(self) -> str:
-        """Kind of the actor alone: a distilled critic leaves it "programmable"."""
-        return "programmable" if self.kind == "distilled-critic" else self.kind
+    def family(self) -> Family:
+        """What depends on the kind."""
+        return family_named(self.kind)
 
     @cached_property
     def architecture(self) -> str:
         """Canonical JSON of what an actor's tensors mean: equal text, exchangeable weights."""
-        sizes: dict[str, Any] = {"hidden": self.canonical_hidden}
-        if self.kind != "canonical":
-            sizes = {"hidden": self.hidden, "attention": self.attention}
-            if self.self_weight != 1.0:
-                sizes["self_weight"] = float(self.self_weight)
         return _canonical_json(
             {
-                **sizes,
-                "actor": self.actor_kind,
+                **self.family.sizes(self),
+                "actor": self.family.actor,
                 "shapes": list(self.vocabulary.shapes),
                 "colors": list(self.vocabulary.colors),
                 "position_scale": float(self.position_scale),
@@ -129,14 +124,11 @@ def actor_config(architecture: str) -> NetworkConfig:
     """
     try:
         values = json.loads(architecture)
-        size = "canonical_hidden" if values["actor"] == "canonical" else "hidden"
         config = NetworkConfig(
             vocabulary=Vocabulary(tuple(values["shapes"]), tuple(values["colors"])),
             kind=values["actor"],
             position_scale=values["position_scale"],
-            attention=values.get("attention", 64),
-            self_weight=values.get("self_weight", 1.0),
-            **{size: values["hidden"]},
+            **family_named(values["actor"]).fields(values),
         )
     except (ValueError, TypeError, KeyError) as error:
         raise ConfigError(f"architecture: {error}: got {architecture[:200]!r}") from error

@@ -77,20 +77,22 @@ class Trunk(nn.Module):
             seen[PROPERTIES] = 0.0
         self.register_buffer("seen", seen, persistent=False)
 
-    def properties(self, objects: Tensor, columns: Tensor) -> Tensor:
-        """Φ, [B, V, N]: learned from `columns` [B, N, 34], or true to `objects` [B, N, 16]."""
+    def phi(self, objects: Tensor, arm: Tensor) -> Tensor:
+        """Φ, [B, V, N], of objects [B, N, 16] and arm [B, 18]: learned, or true."""
         if not self._learned:
             return (objects @ self.truth).transpose(1, 2)
-        groups = self.detectors(columns).split(self._group_sizes, dim=-1)
+        groups = self.detectors(self._columns(objects, arm)).split(self._group_sizes, dim=-1)
         return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
+
+    def _columns(self, objects: Tensor, arm: Tensor) -> Tensor:
+        """ω, [B, N, 34]: scaled objects, each with the arm."""
+        arms = arm[:, None, :].expand(-1, objects.shape[1], -1)
+        return torch.cat([objects * self.position_scale, arms], -1)
 
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
         """Compute h, [B, K, H], of objects [B, N, 16] and arm [B, 18] under K programs each."""
-        arms = arm[:, None, :].expand(-1, objects.shape[1], -1)
-        columns = torch.cat([objects * self.position_scale, arms], -1)  # [B, N, 34]
-        phi = self.properties(objects, columns)
-        p = programs.relevant_objects(phi, hand_index)  # [B, K, N]
-        columns = columns * self.seen
+        p = programs.relevant_objects(self.phi(objects, arm), hand_index)  # [B, K, N]
+        columns = self._columns(objects, arm) * self.seen
         alpha = self._attention(columns, p)  # [B, K, N, N]
         first, local_last = _layers(self.local)
         message_last = _layers(self.message)[1]
@@ -130,7 +132,7 @@ class ProgrammableActor(Trunk):
     """a = tanh(Linear(tanh h)) (paper, appendix)."""
 
     def __init__(self, config: NetworkConfig) -> None:
-        super().__init__(config, learned_detectors=config.kind != "true-properties")
+        super().__init__(config, learned_detectors=config.family.detects(critic=False))
         self.output = nn.Linear(config.hidden, JOINTS)
 
     def forward(
@@ -145,7 +147,7 @@ class ProgrammableCritic(Trunk):
     """Q = Linear(tanh(h + Linear(a))) (paper, appendix)."""
 
     def __init__(self, config: NetworkConfig) -> None:
-        super().__init__(config, learned_detectors=config.kind == "programmable")
+        super().__init__(config, learned_detectors=config.family.detects(critic=True))
         self.action = nn.Linear(JOINTS, config.hidden)
         self.output = nn.Linear(config.hidden, 1)
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Float32
+from pa_ros.core.experience import ARM_FEATURES, COLORS, OBJECT_FEATURES, SHAPES, Float32
 from pa_ros.language import And, Program, Vocabulary, Word
-from pa_ros.networks.parameters import slot_words
 from pa_ros.world.properties import truth_matrix
 
 
@@ -43,3 +42,16 @@ def slot_matrices(vocabulary: Vocabulary) -> tuple[Float32, Float32]:
     shapes = [vocabulary.row[shape] for shape, _ in slots]
     colors = [vocabulary.row[color] for _, color in slots]
     return truth[:, shapes], truth[:, colors]
+
+
+def slot_words(vocabulary: Vocabulary) -> list[tuple[str, str]]:
+    """(shape, color) of each block slot of the canonical networks' flattened Ω, in order."""
+    shapes = [word for word in vocabulary.shapes if word in SHAPES]
+    colors = [word for word in vocabulary.colors if word in COLORS]
+    return [(shape, color) for shape in shapes for color in colors]
+
+
+def canonical_inputs(vocabulary: Vocabulary) -> int:
+    """Size of the canonical networks' input: hand, block slots, arm, target one-hots."""
+    slots = 1 + len(slot_words(vocabulary))
+    return slots * OBJECT_FEATURES + ARM_FEATURES + len(vocabulary.words)

@@ -19,7 +19,7 @@ from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.benchmark import EPISODES_SEED
 from pa_ros.language import parse, relevance, satisfying
 from pa_ros.networks.config import actor_config
-from pa_ros.networks.inference import ProgrammableInference
+from pa_ros.networks.inference import TorchActor
 
 KNOWN, UNSEEN = "eval", "reach-new-both"
 """Conditions of the scenes; where the second means something, it shows new shapes and colors."""
@@ -55,11 +55,11 @@ class DetectorView:
 
     def __init__(self, agent: TrainedAgent) -> None:
         network = actor_config(agent.snapshot.architecture)
-        if network.kind == "canonical":
+        if not network.family.evaluates_programs:
             raise ConfigError("detectors: expected a programmable agent, got a canonical one")
         self._agent = agent
         self._vocabulary = network.vocabulary
-        self._inference = ProgrammableInference(network, agent.snapshot.tensors)
+        self._inference = TorchActor(network, agent.snapshot.tensors)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
     def looks(self, condition: str, episodes: int) -> Iterator[Look]:

@@ -21,7 +21,7 @@ from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.benchmark import EPISODES_SEED
 from pa_ros.language import And, Expression, Not, Or, Program, Word, parse
 from pa_ros.networks.config import actor_config
-from pa_ros.networks.inference import ProgrammableInference
+from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.relevance import program_tensors, relevant_objects
 from pa_ros.world.programs import ProgramTable
 
@@ -118,7 +118,7 @@ class _Comparison:
         self._act = agent.policy
         self._limits = np.array(agent.arena.joint_speed_limits)
         self._vocabulary = network.vocabulary
-        self._inference = ProgrammableInference(network, agent.snapshot.tensors)
+        self._inference = TorchActor(network, agent.snapshot.tensors)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
     def measure(self, law: Law, condition: str, index: int) -> tuple[float, float, float]:

@@ -21,7 +21,7 @@ from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
 from pa_ros.language import parse, relevance, satisfying
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.config import actor_config
-from pa_ros.networks.inference import ProgrammableInference
+from pa_ros.networks.inference import TorchActor
 
 FULL, FEWER = "eval", "only-color"
 """Conditions of scenes: as in training; and with one block alone of a color, so fewer blocks."""
@@ -108,9 +108,7 @@ def draw_phi(path: Path, checkpoint: Path, config: ArenaConfig, design: Design, 
     network = actor_config(snapshot.architecture)
     task = ReachTask(config, design, seed=0)
     observation, _ = task.reset_to(scene.episode)
-    phi = ProgrammableInference(network, snapshot.tensors).properties(
-        observation.objects, observation.arm
-    )
+    phi = TorchActor(network, snapshot.tensors).properties(observation.objects, observation.arm)
     parsed = parse(program, network.vocabulary)
     p = relevance(parsed, phi.tolist(), network.vocabulary.row, observation.hand_index)
     hand, *blocks = task.simulation.positions[:, :2].tolist()

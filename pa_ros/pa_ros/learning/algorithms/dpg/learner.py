@@ -21,7 +21,6 @@ from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.slots import target_one_hots
 from pa_ros.world import Scoring
 from pa_ros.world.programs import ProgramTable
 
@@ -77,7 +76,7 @@ class Learner:
             programs = [parse(text, network.vocabulary) for text in training_programs]
             self._relabeler = Relabeler(programs, network.vocabulary, self.scoring)
         self._dropout = None
-        if config.property_dropout and network.kind != "canonical":
+        if config.property_dropout and network.family.evaluates_programs:
             self._dropout = PropertyDropout(self.table, config.property_dropout)
         goals = self._relabeler.rewards_kept if self._relabeler else 0
         self.replay = ReplayBuffer(config.replay_frames, network.vocabulary.digest, goals=goals)
@@ -166,8 +165,7 @@ class Learner:
     def _row(self, text: str) -> int:
         """Row of a program in the table; ProgramError or UnsupportedProgramError if it has none."""
         program = parse(text, self.network.vocabulary)
-        if self.network.kind == "canonical":
-            target_one_hots(program, self.network.vocabulary)
+        self.network.family.check(program, self.network.vocabulary)
         return self.table.add(program)
 
     def _snapshot(self) -> PolicySnapshot:

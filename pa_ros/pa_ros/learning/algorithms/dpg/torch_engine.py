@@ -14,9 +14,7 @@ from torch.nn import functional as F
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
-from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
     COLUMN_FEATURES,
@@ -28,9 +26,6 @@ from pa_ros.networks.parameters import (
     check_tensors,
     critic_shapes,
 )
-from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
-from pa_ros.networks.relevance import program_tensors
-from pa_ros.networks.slots import target_one_hots
 from pa_ros.world.programs import ProgramTable
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -48,7 +43,7 @@ class Inputs(NamedTuple):
     next_arm: Tensor
     reward: Tensor
     discount: Tensor
-    goals: Programs | Tensor
+    goals: Any  # `Family.goals`
 
 
 class TorchEngine:
@@ -212,15 +207,10 @@ class TorchEngine:
     def _networks(
         self, network: NetworkConfig, actor: Tensors, critic: Tensors
     ) -> tuple[nn.Module, nn.Module]:
-        made = [kind(network).to(self._device, self._dtype) for kind in self._classes(network)]
+        made = [kind(network).to(self._device, self._dtype) for kind in network.family.modules()]
         for module, tensors in zip(made, (actor, critic), strict=True):
             module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
         return made[0], made[1]
-
-    def _classes(self, network: NetworkConfig) -> tuple[Any, Any]:
-        if network.kind == "canonical":
-            return CanonicalActor, CanonicalCritic
-        return ProgrammableActor, ProgrammableCritic
 
     def _adam(self, module: nn.Module) -> torch.optim.Adam:
         """Adam of all parameters, then, as a group of their own, of the detectors if any."""
@@ -252,33 +242,28 @@ def _device_named(name: str) -> torch.device:
 
 
 class _Goals:
-    """What the networks are told of each program: its flat form, or its target's one-hots."""
+    """What the networks are told of each program of a table."""
 
     def __init__(
         self, network: NetworkConfig, table: ProgramTable, device: torch.device, dtype: torch.dtype
     ) -> None:
-        self._canonical = network.kind == "canonical"
+        self._family = network.family
         self._table = table
         self._device, self._dtype = device, dtype
-        self.size = 0  # rows of the table that are on the device
-        self._rows: tuple[Tensor, ...] = ()
+        self._size = 0  # rows of the table that are on the device
+        self._rows: list[Tensor] = []
 
     def refresh(self) -> None:
         """Bring rows that joined the table to the device."""
-        if self.size != len(self._table):
-            self._rows = (
-                self._one_hots() if self._canonical else program_tensors(self._table, self._device)
-            )
-            self.size = len(self._table)
+        if self._size != len(self._table):
+            codes = map(torch.from_numpy, self._family.codes(self._table))
+            self._rows = [
+                code.to(self._device, self._dtype if code.is_floating_point() else torch.int64)
+                for code in codes
+            ]
+            self._size = len(self._table)
 
-    def of(self, program: Tensor) -> Programs | Tensor:
-        """Flat programs, or one-hots [B, K, V], for rows [B, K] of the table."""
+    def of(self, program: Tensor) -> Any:
+        """For rows [B, K] of the table."""
         index = program.long()
-        goals = [rows[index] for rows in self._rows]
-        return goals[0] if self._canonical else Programs(*goals)
-
-    def _one_hots(self) -> tuple[Tensor]:
-        vocabulary = self._table.vocabulary
-        programs = [parse(text, vocabulary) for text in self._table.texts]
-        rows = np.stack([target_one_hots(program, vocabulary) for program in programs])
-        return (torch.from_numpy(rows).to(self._device, self._dtype),)
+        return self._family.goals(*(rows[index] for rows in self._rows))

@@ -1,0 +1,200 @@
+"""Families of networks: an object for all that depends on the kind of actor and critic.
+
+Other rooms register what they know of a family by its type (`functools.singledispatch`): the fused
+engine how to compute it, benchmarks what it costs.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import JOINTS, Float32
+from pa_ros.language import Program, Vocabulary, parse
+from pa_ros.networks.parameters import COLUMN_FEATURES, LILLICRAP_OUTPUT_SCALE, Shapes, linear
+from pa_ros.networks.slots import canonical_inputs, target_one_hots
+from pa_ros.world.programs import Int32, ProgramTable
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from pa_ros.networks.config import NetworkConfig
+
+Codes = tuple[Float32 | Int32, ...]
+"""What networks are told of each program of a table, arrays [P, …]."""
+
+
+@dataclass(frozen=True)
+class Family(ABC):
+    """Actors and critics of one kind; `actor` is the family with the same actors, for its name.
+
+    What acts is described by `sizes`, which with the actor's name is all of an architecture's text
+    that depends on the family.
+    """
+
+    name: str
+    actor: str
+    evaluates_programs: ClassVar[bool]
+    """Whether a program is run over Φ, so that degrees can be shown, and properties be hidden."""
+
+    @abstractmethod
+    def sizes(self, config: NetworkConfig) -> dict[str, Any]:
+        """What an architecture says of the actor's sizes."""
+
+    @abstractmethod
+    def fields(self, architecture: Mapping[str, Any]) -> dict[str, Any]:
+        """The inverse: fields of NetworkConfig. KeyError for a size that is not there."""
+
+    @abstractmethod
+    def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
+        """Shape of each of the actor's or critic's tensors by state-dict name, in order."""
+
+    @abstractmethod
+    def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
+        """Bound of the last layer's initial weights; None: as any layer's."""
+
+    @abstractmethod
+    def modules(self) -> tuple[type[Any], type[Any]]:
+        """The torch reference, actor and critic: made of a config, called with `goals`."""
+
+    @abstractmethod
+    def codes(self, table: ProgramTable) -> Codes:
+        """UnsupportedProgramError if a program of the table cannot be told."""
+
+    @abstractmethod
+    def goals(self, *codes: Tensor) -> Any:
+        """What the modules take for `codes` [B, K, …] gathered from a table's."""
+
+    @abstractmethod
+    def check(self, program: Program, vocabulary: Vocabulary) -> None:
+        """UnsupportedProgramError if the networks cannot be told this program."""
+
+    def detects(self, critic: bool) -> bool:
+        """Whether the actor or the critic learns its Φ by detectors."""
+        return False
+
+
+@dataclass(frozen=True)
+class Programmable(Family):
+    """Programs run over Φ (`pa_ros.networks.programmable`): learned by detectors, or true."""
+
+    actor_detects: bool
+    critic_detects: bool
+    evaluates_programs: ClassVar[bool] = True
+
+    def sizes(self, config: NetworkConfig) -> dict[str, Any]:
+        sizes: dict[str, Any] = {"hidden": config.hidden, "attention": config.attention}
+        if config.self_weight != 1.0:
+            sizes["self_weight"] = float(config.self_weight)
+        return sizes
+
+    def fields(self, architecture: Mapping[str, Any]) -> dict[str, Any]:
+        names = {"hidden", "attention", "self_weight"} & architecture.keys()
+        return {name: architecture[name] for name in names | {"hidden"}}
+
+    def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
+        hidden, attention = config.hidden, config.attention
+        shapes: Shapes = {}
+        if self.detects(critic):
+            shapes |= linear("detectors", len(config.vocabulary.words), COLUMN_FEATURES)
+        shapes |= linear("query", attention, COLUMN_FEATURES)
+        shapes |= linear("context", attention, COLUMN_FEATURES)
+        shapes |= {"attention.weight": (attention,)}
+        shapes |= linear("local.0", hidden, COLUMN_FEATURES) | linear("local.1", hidden, hidden)
+        shapes |= linear("message.0", hidden, 2 * COLUMN_FEATURES)
+        shapes |= linear("message.1", hidden, hidden)
+        if not critic:
+            return shapes | linear("output", JOINTS, hidden)
+        return shapes | linear("action", hidden, JOINTS) | linear("output", 1, hidden)
+
+    def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
+        return None if critic else config.actor_output_scale
+
+    def modules(self) -> tuple[type[Any], type[Any]]:
+        from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic
+
+        return ProgrammableActor, ProgrammableCritic
+
+    def codes(self, table: ProgramTable) -> Codes:
+        return table.arrays()
+
+    def goals(self, *codes: Tensor) -> Any:
+        from pa_ros.networks.programmable import Programs
+
+        return Programs(*codes)
+
+    def check(self, program: Program, vocabulary: Vocabulary) -> None:
+        """Any program can be told."""
+
+    def detects(self, critic: bool) -> bool:
+        return self.critic_detects if critic else self.actor_detects
+
+
+@dataclass(frozen=True)
+class Canonical(Family):
+    """MLPs on the flattened Ω (`pa_ros.networks.canonical`), told the target as one-hots [P, V]."""
+
+    evaluates_programs: ClassVar[bool] = False
+
+    def sizes(self, config: NetworkConfig) -> dict[str, Any]:
+        return {"hidden": config.canonical_hidden}
+
+    def fields(self, architecture: Mapping[str, Any]) -> dict[str, Any]:
+        return {"canonical_hidden": architecture["hidden"]}
+
+    def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
+        hidden = config.canonical_hidden
+        actions = JOINTS if critic else 0  # the action enters at the second hidden layer
+        shapes = linear("layers.0", hidden, canonical_inputs(config.vocabulary))
+        shapes |= linear("layers.1", hidden, hidden + actions)
+        return shapes | linear("output", 1 if critic else JOINTS, hidden)
+
+    def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
+        return LILLICRAP_OUTPUT_SCALE
+
+    def modules(self) -> tuple[type[Any], type[Any]]:
+        from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
+
+        return CanonicalActor, CanonicalCritic
+
+    def codes(self, table: ProgramTable) -> Codes:
+        programs = [parse(text, table.vocabulary) for text in table.texts]
+        return (np.stack([target_one_hots(program, table.vocabulary) for program in programs]),)
+
+    def goals(self, *codes: Tensor) -> Any:
+        return codes[0]
+
+    def check(self, program: Program, vocabulary: Vocabulary) -> None:
+        target_one_hots(program, vocabulary)
+
+
+FAMILIES: dict[str, Family] = {
+    family.name: family
+    for family in (
+        Programmable("programmable", "programmable", True, True),
+        Programmable("distilled-critic", "programmable", True, False),
+        Programmable("true-properties", "true-properties", False, False),
+        Canonical("canonical", "canonical"),
+    )
+}
+
+
+def family_named(name: str) -> Family:
+    """Look up a family; ConfigError names the known ones."""
+    if name not in FAMILIES:
+        raise ConfigError(f"network kind: expected one of {tuple(FAMILIES)}, got {name!r}")
+    return FAMILIES[name]
+
+
+@lru_cache(maxsize=1024)
+def codes_of(program: Program, network: NetworkConfig) -> Codes:
+    """What networks are told of one program, arrays [1, …]; UnsupportedProgramError if nothing."""
+    table = ProgramTable(network.vocabulary)
+    table.add(program)
+    return network.family.codes(table)

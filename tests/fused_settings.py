@@ -1,0 +1,146 @@
+"""Networks, batches and bounds for holding the fused engine to the formulas in float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from updates import update
+
+from pa_ros.benchmarks.straightforward import StraightforwardEngine
+from pa_ros.core.update import HAND_INDEX, Batch
+from pa_ros.language import parse
+from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.native.engine import FusedEngine
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
+from pa_ros.world.programs import ProgramTable
+
+PROGRAMS = (
+    "NEAR(HAND, RED)",
+    "NEAR(HAND, AND(RED, CUBE))",
+    "NEAR(HAND, OR(BLUE, SPHERE))",
+    "NEAR(HAND, NOT(GREEN))",
+    "NEAR(HAND, AND(CUBE, SPHERE, RED, NOT(CYLINDER)))",
+    "NEAR(HAND, OR(AND(NOT(OR(AND(RED, CUBE), BLUE)), SPHERE), NOT(AND(A, OR(C, GREEN)))))",
+)
+VOCABULARY = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
+SMALL = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+
+
+@dataclass
+class Setting:
+    """A learner's networks, configuration, programs and initial tensors."""
+
+    network: NetworkConfig
+    config: LearnerConfig
+    table: ProgramTable
+    actor: Tensors
+    critic: Tensors
+
+    def engine(self, **changes: object) -> FusedEngine:
+        config = replace(self.config, **changes)  # type: ignore[arg-type]
+        return FusedEngine(self.network, config, self.table, self.actor, self.critic)
+
+    def reference(self) -> StraightforwardEngine:
+        """The formulas as they stand, in float64."""
+        config = replace(self.config, dtype="float64")
+        return StraightforwardEngine(self.network, config, self.table, self.actor, self.critic)
+
+
+def setting(
+    kind: str = "programmable",
+    scale: float = 1.0,
+    vocabulary: Vocabulary = VOCABULARY,
+    **sizes: float,
+) -> Setting:
+    """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1."""
+    network = NetworkConfig(vocabulary, kind=kind, actor_output_scale=0.3, **sizes)  # type: ignore[arg-type]
+    table = ProgramTable(vocabulary)
+    words = set(vocabulary.words)
+    for text in PROGRAMS:
+        program = parse(text, VOCABULARY)
+        if words.issuperset(program.words):
+            table.add(program)
+    rng = np.random.default_rng(1)
+    actor, critic = initial_actor(network, rng), initial_critic(network, rng)
+    for tensors in (actor, critic):
+        if "detectors.weight" in tensors:
+            tensors["detectors.weight"] *= scale
+    config = LearnerConfig(
+        action_l2=0.02,
+        action_l2_decay=0.5,
+        action_l2_decay_updates=800,
+        detector_gain=3.0,
+        detector_decay=0.5,
+        detector_decay_updates=900,
+        rates_fall_after=3,
+        geometry_decay=0.01,
+        geometry_decay_after=2,
+    )
+    return Setting(network, config, table, actor, critic)
+
+
+def make_batch(
+    rng: np.random.Generator, size: int, objects: int, programs: int, rows: int
+) -> Batch:
+    """Random observations of the right kind: a hand and blocks with one shape and one color."""
+
+    def scene() -> np.ndarray:
+        x = np.zeros((size, objects, 16), np.float32)
+        x[..., :3] = rng.normal(0, 0.3, (size, objects, 3))
+        x[..., 3:7] = rng.normal(0, 0.5, (size, objects, 4))
+        shape, color = (rng.integers(0, n, (size, objects)) for n in (4, 5))
+        np.put_along_axis(x, 7 + shape[..., None], 1.0, -1)
+        np.put_along_axis(x, 11 + color[..., None], 1.0, -1)
+        x[:, HAND_INDEX] = 0
+        x[:, HAND_INDEX, 6] = 1
+        return x
+
+    def normal(*shape: int) -> np.ndarray:
+        return rng.normal(size=shape).astype(np.float32)
+
+    discount = np.where(rng.random(size) < 0.1, 0, 0.99).astype(np.float32)
+    return Batch(
+        objects=scene(),
+        arm=normal(size, 18),
+        action=rng.uniform(-1, 1, (size, 6)).astype(np.float32),
+        next_objects=scene(),
+        next_arm=normal(size, 18),
+        program=rng.integers(0, rows, (size, programs)).astype(np.int32),
+        reward=rng.choice([-1.0, 1.0], (size, programs)).astype(np.float32),
+        discount=discount,
+    )
+
+
+def assert_close(ours: dict[str, np.ndarray], theirs: dict[str, np.ndarray], bound: float) -> None:
+    """Each tensor's largest error, against its largest element or float32's unit of the largest."""
+    assert ours.keys() == theirs.keys()
+    unit = {
+        owner: 2**-23 * max(np.abs(x).max() for name, x in theirs.items() if name.startswith(owner))
+        for owner in ("actor", "critic")
+    }
+    for name, tensor in theirs.items():
+        error, size = np.abs(ours[name] - tensor).max(), np.abs(tensor).max()
+        assert error <= bound * size + unit[name.partition(".")[0]], (name, error, size)
+
+
+def expected_gradients(
+    reference: StraightforwardEngine, batch: Batch, action_l2: float
+) -> dict[str, np.ndarray]:
+    """By the names of `FusedEngine.gradients`."""
+    gradients = reference.gradients(batch, action_l2)
+    return {f"{o}.{k}": g.numpy() for o, named in gradients.items() for k, g in named.items()}
+
+
+def check_gradients(made: Setting, batch: Batch, **changes: object) -> None:
+    engine, reference = made.engine(**changes), made.reference()
+    update(engine, batch, made.config)
+    expected = expected_gradients(reference, batch, made.config.action_l2)
+    assert_close(engine.gradients(), expected, 1e-5)
+    assert engine.metrics()["critic_loss"] == pytest.approx(reference.loss, rel=1e-5)
+    squares = [np.square(g).sum() for name, g in expected.items() if name.startswith("actor.")]
+    norm = engine.metrics()["actor_gradient_norm"]
+    assert norm == pytest.approx(np.sqrt(sum(squares)), rel=1e-4)
