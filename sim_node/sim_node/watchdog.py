@@ -24,7 +24,7 @@ class Watchdog:
         if self._session.program is None:
             raise NoProgramError("joint_commands: expected a program first, got none")
         stands = self._session.frame.observation
-        oldest = stands.stamp_ns - self._timeout_ns
+        oldest = self._oldest_ns()
         if self._command is not None:
             oldest = max(oldest, self._command.stamp_ns)
         if command.episode != stands.episode or not oldest <= command.stamp_ns <= stands.stamp_ns:
@@ -36,15 +36,16 @@ class Watchdog:
 
     def tick(self) -> Iterator[Frame]:
         """Run one control period."""
-        stands, command = self._session.frame.observation, self._command
-        fresh = (
-            command is not None
-            and self._session.program is not None
-            and command.episode == stands.episode
-            and command.stamp_ns >= stands.stamp_ns - self._timeout_ns
-        )
-        if fresh and command is not None:
+        command, commanded = self._command, self._session.program is not None
+        if commanded and command is not None and command.stamp_ns >= self._oldest_ns():
             return self._session.apply(command)
         self._command = None
-        self.holds += self._session.program is not None
+        self.holds += commanded
         return self._session.advance(self._session.hold)
+
+    def _oldest_ns(self) -> int:
+        """Stamp of the oldest command that may move the arm now: of this episode, whatever number
+        the one before had, and within the timeout."""
+        stands = self._session.frame.observation
+        since_reset = stands.step * self._session.arena.control_period_ns
+        return stands.stamp_ns - min(self._timeout_ns, since_reset)

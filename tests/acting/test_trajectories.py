@@ -123,6 +123,22 @@ def test_a_restart_ends_the_episode_and_a_new_program_does_not() -> None:
     assert [(s.ends_episode, len(s), s.program) for s in cut] == [(False, 1, "P")]
 
 
+@pytest.mark.parametrize("episode", [3, 9])
+def test_nothing_joins_on_after_a_reset_to_a_lower_or_higher_episode(episode: int) -> None:
+    """Not even where step and program go on: a program that someone sent outlives episodes."""
+    builder = TrajectoryBuilder(*AGENT)
+    trajectories = []
+    for at, index in ((7, 0), (7, 1), (7, 2), (episode, 3), (episode, 4), (episode, 5)):
+        observation, verdict, program = step(at, index)
+        observation = replace(observation, program_id="mine")
+        done = builder.observe(observation, replace(verdict, program_id="mine"), program)
+        trajectories += [done] if done else []
+        builder.acted(action(at, index), 0)
+    trajectories += [builder.observe(*step(20, 0))]
+    found = [(t.episode, t.first_step, len(t), t.ends_episode) for t in trajectories]
+    assert found == [(7, 0, 2, True), (episode, 3, 2, True)]
+
+
 def test_weights_change_between_trajectories_only() -> None:
     builder = TrajectoryBuilder(*AGENT)
     feed(builder, [(0, 0, "P", False)], version=3)

@@ -103,6 +103,18 @@ def test_a_bag_is_split_by_time_and_size(tmp_path, storage, limits):
     assert identifiers(tmp_path / "bag") == list(range(10))
 
 
+def test_repair_puts_part_10_after_part_2(tmp_path):
+    written(tmp_path / "bag", 12, split_s=1.0)
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    before = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
+    metadata.unlink()
+    assert repair(tmp_path / "bag").files == 12
+    after = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
+    assert after["relative_file_paths"] == before["relative_file_paths"]
+    assert after["relative_file_paths"][10] == "bag_10.mcap"
+    assert identifiers(tmp_path / "bag") == list(range(12))
+
+
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
     bag = tmp_path / "bag"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,23 @@ def test_a_trajectory_that_is_missing_is_named(recorded, tmp_path, capsys):
     assert "INCOMPLETE: trajectory 3 of agent, which led to version 4, is not in the bag" in out
     assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
     assert "1 trajectories were learned from but are not in the bag" in capsys.readouterr().out
+
+
+def test_what_the_recorded_learner_never_took_is_left_out(recorded, tmp_path, capsys):
+    """A trajectory that was sent when the learner had stopped, or that it had refused."""
+
+    def add(topic, message):
+        if topic != "/trajectories" or message.sequence != 4:
+            return [message]
+        return [message, replace(message, sequence=5, episode=5)]
+
+    copy = rewritten(recorded / "bag", tmp_path / "copy", add)
+    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    assert "1 trajectories are in the bag, but its learner had not taken them in" in out
+    assert "5 trajectories, 500 transitions, 500 updates" in out
+    for name in ("engine.safetensors", "replay.safetensors"):
+        assert checkpoint_file(tmp_path / "out", name) == checkpoint_file(recorded, name)
 
 
 def test_order_is_the_learners_whatever_the_order_of_the_recording(recorded, tmp_path):

@@ -16,6 +16,7 @@ from pa_ros.learning.errors import (
     TrajectorySizeError,
     TrajectoryVocabularyError,
 )
+from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer, hand_first
 from pa_ros.learning.replay_buffer.ledger import Ledger
 
@@ -63,6 +64,24 @@ def test_samples_are_the_newest_whole_transitions(lengths, capacity) -> None:
     starts = {x for x in kept if x + 1 in kept}
     assert set(now.tolist()) == starts
     assert replay.transitions == len(starts)
+
+
+def test_nothing_of_what_was_overwritten_is_left_behind() -> None:
+    """Rows whose transition ended the task, was the last or had marks get others' in their turn."""
+    rng = np.random.default_rng(0)
+    replay = ReplayBuffer(7, WORDS.digest)
+    ones = np.ones(6, np.uint64)
+    for sequence in range(4):  # each row once the last, and once terminal
+        ended = random_trajectory(rng, 1 + sequence % 2, sequence=sequence, terminated=True)
+        rows = len(ended) + 1
+        replay.insert(ended, 1, Marks(ones[:rows], ones[:rows]))
+    later = random_trajectory(rng, 5, sequence=9)
+    replay.insert(later, 2)
+    index = np.flatnonzero(replay.arrays["program"] == 2)
+    assert len(index) == 6 and np.count_nonzero(replay.arrays["last"][index]) == 1
+    for name in ("terminal", "satisfied", "present"):
+        assert not replay.arrays[name][index].any(), name
+    assert replay.rows == 7
 
 
 def test_inserting_twice_is_inserting_once() -> None:
@@ -127,6 +146,7 @@ def test_a_huge_gap_costs_nothing() -> None:
         ({"arm": np.full((6, 18), np.nan, np.float32)}, NonFiniteError, "arm"),
         ({"rewards": np.full(5, np.inf, np.float32)}, NonFiniteError, "rewards"),
         ({"actions": np.full((5, 6), 1.5, np.float32)}, NonFiniteError, "1.5"),
+        ({"actions": np.full((5, 6), -1.5, np.float32)}, NonFiniteError, "1.5"),
     ],
 )
 def test_what_does_not_fit_is_refused_and_changes_nothing(fields, error, message) -> None:

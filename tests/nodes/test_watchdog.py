@@ -1,0 +1,120 @@
+"""In real time a command holds for a while, and never beyond its episode."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
+from sim_node.config import SimConfig
+from sim_node.errors import NoProgramError, StaleCommandError
+from sim_node.session import Frame, Session
+from sim_node.watchdog import Watchdog
+
+PERIOD_NS = 100_000_000
+
+
+@pytest.fixture
+def session() -> Session:
+    made = Session(SimConfig(mode="real_time"), "x")
+    made.begin()
+    return made
+
+
+@pytest.fixture
+def watchdog(session: Session) -> Watchdog:
+    """Commands hold for three control periods."""
+    return Watchdog(session, 0.3)
+
+
+def command(session: Session, age: int = 0, **fields: int) -> Command:
+    """To turn the first joint at full speed; an answer to the step `age` periods ago."""
+    stands = session.frame.observation
+    values = {"episode": stands.episode, "step": stands.step} | fields
+    stamp_ns = stands.stamp_ns - age * PERIOD_NS
+    action = np.array([1, 0, 0, 0, 0, 0], np.float32)
+    return Command(**values, stamp_ns=stamp_ns, agent_id="me", policy_version=0, action=action)
+
+
+def tick(watchdog: Watchdog) -> Frame:
+    return next(iter(watchdog.tick()))
+
+
+def speed(frame: Frame) -> float:
+    return float(np.abs(frame.observation.joint_velocity).max())
+
+
+def test_a_command_holds_for_its_time_and_then_the_arm_holds_still(
+    session: Session, watchdog: Watchdog
+) -> None:
+    watchdog.offer(command(session))
+    assert [speed(tick(watchdog)) > 0.5 for _ in range(4)] == [True] * 4  # ages 0, 1, 2 and 3
+    assert watchdog.holds == 0
+    for _ in range(3):
+        last = tick(watchdog)
+    assert speed(last) < 0.05 and watchdog.holds == 3
+
+
+def test_only_the_step_that_a_command_answers_is_its_agents(
+    session: Session, watchdog: Watchdog
+) -> None:
+    """What a held-over command leads to is nobody's choice at that step."""
+    watchdog.offer(command(session))
+    assert [tick(watchdog).commanded_by for _ in range(5)] == ["me", "", "", "", ""]
+    watchdog.offer(command(session, age=1))
+    assert tick(watchdog).commanded_by == ""
+
+
+@pytest.mark.parametrize("episode", [0, 5])
+def test_a_command_does_not_reach_beyond_a_reset(
+    session: Session, watchdog: Watchdog, episode: int
+) -> None:
+    watchdog.offer(command(session))
+    tick(watchdog)
+    session.begin(ResetRequest(episode))
+    frame = tick(watchdog)
+    assert speed(frame) < 0.05 and frame.commanded_by == ""
+    assert watchdog.holds == 1
+
+
+@pytest.mark.parametrize("eval_every", [0, 1])
+def test_a_command_does_not_reach_into_the_next_episode(eval_every: int) -> None:
+    """Not even where an evaluation episode has the same number."""
+    config = SimConfig(mode="real_time", episode_steps=2, eval_every_episodes=eval_every)
+    session = Session(config, "x")
+    session.begin()
+    watchdog = Watchdog(session, 1.0)
+    watchdog.offer(command(session))
+    assert [len(list(watchdog.tick())) for _ in range(2)] == [1, 2]
+    assert session.frame.observation.step == 0 and session.frame.evaluation == bool(eval_every)
+    assert speed(tick(watchdog)) < 0.05
+
+
+def test_what_is_too_old_of_another_episode_or_out_of_order_is_refused(
+    session: Session, watchdog: Watchdog
+) -> None:
+    for _ in range(5):
+        tick(watchdog)
+    watchdog.offer(command(session, age=3))
+    watchdog.offer(command(session, age=2))
+    for wrong in (
+        command(session, age=4),  # too old
+        command(session, age=3),  # older than one taken before
+        command(session, age=-1),  # an answer to what is not yet
+        command(session, episode=1),
+    ):
+        with pytest.raises(StaleCommandError):
+            watchdog.offer(wrong)
+    watchdog.offer(command(session, age=2))  # the same again
+
+
+def test_without_a_program_nothing_moves_and_nobody_is_blamed() -> None:
+    session = Session(SimConfig(mode="real_time", program_source="topic"), "x")
+    session.begin()
+    watchdog = Watchdog(session, 0.3)
+    with pytest.raises(NoProgramError):
+        watchdog.offer(command(session))
+    assert speed(tick(watchdog)) < 0.05 and watchdog.holds == 0
+    session.submit(ProgramRequest("mine", "NEAR(HAND, RED)"))
+    watchdog.offer(command(session))
+    assert speed(tick(watchdog)) > 0.5
