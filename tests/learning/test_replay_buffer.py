@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from worlds import WORDS, random_trajectory
 
+from pa_ros.core.experience import Float32
 from pa_ros.learning.errors import (
     EmptyReplayError,
     NonFiniteError,
@@ -131,6 +132,13 @@ def test_a_huge_gap_costs_nothing() -> None:
     assert ledger.missing == 10**15 and not ledger.is_new("agent", 10**15)
 
 
+def one_action(value: float) -> Float32:
+    """Five actions, [5, 6], that are zero but for one number."""
+    actions = np.zeros((5, 6), np.float32)
+    actions[2, 3] = value
+    return actions
+
+
 @pytest.mark.parametrize(
     ("fields", "error", "message"),
     [
@@ -145,8 +153,8 @@ def test_a_huge_gap_costs_nothing() -> None:
         ({"hand_index": -1}, TrajectorySizeError, "got -1"),
         ({"arm": np.full((6, 18), np.nan, np.float32)}, NonFiniteError, "arm"),
         ({"rewards": np.full(5, np.inf, np.float32)}, NonFiniteError, "rewards"),
-        ({"actions": np.full((5, 6), 1.5, np.float32)}, NonFiniteError, "1.5"),
-        ({"actions": np.full((5, 6), -1.5, np.float32)}, NonFiniteError, "1.5"),
+        ({"actions": one_action(1.5)}, NonFiniteError, "got ±1.5"),
+        ({"actions": one_action(-1.5)}, NonFiniteError, "got ±1.5"),
     ],
 )
 def test_what_does_not_fit_is_refused_and_changes_nothing(fields, error, message) -> None:
