@@ -199,3 +199,26 @@ def test_info_names_gaps(learned, stepped, tmp_path, capsys):
 
     assert main(["bag", "info", str(rewritten(stepped, tmp_path / "b", lose))]) == 0
     assert "GAPS: 3 steps between others are not recorded" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("topic", "field", "damaged", "reason"),
+    [
+        ("/object_features", "object_count", 7, "object_features.features"),
+        ("/joint_states", "position", np.zeros(3), "joint_states.position"),
+        ("/verdict", "distance", -1.0, "verdict.distance"),
+    ],
+)
+def test_steps_that_are_not_what_they_promise_are_refused(
+    stepped, tmp_path, capsys, topic, field, damaged, reason
+):
+    def damage(name, message):
+        if name == topic:
+            setattr(message, field, damaged)
+        return [message]
+
+    bag = rewritten(stepped, tmp_path / "damaged", damage)
+    assert main(["bag", "info", str(bag)]) == 0
+    assert f"not readable: {reason}" in capsys.readouterr().out
+    assert main(["bag", "export", str(bag), "--out", str(tmp_path / "out")]) == 2
+    assert reason in capsys.readouterr().err

@@ -66,6 +66,7 @@ def test_trajectory_survives_the_wire(seed, length, count, number, ends, termina
     )
     received = codec.decode_trajectory(codec.encode_trajectory(sent, 5), DIGEST)
     assert same(received, sent)
+    assert codec.decode_trajectory_key(codec.encode_trajectory(sent)) == (sent.agent_id, number)
     assert received.objects.flags.owndata or received.objects.base.flags.owndata
 
 
@@ -107,6 +108,7 @@ arrays = hnp.arrays(np.float32, shapes, elements=st.floats(-10, 10, width=32))
 @given(st.dictionaries(st.text("abc.", min_size=1), arrays, min_size=1, max_size=5))
 def test_weights_survive_the_wire(tensors):
     sent = policy(**tensors)
+    assert codec.weights_checksum(sent.snapshot) == codec.encode_weights(sent).checksum
     received = codec.decode_weights(
         codec.encode_weights(sent), sent.snapshot.architecture, sent.snapshot.vocabulary_digest
     )

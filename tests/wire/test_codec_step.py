@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pa_ros.core.experience import Observation, Verdict
 from pa_ros.wire import codec, errors
-from pa_ros.wire.records import Command
+from pa_ros.wire.records import Command, StepMark
 
 NAMES = ("j1", "j2", "j3", "j4", "j5", "j6")
 counters = st.integers(0, 2**63)
@@ -57,6 +57,21 @@ def test_observation_survives_the_wire(seed, count, episode, step, stamp, progra
     assert same(codec.decode_observation(features, joints, NAMES), sent)
     assert codec.is_evaluation(features) is evaluation
     assert codec.header_stamp(features) == codec.header_stamp(joints) == stamp
+
+
+def test_the_parts_of_a_step_are_read_alone_as_they_are_together():
+    sent = observation(episode=4, step=9, hand_index=2, program_id="p")
+    features, joints = codec.encode_observation(sent, NAMES, evaluation=True)
+    assert codec.decode_step_mark(features) == StepMark(4, 9, True, "p")
+    objects, hand_index = codec.decode_objects(features)
+    assert np.array_equal(objects, sent.objects) and hand_index == 2
+    for names in (NAMES, ()):
+        position, velocity = codec.decode_joints(joints, names)
+        assert np.array_equal(position, sent.joint_position)
+        assert np.array_equal(velocity, sent.joint_velocity)
+    joints.velocity = joints.velocity[:5]
+    with pytest.raises(errors.SizeError, match="joint_states.velocity"):
+        codec.decode_joints(joints, ())
 
 
 def test_decoded_arrays_own_their_memory():
