@@ -48,7 +48,7 @@ def why_not_network(network: NetworkConfig) -> str:
     except FusedError as error:
         return str(error)
     level()
-    if not isinstance(network.family, Programmable | Canonical):
+    if type(network.family) not in (Programmable, Canonical):
         return f"it knows no networks of the family {network.family.name!r}"
     words = len(network.vocabulary.words)
     return f"it takes {limit} words, not {words}" if words > limit else ""
