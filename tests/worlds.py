@@ -40,7 +40,7 @@ class PointWorld:
 
     def reset(self, episode_index: int, condition: str = "train") -> tuple[Observation, Verdict]:
         rng = np.random.default_rng([self._seed, 0, episode_index])
-        self._episode, self._step = episode_index, 0
+        self.episode, self._step = episode_index, 0
         self.program = PROGRAMS[rng.integers(2)]
         angle = rng.uniform(0, 2 * np.pi)
         place = 0.6 * np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -59,9 +59,9 @@ class PointWorld:
         objects = objects_at(positions)
         named = np.arange(3) == 1 + PROGRAMS.index(self.program)
         distance, near, reward = (value.item() for value in self.scoring(named, objects))
-        where = (self._episode, self._step, self._stamp)
+        where = (self.episode, self._step, self._stamp)
         joints = np.concatenate([self._hand, np.zeros(3)])
-        program_id = f"{self._episode}.0"
+        program_id = f"{self.episode}.0"
         observation = Observation(*where, objects, joints, 0 * joints, 0, program_id)
         truncated = self._step >= self._steps
         verdict = Verdict(*where, program_id, reward, near, distance, truncated)

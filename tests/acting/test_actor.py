@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from worlds import PROGRAMS, WORDS, PointWorld
 
-from pa_ros.acting.actor import Actor, _inference_for
+from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.agent import LearningAgent
 from pa_ros.acting.exploration import OrnsteinUhlenbeck
 from pa_ros.acting.schedule import Schedule
@@ -68,13 +68,13 @@ def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message)
 
 @pytest.mark.parametrize("engine", ["auto", "fused"])
 def test_acts_by_the_fused_code_where_it_applies(engine, caplog) -> None:
-    _inference_for.cache_clear()
+    inference_for.cache_clear()
     with caplog.at_level(logging.INFO):
         one, other = (Actor(NETWORK, replace(SETTINGS, engine=engine), 0) for _ in range(2))
     assert [record.message for record in caplog.records] == ["actor inference: fused"]
+    assert inference_for(NETWORK, engine) is FusedActor
     given = snapshot()
     one.load(given)
-    assert isinstance(one._inference, FusedActor)
     observation, _ = PointWorld().reset(0)
     program = one.parse(PROGRAMS[0])
     plain = TorchActor(NETWORK, given.tensors)
@@ -87,12 +87,11 @@ def test_acts_by_the_fused_code_where_it_applies(engine, caplog) -> None:
 
 
 def test_acts_by_torch_if_asked_to_and_says_so(caplog) -> None:
-    _inference_for.cache_clear()
+    inference_for.cache_clear()
     with caplog.at_level(logging.INFO):
-        actor = Actor(NETWORK, replace(SETTINGS, engine="torch"), 0)
+        Actor(NETWORK, replace(SETTINGS, engine="torch"), 0)
     assert "actor inference: torch (the learner's is torch)" in caplog.text
-    actor.load(snapshot())
-    assert isinstance(actor._inference, TorchActor)
+    assert inference_for(NETWORK, "torch") is TorchActor
 
 
 def test_the_graph_and_the_loop_choose_alike() -> None:
@@ -100,7 +99,7 @@ def test_the_graph_and_the_loop_choose_alike() -> None:
     for kind in ("programmable", "distilled-critic", "true-properties", "canonical"):
         network = replace(NETWORK, kind=kind)
         there = actor_config(network.architecture)
-        assert _inference_for(network, "auto") is _inference_for(there, "auto")
+        assert inference_for(network, "auto") is inference_for(there, "auto")
 
 
 def test_other_refusals() -> None:

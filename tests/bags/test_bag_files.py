@@ -281,7 +281,7 @@ def test_a_full_disk_leaves_a_readable_bag(tmp_path, monkeypatch):
     def refuse(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(bag._storage, "write", refuse)
+    monkeypatch.setattr("pa_ros.bags.storage.McapStorage.write", refuse)
     with pytest.raises(BagFullError, match="3 messages are in the bag, which was closed"):
         bag.write("/program", payload(3), START + 10**10)
     with pytest.raises(BagFullError):

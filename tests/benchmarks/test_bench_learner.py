@@ -37,8 +37,8 @@ class Products(TorchDispatchMode):
 
     def __torch_dispatch__(self, func, types, args=(), kwargs=None):
         out = func(*args, **(kwargs or {}))
-        if func._overloadpacket in flop_registry:
-            self.flops += flop_registry[func._overloadpacket](*args, **(kwargs or {}), out_val=out)
+        if func.overloadpacket in flop_registry:
+            self.flops += flop_registry[func.overloadpacket](*args, **(kwargs or {}), out_val=out)
         return out
 
 
@@ -158,7 +158,7 @@ def test_the_report(kind) -> None:
 def test_the_loop_beside_bare_updates() -> None:
     world = PointWorld()
     report = bench_train(NETWORK, CONFIG, PROGRAMS, world, np.ones(6), 2, 60, 0.002)
-    assert world._episode == 8  # nine episodes of twenty steps: a part not counted, and two
+    assert world.episode == 8  # nine episodes of twenty steps: a part not counted, and two
     low, high = report["train.frames_per_s_low"], report["train.frames_per_s_high"]
     assert 0 < low <= report["train.frames_per_s"] <= high
     share = report["train.frames_per_s"] / report["train.bare_updates_per_s"]
@@ -176,6 +176,6 @@ def test_without_the_library_it_says_so(monkeypatch) -> None:
 
 def test_stable_baselines_is_left_out_with_a_message(monkeypatch, capsys) -> None:
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    peers, facts = design._peers()
+    peers, facts = design.installed_peers()
     assert peers == [] and facts == {"learner.sb3": "not installed"}
     assert "Stable-Baselines3 is left out" in capsys.readouterr().err

@@ -194,6 +194,7 @@ def test_steps_are_matched_by_stamp_in_any_order_and_old_ones_refused():
     assert matcher.add("b", 20, "b20") is not None
     for stamp in range(30, 60):
         matcher.add("a", stamp, "lonely")  # the other parts never come: memory stays bounded
-    assert len(matcher._partial) <= 9
+    assert matcher.add("b", 31, "b31") is None  # forgotten
+    assert matcher.add("b", 59, "b59") == {"a": "lonely", "b": "b59"}
     matcher.restart()
     assert matcher.add("a", 1, "a") is None and matcher.add("b", 1, "b") is not None

@@ -36,7 +36,7 @@ class Actor:
         self.network = network
         self._config = config
         self._seed = seed
-        self._make_inference = _inference_for(network, config.engine)
+        self._make_inference = inference_for(network, config.engine)
         self._inference: Inference | None = None
         self._noise: OrnsteinUhlenbeck | None = None
         self.version = -1  # of the weights in use; -1 before the first
@@ -90,7 +90,7 @@ class Actor:
 
 
 @lru_cache(maxsize=16)
-def _inference_for(network: NetworkConfig, engine: str) -> MakeInference:
+def inference_for(network: NetworkConfig, engine: str) -> MakeInference:
     """FusedActor where it applies, else TorchActor; the choice is logged once."""
     reason = "the learner's is torch" if engine == "torch" else why_not_network(network)
     log.info("actor inference: %s", f"torch ({reason})" if reason else "fused")

@@ -33,7 +33,7 @@ def bench_updates(kind: str) -> Report:
     One thread unless a name says otherwise; one program a transition.
     """
     network, config, programs = _setting(kind)
-    peers, facts = _peers()
+    peers, facts = installed_peers()
     report = bench_learner(network, config, programs, others=peers)
     return {**report, **facts}
 
@@ -84,7 +84,7 @@ def _setting(kind: str) -> tuple[NetworkConfig, LearnerConfig, list[str]]:
     return network, config, training_programs(design)
 
 
-def _peers() -> tuple[list[Contender], dict[str, str]]:
+def installed_peers() -> tuple[list[Contender], dict[str, str]]:
     """Stable-Baselines3 if it is installed, and what the report says of it."""
     name = "learner.sb3"
     try:

@@ -186,6 +186,15 @@ class TorchEngine:
             for moments in adam.state.values():
                 moments["step"].fill_(int(tensors[name]))
 
+    def gradients(self) -> Tensors:
+        """Of the latest update, `actor.*` and `critic.*`: what Adam was given."""
+        owners = {"actor": self._actor, "critic": self._critic}
+        return {
+            f"{owner}.{name}": parameter.grad.cpu().numpy()
+            for owner, module in owners.items()
+            for name, parameter in module.named_parameters()
+        }
+
     def _named(self) -> dict[str, Tensor]:
         """The live tensors by the names of `Engine.tensors`."""
         named: dict[str, Tensor] = {}
