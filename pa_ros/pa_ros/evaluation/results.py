@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
 from pa_ros.evaluation.pictures.variants import variants_figure
@@ -42,9 +43,8 @@ def generalization(
     rows = generalize(agents, cache, episodes, report=report)
     summaries = summarize(rows)
     table = folder / f"generalization{suffix}.csv"
-    write_rows(table, rows)
+    _write(table, rows, agents, episodes)
     write_rows(folder / f"generalization-summary{suffix}.csv", summaries)
-    _write_setting(table, agents, episodes)
     redraw_generalization(table)
     return summaries
 
@@ -68,9 +68,7 @@ def equalities(
 ) -> list[Difference]:
     """Logically equal programs: `equalities{suffix}.csv` and `.json`."""
     rows = difference_table(agents, episodes)
-    table = folder / f"equalities{suffix}.csv"
-    write_rows(table, rows)
-    _write_setting(table, agents, episodes)
+    _write(folder / f"equalities{suffix}.csv", rows, agents, episodes)
     return rows
 
 
@@ -80,8 +78,7 @@ def detectors(
     """What detectors answer: `detectors{suffix}.csv` and `.json`, a `.png` of the first agent."""
     rows = detector_table(agents, episodes)
     table = folder / f"detectors{suffix}.csv"
-    write_rows(table, rows)
-    _write_setting(table, agents, episodes)
+    _write(table, rows, agents, episodes)
     seed, agent = next(iter(agents.items()))
     title = (
         f"{agent.design.name}, {agent.arena.preset} preset, seed {seed}: learned detectors where "
@@ -100,6 +97,8 @@ def write_variants(name: str, results: Path) -> Path:
     return path
 
 
-def _write_setting(table: Path, agents: Agents, episodes: int) -> None:
+def _write(table: Path, rows: Sequence[Any], agents: Agents, episodes: int) -> None:
+    """A table, and beside it how it was made."""
+    write_rows(table, rows)
     text = json.dumps(setting(agents, episodes), indent=1)
     table.with_suffix(".json").write_text(text + "\n")

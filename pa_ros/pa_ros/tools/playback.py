@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from typing import Any, Final
 
 from rclpy.duration import Duration
@@ -19,7 +18,8 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.ros import topics
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire import codec
-from pa_ros.wire.definitions import message_type
+from pa_ros.wire.definitions import message_class, message_type
+from pa_ros.wire.errors import UnknownTypeError
 
 WINDOW: Final = 20  # messages of a topic that may be under way when not paced by the clock
 ACK_S: Final = 5.0  # what a reader may take to acknowledge, an arena to come to a step
@@ -122,17 +122,16 @@ class Player:
 
     def _advertise(self, name: str) -> None:
         type_name = self._bag.types[name]
-        package, kind, short = type_name.split("/")
         try:
-            message_class = getattr(import_module(f"{package}.{kind}"), short)
-        except (ImportError, AttributeError):
+            kind = message_class(type_name)
+        except UnknownTypeError:
             self.played.passed_over[name] = f"{type_name} is not installed here"
             return
         if self._bag.differs(name):
             self.played.passed_over[name] = f"recorded with another edition of {type_name}"
             return
         profile = _profile(self._bag, name, keep_all=self._options.rate == 0.0)
-        self._publishers[name] = self._node.create_publisher(message_class, name, profile)
+        self._publishers[name] = self._node.create_publisher(kind, name, profile)
         self._under_way[name] = self.played.counts[name] = 0
 
     def _wait_for_listeners(self, stopped: Callable[[], bool]) -> None:

@@ -14,7 +14,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterable
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,7 +36,7 @@ from pa_ros.tools.graph import DISCOVERY_S, start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, merged
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
-from pa_ros.wire.definitions import installed_types, message_type, register
+from pa_ros.wire.definitions import installed_types, message_class, message_type, register
 
 # Everything: what was asked, seen, done and judged, and what was learned from it.
 BAG_TOPICS = (
@@ -278,11 +277,6 @@ def topics_named(node: Node, names: Iterable[str]) -> list[Topic]:
 def _stranger(node: Node, name: str) -> Topic:
     found = node.get_publishers_info_by_topic(name)
     profiles = [info.qos_profile for info in found]
-    package, _, kind = found[0].topic_type.split("/")
-    try:
-        message_class = getattr(import_module(f"{package}.msg"), kind)
-    except (ImportError, AttributeError) as error:
-        raise BagError(f"record: {name}: no type {found[0].topic_type} here: {error}") from error
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
     profile = QoSProfile(
@@ -291,7 +285,7 @@ def _stranger(node: Node, name: str) -> Topic:
         history=HistoryPolicy.KEEP_LAST,
         depth=topics.STEP.depth,
     )
-    return Topic(name, message_class, profile, profile)
+    return Topic(name, message_class(found[0].topic_type), profile, profile)
 
 
 def start_recorder(supervisor: Supervisor, node: Node, folder: Path, namespace: str = "") -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,15 @@ def register(store: Typestore, type_name: str) -> None:
             store.register(get_types_from_msg(text, name))
     if type_name not in store.fielddefs:
         raise UnknownTypeError(type_name, "a type that a package installed here defines", "none")
+
+
+def message_class(type_name: str) -> Any:
+    """The installed class of a type. Raises UnknownTypeError."""
+    package, kind, name = type_name.split("/")
+    try:
+        return getattr(import_module(f"{package}.{kind}"), name)
+    except (ImportError, AttributeError) as error:
+        raise UnknownTypeError(type_name, "a type that is installed here", error) from error
 
 
 def message_type(message_class: Any) -> str:
