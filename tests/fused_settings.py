@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from updates import update
+from worlds import dpg
 
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native.engine import FusedEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
@@ -35,18 +36,18 @@ class Setting:
     """A learner's networks, configuration, programs and initial tensors."""
 
     network: NetworkConfig
-    config: LearnerConfig
+    config: DPGConfig
     table: ProgramTable
     actor: Tensors
     critic: Tensors
 
     def engine(self, **changes: object) -> FusedEngine:
-        config = replace(self.config, **changes)  # type: ignore[arg-type]
+        config = dpg(self.config, **changes)  # type: ignore[arg-type]
         return FusedEngine(self.network, config, self.table, self.actor, self.critic)
 
     def reference(self) -> StraightforwardEngine:
         """The formulas as they stand, in float64."""
-        config = replace(self.config, dtype="float64")
+        config = dpg(self.config, engine__dtype="float64")
         return StraightforwardEngine(self.network, config, self.table, self.actor, self.critic)
 
 
@@ -57,7 +58,7 @@ def setting(
     **sizes: float,
 ) -> Setting:
     """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1."""
-    network = NetworkConfig(vocabulary, kind=kind, actor_output_scale=0.3, **sizes)  # type: ignore[arg-type]
+    network = NetworkConfig(vocabulary=vocabulary, kind=kind, actor_output_scale=0.3, **sizes)  # type: ignore[arg-type]
     table = ProgramTable(vocabulary)
     words = set(vocabulary.words)
     for text in PROGRAMS:
@@ -69,16 +70,16 @@ def setting(
     for tensors in (actor, critic):
         if "detectors.weight" in tensors:
             tensors["detectors.weight"] *= scale
-    config = LearnerConfig(
-        action_l2=0.02,
-        action_l2_decay=0.5,
-        action_l2_decay_updates=800,
-        detector_gain=3.0,
-        detector_decay=0.5,
-        detector_decay_updates=900,
-        rates_fall_after=3,
-        geometry_decay=0.01,
-        geometry_decay_after=2,
+    config = dpg(
+        actor__action_l2=0.02,
+        actor__action_l2_decay=0.5,
+        actor__action_l2_decay_updates=800,
+        detectors__gain=3.0,
+        detectors__decay=0.5,
+        detectors__decay_updates=900,
+        optimizer__rates_fall_after=3,
+        detectors__geometry_decay=0.01,
+        detectors__geometry_decay_after=2,
     )
     return Setting(network, config, table, actor, critic)
 
@@ -138,7 +139,7 @@ def expected_gradients(
 def check_gradients(made: Setting, batch: Batch, **changes: object) -> None:
     engine, reference = made.engine(**changes), made.reference()
     update(engine, batch, made.config)
-    expected = expected_gradients(reference, batch, made.config.action_l2)
+    expected = expected_gradients(reference, batch, made.config.actor.action_l2)
     assert_close(engine.gradients(), expected, 1e-5)
     assert engine.metrics()["critic_loss"] == pytest.approx(reference.loss, rel=1e-5)
     squares = [np.square(g).sum() for name, g in expected.items() if name.startswith("actor.")]

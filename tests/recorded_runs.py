@@ -12,7 +12,7 @@ from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.wire.definitions import installed_types
 
-SMALL = ["learner.warmup_frames=20", "learner.batch_size=8", "network.hidden=16"]
+SMALL = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16"]
 
 
 def train(out: Path, *arguments: str, frames: int = 500) -> int:

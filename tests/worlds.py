@@ -6,12 +6,21 @@ import numpy as np
 
 from pa_ros.core.experience import Float64, Observation, Trajectory, Verdict
 from pa_ros.language import Vocabulary
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.world import Reward, Scoring, Sparse
 
 WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
 PROGRAMS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))")
 KINDS = ((7, 11), (8, 13))  # one-hots of a red cube and a blue sphere
 NEAR_M = 0.25
+
+
+def dpg(base: DPGConfig | None = None, /, **values: object) -> DPGConfig:
+    """Settings with some of another value: `replay__batch_size=4` is replay.batch_size."""
+    changed = {name.replace("__", "."): value for name, value in values.items()}
+    return (base or DPGConfig()).changed(**changed)
+
+
 SCORING = Scoring(NEAR_M)  # of a PointWorld, unless it pays another reward
 
 
@@ -35,6 +44,7 @@ class PointWorld:
     def __init__(self, seed: int = 0, steps: int = 20, reward: Reward | None = None) -> None:
         self._seed, self._steps = seed, steps
         self.scoring = Scoring(NEAR_M, reward or Sparse())
+        self.control_period_s = 0.1
         self._stamp = 0
         self.program = PROGRAMS[0]
 

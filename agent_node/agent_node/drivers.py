@@ -9,9 +9,10 @@ from typing import NamedTuple, Protocol
 from agent_node.shelf import UNPUBLISHED, PolicyShelf, ShelfSchedule
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import LearningAgent
+from pa_ros.acting.config import ActingConfig
+from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot, Trajectory, Verdict
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.wire.records import PublishedPolicy
 
@@ -93,18 +94,20 @@ class LearningDriver:
     """Explores under the synchronous protocol; greedy, and silent, in evaluation episodes."""
 
     def __init__(
-        self, agent_id: str, config: LearnerConfig, seed: int, first_sequence: int = 0
+        self, agent_id: str, config: ActingConfig, seed: int, first_sequence: int = 0
     ) -> None:
         self.agent_id = agent_id
         self._first_sequence = first_sequence
         self.shelf = PolicyShelf(agent_id)
         self.interrupted = 0  # runs broken off because the arm did not do as commanded
         self._config, self._seed = config, seed
-        self._schedule = ShelfSchedule(config.policy_lag, self.shelf)
-        self._agent: LearningAgent | None = None
+        self._schedule = ShelfSchedule(config.schedule.policy_lag, self.shelf)
+        self._network: NetworkConfig | None = None  # of the first weights
+        self._control_period_s: float | None = None
+        self._agent: LearningAgent | None = None  # once both are known
         self._step: Step | None = None
         self._stamps: dict[tuple[int, int], int] = {}  # by episode and step, of the run so far
-        self._sent: deque[Outgoing] = deque(maxlen=self._schedule.versions_kept)
+        self._sent: deque[Outgoing] = deque(maxlen=config.schedule.versions_kept)
 
     @property
     def ready(self) -> bool:
@@ -120,11 +123,16 @@ class LearningDriver:
         return self._step is not None
 
     def offer(self, policy: PublishedPolicy) -> None:
-        snapshot = policy.snapshot
-        if self._agent is None:
-            network = actor_config(snapshot.architecture)
-            self._agent = self._make_agent(network, self._first_sequence)
-        self.shelf.add(policy, self._agent.builder.sequence)
+        if self._network is None:
+            self._network = actor_config(policy.snapshot.architecture)
+            self._begin()
+        sent = self._agent.builder.sequence if self._agent else self._first_sequence
+        self.shelf.add(policy, sent)
+
+    def meet(self, control_period_s: float) -> None:
+        """The arena has described itself; until then the agent is not ready."""
+        self._control_period_s = control_period_s
+        self._begin()
 
     def observe(self, step: Step) -> Outgoing | None:
         agent, verdict = self._agent, step.verdict
@@ -170,16 +178,22 @@ class LearningDriver:
         if required == UNPUBLISHED:
             return False
         if required is not None:
-            found = self.shelf.for_trajectory(agent.builder.sequence, self._config.policy_lag)
+            found = self.shelf.for_trajectory(agent.builder.sequence, self._schedule.policy_lag)
             if found is None or found.snapshot.version != required:
                 return False
             agent.load(found.snapshot)
         return True
 
-    def _make_agent(self, network: NetworkConfig, sequence: int) -> LearningAgent:
-        actor = Actor(network, self._config, self._seed)
-        return LearningAgent(actor, self._make_builder(network, sequence), self._schedule)
+    def _begin(self) -> None:
+        config, period_s = self._config, self._control_period_s
+        if self._agent is not None or self._network is None or period_s is None:
+            return
+        noise = ExplorationNoise(config.exploration, period_s, self._seed)
+        actor = Actor(self._network, config.inference, noise)
+        builder = self._make_builder(self._network, self._first_sequence)
+        self._agent = LearningAgent(actor, builder, self._schedule)
 
     def _make_builder(self, network: NetworkConfig, sequence: int) -> TrajectoryBuilder:
         digest = network.vocabulary.digest
-        return TrajectoryBuilder(self.agent_id, self._config.trajectory_steps, digest, sequence)
+        steps = self._config.schedule.trajectory_steps
+        return TrajectoryBuilder(self.agent_id, steps, digest, sequence)

@@ -65,8 +65,8 @@ class AgentNode(Node):
     def _make_driver(self) -> Driver:
         config = self.config
         if config.learning:
-            learner = config.settings().learner
-            return LearningDriver(self.agent_id, learner, config.seed, config.first_sequence)
+            acting = config.settings().learner.acting
+            return LearningDriver(self.agent_id, acting, config.seed, config.first_sequence)
         if config.weights == "checkpoint":
             return GreedyDriver(load_policy(Path(config.checkpoint)))
         return GreedyDriver()  # random weights need the arena's vocabulary first
@@ -107,6 +107,8 @@ class AgentNode(Node):
         if restarted:
             self._matcher.restart()
             self._handled, self._command, self._unread = -1, None, None
+        if isinstance(self.driver, LearningDriver):
+            self.driver.meet(arena.control_period)
         if self.config.weights == "random" and not self.driver.ready:
             self.driver = GreedyDriver(_random_policy(vocabulary, self.config))
         early, self._early = self._early, []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pa_ros.acting.schedule import Schedule
 from pa_ros.wire.records import PublishedPolicy
 
 UNPUBLISHED = -2  # no version, not even that of an actor without weights (-1)
@@ -58,9 +57,10 @@ class PolicyShelf:
 
 
 @dataclass(frozen=True)
-class ShelfSchedule(Schedule):
+class ShelfSchedule:
     """The schedule by what was received; equal to Schedule's own where there is one agent."""
 
+    policy_lag: int
     shelf: PolicyShelf
 
     def acting_version(self, trajectory: int) -> int:

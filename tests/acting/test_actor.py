@@ -7,23 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORDS, PointWorld
+from worlds import PROGRAMS, WORDS, PointWorld, dpg
 
 from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.agent import LearningAgent
-from pa_ros.acting.exploration import OrnsteinUhlenbeck
-from pa_ros.acting.schedule import Schedule
+from pa_ros.acting.config import Schedule
+from pa_ros.acting.errors import PolicyError, StepError
+from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.language import ProgramError, Vocabulary
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
-from pa_ros.learning.errors import PolicyError, StepError
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.inference import TorchActor
 
-NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
-SETTINGS = LearnerConfig(replay_frames=100, trajectory_steps=20)
+NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+SETTINGS = dpg(replay__capacity_frames=100, schedule__trajectory_steps=20)
 
 
 def snapshot(network: NetworkConfig = NETWORK):
@@ -31,15 +30,16 @@ def snapshot(network: NetworkConfig = NETWORK):
 
 
 def test_exploring_is_acting_plus_the_episodes_noise() -> None:
-    actor = Actor(NETWORK, SETTINGS, seed=5)
+    noise = SETTINGS.exploration, 0.1, 5
+    actor = Actor(NETWORK, noise=ExplorationNoise(*noise))
     actor.load(snapshot())
     world = PointWorld()
     for episode in (0, 4):
-        noise = OrnsteinUhlenbeck(SETTINGS, 5, episode)
+        process = OrnsteinUhlenbeck(*noise, episode)
         observation, _ = world.reset(episode)
         for _ in range(5):
             greedy = actor.act(observation, world.program)
-            expected = np.clip(greedy + noise.sample(), -1, 1).astype(np.float32)
+            expected = np.clip(greedy + process.sample(), -1, 1).astype(np.float32)
             action = actor.explore(observation, world.program)
             np.testing.assert_array_equal(action, expected)
             assert action.dtype == np.float32
@@ -49,13 +49,13 @@ def test_exploring_is_acting_plus_the_episodes_noise() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"architecture": NetworkConfig(WORDS).architecture}, "expected architecture"),
+        ({"architecture": NetworkConfig(vocabulary=WORDS).architecture}, "expected architecture"),
         ({"vocabulary_digest": Vocabulary(("CUBE",), ("RED",)).digest}, "expected vocabulary"),
         ({"tensors": {}}, "version 0: actor: tensors missing"),
     ],
 )
 def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message) -> None:
-    actor = Actor(NETWORK, SETTINGS, seed=0)
+    actor = Actor(NETWORK)
     good = snapshot()
     actor.load(good)
     observation, _ = PointWorld().reset(0)
@@ -66,13 +66,12 @@ def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message)
     np.testing.assert_array_equal(actor.act(observation, PROGRAMS[0]), before)
 
 
-@pytest.mark.parametrize("engine", ["auto", "fused"])
-def test_acts_by_the_fused_code_where_it_applies(engine, caplog) -> None:
+def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     inference_for.cache_clear()
     with caplog.at_level(logging.INFO):
-        one, other = (Actor(NETWORK, replace(SETTINGS, engine=engine), 0) for _ in range(2))
+        one, other = (Actor(NETWORK) for _ in range(2))
     assert [record.message for record in caplog.records] == ["actor inference: fused"]
-    assert inference_for(NETWORK, engine) is FusedActor
+    assert inference_for(NETWORK, "auto") is FusedActor
     given = snapshot()
     one.load(given)
     observation, _ = PointWorld().reset(0)
@@ -89,36 +88,38 @@ def test_acts_by_the_fused_code_where_it_applies(engine, caplog) -> None:
 def test_acts_by_torch_if_asked_to_and_says_so(caplog) -> None:
     inference_for.cache_clear()
     with caplog.at_level(logging.INFO):
-        Actor(NETWORK, replace(SETTINGS, engine="torch"), 0)
-    assert "actor inference: torch (the learner's is torch)" in caplog.text
+        Actor(NETWORK, "torch")
+    assert "actor inference: torch (chosen)" in caplog.text
     assert inference_for(NETWORK, "torch") is TorchActor
 
 
 def test_the_graph_and_the_loop_choose_alike() -> None:
     """An agent on the graph knows the network by its architecture alone."""
     for kind in ("programmable", "distilled-critic", "true-properties", "canonical"):
-        network = replace(NETWORK, kind=kind)
+        network = NETWORK.changed(kind=kind)
         there = actor_config(network.architecture)
         assert inference_for(network, "auto") is inference_for(there, "auto")
 
 
 def test_other_refusals() -> None:
-    actor = Actor(NETWORK, SETTINGS, seed=0)
+    actor = Actor(NETWORK)
     observation, _ = PointWorld().reset(0)
     with pytest.raises(PolicyError, match="got none"):
         actor.act(observation, PROGRAMS[0])
     actor.load(snapshot())
     with pytest.raises(ProgramError):
         actor.act(observation, "NEAR(HAND, GREEN)")
+    with pytest.raises(PolicyError, match="greedy actor"):
+        actor.explore(observation, PROGRAMS[0])
     with pytest.raises(PolicyError, match="architecture"):
         Actor.of(replace(snapshot(), architecture="{}"))
 
 
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
 def test_an_actor_of_a_snapshot_needs_nothing_else(kind) -> None:
-    network = replace(NETWORK, kind=kind)
+    network = NETWORK.changed(kind=kind)
     given = snapshot(network)
-    ours = Actor(network, SETTINGS, seed=0)
+    ours = Actor(network)
     ours.load(given)
     observation, _ = PointWorld().reset(0)
     np.testing.assert_array_equal(
@@ -128,7 +129,8 @@ def test_an_actor_of_a_snapshot_needs_nothing_else(kind) -> None:
 
 def agent(lag: int = 0) -> LearningAgent:
     builder = TrajectoryBuilder("agent", 2, WORDS.digest)
-    return LearningAgent(Actor(NETWORK, SETTINGS, seed=0), builder, Schedule(lag))
+    actor = Actor(NETWORK, noise=ExplorationNoise(SETTINGS.exploration, 0.1, 0))
+    return LearningAgent(actor, builder, Schedule(policy_lag=lag))
 
 
 def test_an_agent_waits_for_its_weights() -> None:

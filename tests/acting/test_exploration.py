@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from pa_ros.acting.exploration import OrnsteinUhlenbeck
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.acting.config import ExplorationConfig
+from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
 
 
-def series(config: LearnerConfig, episodes: int, steps: int) -> np.ndarray:
+def series(config: ExplorationConfig, episodes: int, steps: int) -> np.ndarray:
     """Noise of many episodes, [E, T, 6]."""
-    runs = [OrnsteinUhlenbeck(config, 0, episode) for episode in range(episodes)]
+    runs = [OrnsteinUhlenbeck(config, 0.1, 0, episode) for episode in range(episodes)]
     return np.array([[run.sample() for _ in range(steps)] for run in runs])
 
 
@@ -22,7 +22,7 @@ def series(config: LearnerConfig, episodes: int, steps: int) -> np.ndarray:
 )
 def test_moments(scale, deviation) -> None:
     """Zero mean, the standard deviation promised at every step, correlation e^(−θt)."""
-    x = series(LearnerConfig(noise_scale=scale), 2000, 11)
+    x = series(ExplorationConfig(scale=scale), 2000, 11)
     np.testing.assert_allclose(x.mean((0, 2)), 0.0, atol=0.01)
     np.testing.assert_allclose(x.std((0, 2)), deviation, rtol=0.03)
     correlation = (x[:, 0] * x[:, 10]).mean() / (x[:, 0].std() * x[:, 10].std())
@@ -30,15 +30,26 @@ def test_moments(scale, deviation) -> None:
 
 
 def test_without_damping_it_is_a_random_walk() -> None:
-    x = series(LearnerConfig(noise_damping=0.0), 500, 11)
+    x = series(ExplorationConfig(damping=0.0), 500, 11)
     assert (x[:, 0] == 0.0).all()
     np.testing.assert_allclose(x[:, 10].std(), 0.3, rtol=0.05)
 
 
 def test_an_episode_has_its_own_stream() -> None:
-    config = LearnerConfig()
-    a, b, c = (OrnsteinUhlenbeck(config, 3, episode) for episode in (7, 7, 8))
+    config = ExplorationConfig()
+    a, b, c = (OrnsteinUhlenbeck(config, 0.1, 3, episode) for episode in (7, 7, 8))
     first = [a.sample() for _ in range(5)]
     np.testing.assert_array_equal(first, [b.sample() for _ in range(5)])
     assert not np.array_equal(first[0], c.sample())
-    assert not np.array_equal(first[0], OrnsteinUhlenbeck(config, 4, 7).sample())
+    assert not np.array_equal(first[0], OrnsteinUhlenbeck(config, 0.1, 4, 7).sample())
+
+
+def test_noise_follows_the_episode_and_the_control_period() -> None:
+    config, noise = ExplorationConfig(), ExplorationNoise(ExplorationConfig(), 0.1, 3)
+    for episode in (0, 5):
+        process = OrnsteinUhlenbeck(config, 0.1, 3, episode)
+        for _ in range(3):
+            np.testing.assert_array_equal(noise.sample(episode), process.sample())
+    quick, slow = (OrnsteinUhlenbeck(config, period, 3, 0) for period in (0.1, 1.0))
+    np.testing.assert_array_equal(quick.sample(), slow.sample())  # where it starts
+    assert not np.array_equal(quick.sample(), slow.sample())

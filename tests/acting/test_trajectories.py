@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from worlds import WORDS
 
+from pa_ros.acting.errors import StepError
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.experience import Observation, Verdict
-from pa_ros.learning.errors import StepError
 
 AGENT = ("agent", 4, WORDS.digest)
 

@@ -94,7 +94,7 @@ def test_one_altered_transition_is_found_and_named(
     assert "1 trajectories are not what the arena gives" in out and "\nEQUAL" not in out
 
 
-ALONE = ("--set=learner.relabel=none", "--set=learner.programs_per_transition=1")
+ALONE = ("--set=learner.relabeling.rule=none", "--set=learner.relabeling.programs_per_transition=1")
 
 
 def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(recorded, tmp_path):
@@ -183,7 +183,7 @@ def test_many_bags_at_another_rate(recorded, tmp_path, capsys):
     """The second run's agent has the same name and the same numbers, and is another."""
     assert train(tmp_path / "b", "--record", tmp_path / "b/bag", "--seed", "6", frames=200) == 0
     bags = [str(recorded / "bag"), str(tmp_path / "b/bag"), str(recorded / "bag")]
-    out = ["--out", str(tmp_path / "out"), "--set", "learner.updates_per_frame=0.5"]
+    out = ["--out", str(tmp_path / "out"), "--set", "learner.updates.per_frame=0.5"]
     assert main(["train", "--from-bag", *bags, *out]) == 0
     assert "7 trajectories, 700 transitions, 350 updates" in capsys.readouterr().out
 
@@ -196,7 +196,7 @@ def test_a_resumed_run_is_not_verified(recorded, tmp_path, capsys):
 
 
 def test_weights_are_recorded_less_often_than_every_frame_and_all_is_verified(tmp_path):
-    arguments = ["--set=learner.trajectory_steps=1", "--set=learner.policy_lag=0"]
+    arguments = ["--set=learner.schedule.trajectory_steps=1", "--set=learner.schedule.policy_lag=0"]
     assert train(tmp_path, "--record", tmp_path / "bag", *arguments, frames=200) == 0
     with Bag(tmp_path / "bag") as bag:
         assert bag.counts == {

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
 from updates import update
-from worlds import PROGRAMS, WORDS, PointWorld
+from worlds import PROGRAMS, WORDS, PointWorld, dpg
 
 from pa_ros.benchmarks import design
 from pa_ros.benchmarks import learner as bench
@@ -18,14 +17,13 @@ from pa_ros.benchmarks.cost import Cost, Rates, Sizes, floor_us, update_cost
 from pa_ros.benchmarks.machine import aligned, elementwise, measure_rates, product
 from pa_ros.benchmarks.rounds import Contender, Slice, measure
 from pa_ros.benchmarks.training import bench_train
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.native import library as fused_library
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
 
-NETWORK = NetworkConfig(WORDS, hidden=6, attention=4, canonical_hidden=8)
-CONFIG = LearnerConfig(relabel="all-goals", replay_frames=3000, reward_scale=0.05)
-PAPER = NetworkConfig(WORDS)
+NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4, canonical_hidden=8)
+CONFIG = dpg(relabeling__rule="all-goals", replay__capacity_frames=3000, updates__reward_scale=0.05)
+PAPER = NetworkConfig(vocabulary=WORDS)
 
 
 class Products(TorchDispatchMode):
@@ -46,10 +44,14 @@ class Products(TorchDispatchMode):
 @pytest.mark.parametrize("sizes", [Sizes(), Sizes(32, 9, 1), Sizes(64, 5, 4)])
 def test_counts_are_what_torch_counts_at_most(kind, sizes) -> None:
     """Torch's products do not share the arm, nor spare ∂Q/∂a what it does not need."""
-    network = replace(PAPER, kind=kind)
-    config = replace(CONFIG, batch_size=sizes.transitions, programs_per_transition=sizes.programs)
+    network = PAPER.changed(kind=kind)
+    config = dpg(
+        CONFIG,
+        replay__batch_size=sizes.transitions,
+        relabeling__programs_per_transition=sizes.programs,
+    )
     learner = bench.random_learner(network, config, PROGRAMS, sizes)
-    engine = bench.engine_of(learner, engine="torch")
+    engine = bench.engine_of(learner, name="torch")
     (batch,) = learner.batches(1)
     with Products() as products:
         update(engine, batch, config)
@@ -141,7 +143,7 @@ def test_the_report(kind) -> None:
     calls: list[int] = []
     peer = Contender(bench.SB3, lambda n: calls.append(sum(range(2000 * n))))
     report = bench.bench_learner(
-        replace(NETWORK, kind=kind), CONFIG, PROGRAMS, Sizes(8, 3, 1), [peer], 2, 0.002
+        NETWORK.changed(kind=kind), CONFIG, PROGRAMS, Sizes(8, 3, 1), [peer], 2, 0.002
     )
     assert report["learner.network"] == kind
     assert float(report[bench.OURS]) > float(report[bench.EAGER]) * 0.3

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from worlds import PROGRAMS, WORDS
+from worlds import PROGRAMS, WORDS, dpg
 
 from pa_ros.benchmarks.cost import Sizes
 from pa_ros.benchmarks.growth import AXES, Axis, bench_growth, markdown_table, series
 from pa_ros.benchmarks.growth_figure import growth_figure
 from pa_ros.benchmarks.learner import EAGER, GPU, OURS, SAMPLED, SB3, STRAIGHTFORWARD, TWO_THREADS
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -26,8 +25,8 @@ def test_points_differ_in_one_size() -> None:
 
 
 def test_measures_every_point() -> None:
-    network = NetworkConfig(WORDS, hidden=6, attention=4)
-    config = LearnerConfig(relabel="all-goals", replay_frames=3000)
+    network = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+    config = dpg(relabeling__rule="all-goals", replay__capacity_frames=3000)
     axes = (Axis("blocks", "blocks", (1, 6)), Axis("programs", "programs", (1, 3)))
     report = bench_growth(network, config, PROGRAMS, axes, rounds=1, slice_s=0.001)
     assert len(report) == 12

@@ -21,7 +21,9 @@ CRISP = 12.0  # logit of what is true; of what is not, 0
 def novice() -> TrainedAgent:
     """Random weights, save detectors that read the one-hots of what the vocabulary names."""
     design, arena = design_named("3-D"), preset_named("fast")
-    config = NetworkConfig(design.vocabulary, hidden=8, attention=4, actor_output_scale=0.5)
+    config = NetworkConfig(
+        vocabulary=design.vocabulary, hidden=8, attention=4, actor_output_scale=0.5
+    )
     tensors = initial_actor(config, np.random.default_rng(0))
     tensors["detectors.weight"][:] = 0.0
     tensors["detectors.bias"][:] = 0.0

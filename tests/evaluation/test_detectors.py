@@ -82,7 +82,9 @@ def test_designs_without_spare_words_have_known_scenes_only(novice: TrainedAgent
 
 
 def test_an_agent_without_detectors_is_refused(novice: TrainedAgent):
-    config = NetworkConfig(novice.design.vocabulary, kind="canonical", canonical_hidden=8)
+    config = NetworkConfig(
+        vocabulary=novice.design.vocabulary, kind="canonical", canonical_hidden=8
+    )
     tensors = initial_actor(config, np.random.default_rng(0))
     snapshot = replace(novice.snapshot, architecture=config.architecture, tensors=tensors)
     with pytest.raises(ConfigError, match="canonical"):

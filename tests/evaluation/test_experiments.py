@@ -98,7 +98,7 @@ def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_pat
     assert [row["seed"] for row in written] == ["0", "0", "3", "3"]
     assert float(written[1]["frames"]) == 600
     setting = json.loads(table.with_suffix(".json").read_text())
-    assert setting["seeds"] == [0, 3] and setting["learner"]["relabel"] == "all-goals"
+    assert setting["seeds"] == [0, 3] and setting["learner"]["relabeling"]["rule"] == "all-goals"
     slow = replace(SMALL, preset="paper", protocol=usual_protocol("paper"))
     write_table(tmp_path / "tables", slow, {3: first}, [summarize(3, rows(0.95))])
     other = replace(slow, protocol="ours")

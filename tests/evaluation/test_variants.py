@@ -36,7 +36,7 @@ def table(results: Path, experiment: Experiment, scores: dict[int, list[float]])
 
 def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.96, 0.2], 1: [0.92, 0.93, 0.94, 0.95]})
-    changed = replace(BASE, tag="free", options=("learner.action_l2=0",))
+    changed = replace(BASE, tag="free", options=("learner.actor.action_l2=0",))
     table(tmp_path, changed, {0: [0.1, 0.2, 0.5], 1: [0.1, 0.91, 0.93]})
     table(tmp_path, replace(BASE, preset="paper"), {0: [0.0]})  # another arm: no variant
     path = write_variants("programmable-2L", tmp_path)
@@ -44,7 +44,7 @@ def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
     assert (ours.label, ours.changed, ours.frames) == ("programmable-2L", "", 7500)
     assert (ours.seeds, ours.solved, ours.frames_to_solve) == (2, 2, 3750)
     assert ours.wall_s_to_solve == 3.0 and ours.held_out == pytest.approx(0.95)
-    assert (free.label, free.changed) == ("programmable-2L.free", "learner.action_l2=0")
+    assert (free.label, free.changed) == ("programmable-2L.free", "learner.actor.action_l2=0")
     assert (free.solved, free.frames_to_solve) == (1, math.inf)
     assert free.low == pytest.approx(0.5) and free.high == pytest.approx(0.93)
     assert path.with_suffix(".png").stat().st_size > 5000

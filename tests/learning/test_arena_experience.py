@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from worlds import dpg
 
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.language import parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.relabeling.all_goals import Relabeler
 from pa_ros.networks.config import NetworkConfig
@@ -45,8 +45,13 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
 
 def test_the_loop_runs_on_the_arena(tmp_path) -> None:
     design, arena = design_named("2-L"), preset_named("fast")
-    network = NetworkConfig(design.vocabulary, hidden=8, attention=4)
-    settings = LearnerConfig(batch_size=4, warmup_frames=100, relabel="all-goals", policy_lag=0)
+    network = NetworkConfig(vocabulary=design.vocabulary, hidden=8, attention=4)
+    settings = dpg(
+        replay__batch_size=4,
+        replay__warmup_frames=100,
+        relabeling__rule="all-goals",
+        schedule__policy_lag=0,
+    )
     learner = train(
         TrainConfig(tmp_path, seed=2, frames=300, evaluate_every_frames=100),
         network,

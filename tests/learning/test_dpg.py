@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from updates import update
-from worlds import WORDS, objects_at
+from worlds import WORDS, dpg, objects_at
 
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.update import Batch
 from pa_ros.language import parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.learning.schedule import values_after
@@ -25,21 +25,21 @@ L2 = 0.03
 L2_DECAY, L2_DECAYS_FOR = 0.8, 4  # the fraction lost within so many updates
 GAIN = 3.0
 DECAY, DECAYS_FOR = 0.5, 3  # updates
-CONFIG = LearnerConfig(
-    engine="torch",
-    dtype="float64",
-    actor_rate=1e-3,
-    critic_rate=2e-3,
-    action_gradient_clip=CLIP,
-    action_l2=L2,
-    action_l2_decay=L2_DECAY,
-    action_l2_decay_updates=L2_DECAYS_FOR,
-    detector_gain=GAIN,
-    detector_decay=DECAY,
-    detector_decay_updates=DECAYS_FOR,
-    rates_fall_after=2,
-    geometry_decay=0.25,
-    geometry_decay_after=3,
+CONFIG = dpg(
+    engine__name="torch",
+    engine__dtype="float64",
+    optimizer__actor_rate=1e-3,
+    optimizer__critic_rate=2e-3,
+    actor__gradient_clip=CLIP,
+    actor__action_l2=L2,
+    actor__action_l2_decay=L2_DECAY,
+    actor__action_l2_decay_updates=L2_DECAYS_FOR,
+    detectors__gain=GAIN,
+    detectors__decay=DECAY,
+    detectors__decay_updates=DECAYS_FOR,
+    optimizer__rates_fall_after=2,
+    detectors__geometry_decay=0.25,
+    detectors__geometry_decay_after=3,
 )
 
 
@@ -156,7 +156,7 @@ def flattened(objects: np.ndarray, arm: np.ndarray, program: np.ndarray) -> np.n
 
 def test_one_update_by_hand() -> None:
     """The whole update in float64 NumPy: target, both gradients, clip, Adam."""
-    network = NetworkConfig(WORDS, "canonical", canonical_hidden=10)
+    network = NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=10)
     actor, critic = networks(network)
     actor["output.weight"] *= 100.0
     critic["output.weight"] *= 30.0
@@ -194,8 +194,8 @@ def test_one_update_by_hand() -> None:
     assert engine.metrics()["actor_gradient_norm"] == pytest.approx(norm, rel=1e-10)
 
 
-def made(config: LearnerConfig = CONFIG, kind: str = "programmable") -> TorchEngine:
-    network = NetworkConfig(WORDS, kind, hidden=8, attention=5)
+def made(config: DPGConfig = CONFIG, kind: str = "programmable") -> TorchEngine:
+    network = NetworkConfig(vocabulary=WORDS, kind=kind, hidden=8, attention=5)
     engine = make_engine(network, config, table(), np.random.default_rng(4))
     assert isinstance(engine, TorchEngine)
     return engine
@@ -253,7 +253,7 @@ def test_actor_tensors_are_owned_float32() -> None:
 
 
 def test_programs_may_join_between_updates() -> None:
-    network = NetworkConfig(WORDS, hidden=8, attention=5)
+    network = NetworkConfig(vocabulary=WORDS, hidden=8, attention=5)
     programs = table(TEXTS[:1])
     engine = make_engine(network, CONFIG, programs, np.random.default_rng(4))
     update(engine, random_batch(np.random.default_rng(0), 4, 1, 1), CONFIG)

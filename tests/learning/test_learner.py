@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, random_trajectory
+from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, dpg, random_trajectory
 
+from pa_ros.acting.errors import PolicyError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, UpdateValues
 from pa_ros.language import ProgramError
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
-from pa_ros.learning.errors import NonFiniteError, PolicyError
+from pa_ros.learning.errors import NonFiniteError
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import UnsupportedProgramError
 
-NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
+NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
 
 
 def learner(network: NetworkConfig = NETWORK, **fields: object) -> Learner:
-    values = {"batch_size": 4, "replay_frames": 1000, "warmup_frames": 0, "engine": "torch"}
-    values |= {"trajectory_steps": 10}
-    config = LearnerConfig(**(values | fields))  # type: ignore[arg-type]
+    values = {
+        "replay__batch_size": 4,
+        "replay__capacity_frames": 1000,
+        "replay__warmup_frames": 0,
+        "engine__name": "torch",
+    }
+    values |= {"schedule__trajectory_steps": 10}
+    config = dpg(**(values | fields))
     return Learner(network, config, PROGRAMS, 0, SCORING)
 
 
@@ -50,7 +56,7 @@ class Recorder:
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 2.5])
 def test_update_to_data_ratio_is_exact(ratio) -> None:
     rng = np.random.default_rng(0)
-    one = learner(updates_per_frame=ratio)
+    one = learner(updates__per_frame=ratio)
     one.engine = recorder = Recorder(one.engine)
     frames = 0
     for sequence in range(12):
@@ -75,7 +81,7 @@ def test_targets_are_copied_after_the_updates_of_an_episodes_last_trajectory() -
 
 def test_no_updates_until_warm() -> None:
     rng = np.random.default_rng(0)
-    one = learner(warmup_frames=10)
+    one = learner(replay__warmup_frames=10)
     updates = [one.consume(random_trajectory(rng, 5, sequence=i)).updates for i in range(4)]
     assert updates == [0, 0, 5, 5]
 
@@ -108,7 +114,7 @@ def test_a_refused_trajectory_changes_nothing() -> None:
 
 
 def test_canonical_networks_refuse_other_programs() -> None:
-    one = learner(NetworkConfig(WORDS, "canonical", canonical_hidden=6))
+    one = learner(NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=6))
     rng = np.random.default_rng(0)
     assert one.consume(random_trajectory(rng)).updates == 5
     with pytest.raises(UnsupportedProgramError):
@@ -117,7 +123,7 @@ def test_canonical_networks_refuse_other_programs() -> None:
 
 def test_published_versions() -> None:
     rng = np.random.default_rng(0)
-    one = learner(policy_lag=1, engine="auto")
+    one = learner(schedule__policy_lag=1, engine__name="auto")
     first = one.snapshot()
     assert first.version == 0 and one.snapshot(0) is first
     one.consume(random_trajectory(rng))
@@ -135,7 +141,7 @@ def test_published_versions() -> None:
 
 def test_batches_are_gathered_from_transitions() -> None:
     rng = np.random.default_rng(0)
-    one = learner(reward_shift=1.0, reward_scale=0.5)
+    one = learner(updates__reward_shift=1.0, updates__reward_scale=0.5)
     one.engine = recorder = Recorder(one.engine)
     trajectory = random_trajectory(rng, 8, terminated=True, program=PROGRAMS[1])
     one.consume(trajectory)
@@ -158,7 +164,11 @@ def test_batches_are_gathered_from_transitions() -> None:
 
 def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None:
     one = learner(
-        discount=0.95, first_discount=0.8, discount_rises_after=20, reward_shift=1.0, batch_size=64
+        updates__discount=0.95,
+        updates__first_discount=0.8,
+        updates__discount_rises_after=20,
+        updates__reward_shift=1.0,
+        replay__batch_size=64,
     )
     one.engine = recorder = Recorder(one.engine)
     rng = np.random.default_rng(0)
@@ -174,7 +184,7 @@ def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None
 
 def test_relabeled_rewards_are_those_of_the_next_row() -> None:
     rng = np.random.default_rng(0)
-    one = learner(relabel="all-goals", programs_per_transition=2)
+    one = learner(relabeling__rule="all-goals", relabeling__programs_per_transition=2)
     one.engine = recorder = Recorder(one.engine)
     one.consume(random_trajectory(rng, 40))
     seen = set()
@@ -192,8 +202,11 @@ def test_relabeled_rewards_are_those_of_the_next_row() -> None:
 def test_one_seed_one_result() -> None:
     def result(seed: int) -> np.ndarray:
         rng = np.random.default_rng(9)
-        config = LearnerConfig(
-            batch_size=4, replay_frames=100, trajectory_steps=10, warmup_frames=0
+        config = dpg(
+            replay__batch_size=4,
+            replay__capacity_frames=100,
+            schedule__trajectory_steps=10,
+            replay__warmup_frames=0,
         )
         one = Learner(NETWORK, config, PROGRAMS, seed)
         for sequence in range(3):
@@ -205,50 +218,68 @@ def test_one_seed_one_result() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
+    ("path", "value", "expected"),
     [
-        ("batch_size", 0),
-        ("discount", 1.0),
-        ("replay_frames", 100),
-        ("updates_per_frame", -1.0),
-        ("actor_rate", 0.0),
-        ("critic_rate", float("nan")),
-        ("relabel", "some"),
-        ("programs_per_transition", 2),
-        ("relabel_keeps_original", True),
-        ("trajectory_steps", 0),
-        ("policy_lag", -1),
-        ("noise_scale", "loud"),
-        ("noise_dt", 0.0),
-        ("engine", "abacus"),
-        ("dtype", "float16"),
-        ("threads", True),
-        ("reward_shift", float("inf")),
-        ("reward_scale", 0.0),
-        ("action_l2_decay", 1.1),
-        ("action_l2_decay_updates", 0),
-        ("rates_fall_after", -1),
-        ("discount_rises_after", -1),
-        ("first_discount", 1.0),
-        ("geometry_decay", -0.1),
-        ("geometry_decay_after", -1),
-        ("property_dropout", 1.5),
-        ("property_dropout_after", -1),
+        ("replay.batch_size", 0, "an integer of at least 1"),
+        ("replay.capacity_frames", 1, "an integer of at least 2"),
+        ("updates.discount", 1.0, "a number in [0, 1)"),
+        ("updates.first_discount", 1.0, "a number in [0, 1)"),
+        ("updates.discount_rises_after", -1, "an integer of at least 0"),
+        ("updates.per_frame", -1.0, "a number of at least 0"),
+        ("updates.reward_shift", float("inf"), "a number"),
+        ("updates.reward_scale", 0.0, "a positive number"),
+        ("optimizer.actor_rate", 0.0, "a positive number"),
+        ("optimizer.critic_rate", float("nan"), "a positive number"),
+        ("optimizer.rates_fall_after", -1, "an integer of at least 0"),
+        ("relabeling.rule", "some", "one of ['none', 'all-goals']"),
+        ("relabeling.property_dropout", 1.5, "a number in [0, 1]"),
+        ("relabeling.property_dropout_after", -1, "an integer of at least 0"),
+        ("relabeling.keeps_original", 1, "true or false"),
+        ("schedule.trajectory_steps", 0, "an integer of at least 1"),
+        ("schedule.policy_lag", -1, "an integer of at least 0"),
+        ("exploration.scale", "loud", "one of ['stationary', 'diffusion']"),
+        ("engine.name", "abacus", "one of ['auto', 'fused', 'torch']"),
+        ("engine.dtype", "float16", "one of ['float32', 'float64']"),
+        ("engine.threads", True, "an integer of at least 1"),
+        ("engine.device", 0, "text"),
+        ("actor.action_l2_decay", 1.1, "a number in [0, 1]"),
+        ("actor.action_l2_decay_updates", 0, "an integer of at least 1"),
+        ("detectors.geometry_decay", -0.1, "a number in [0, 1]"),
+        ("detectors.geometry_decay_after", -1, "an integer of at least 0"),
     ],
 )
-def test_a_refused_setting_is_shown(field, value) -> None:
-    with pytest.raises(ConfigError, match=str(value) if field != "relabel_keeps_original" else "1"):
-        LearnerConfig(**{field: value})
+def test_a_refused_setting_says_where_what_and_what_came(path, value, expected) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        DPGConfig().changed(**{path: value})
+    assert str(refusal.value) == f"learner.{path}: expected {expected}, got {value!r}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"replay.capacity_frames": 100}, "learner.replay.capacity_frames: expected more than"),
+        ({"relabeling.programs_per_transition": 2}, "expected 1 without relabeling, got 2"),
+        ({"relabeling.keeps_original": True}, "at least 2 with it, got 1"),
+        ({"discount": 0.5}, "a known name, such as updates.discount, got 0.5"),
+    ],
+)
+def test_settings_that_do_not_go_together_are_refused(changes, message) -> None:
+    with pytest.raises(ConfigError, match=message):
+        DPGConfig().changed(**changes)
 
 
 def test_settings_round_trip() -> None:
-    config = LearnerConfig(relabel="all-goals", programs_per_transition=4, reward_shift=1.0)
-    assert LearnerConfig.from_json(config.to_json()) == config
+    config = dpg(
+        relabeling__rule="all-goals",
+        relabeling__programs_per_transition=4,
+        updates__reward_shift=1.0,
+    )
+    assert DPGConfig.from_json(config.to_json()) == config
     for text in ("{", '{"speed": 1}', "3"):
         with pytest.raises(ConfigError):
-            LearnerConfig.from_json(text)
+            DPGConfig.from_json(text)
 
 
 def test_a_engine_that_does_not_apply_is_refused() -> None:
     with pytest.raises(ConfigError, match="'fused'"):
-        learner(engine="fused", dtype="float64")
+        learner(engine__name="fused", engine__dtype="float64")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORDS, random_trajectory
+from worlds import PROGRAMS, WORDS, dpg, random_trajectory
 
 from pa_ros.core.experience import COLORS, SHAPES, Float32
 from pa_ros.language import Vocabulary, parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.networks.config import NetworkConfig
@@ -114,9 +113,15 @@ class Recorder:
 
 
 def batches(**fields: object) -> list:
-    config = LearnerConfig(batch_size=4, replay_frames=1000, warmup_frames=0, trajectory_steps=10,
-                           engine="torch", **fields)  # type: ignore[arg-type]  # fmt: skip
-    one = Learner(NetworkConfig(WORDS, hidden=6, attention=4), config, PROGRAMS, seed=0)
+    config = dpg(
+        replay__batch_size=4,
+        replay__capacity_frames=1000,
+        replay__warmup_frames=0,
+        schedule__trajectory_steps=10,
+        engine__name="torch",
+        **fields,
+    )
+    one = Learner(NetworkConfig(vocabulary=WORDS, hidden=6, attention=4), config, PROGRAMS, seed=0)
     one.engine = recorder = Recorder(one.engine)
     rng = np.random.default_rng(0)
     for sequence in range(4):
@@ -127,8 +132,12 @@ def batches(**fields: object) -> list:
 @pytest.mark.parametrize("relabel", ["none", "all-goals"])
 def test_learning_is_the_same_until_properties_are_hidden(relabel) -> None:
     """Of two blocks, each named by one program, the other's are hidden; the replay keeps them."""
-    plain = batches(relabel=relabel)
-    hiding = batches(relabel=relabel, property_dropout=0.9, property_dropout_after=20)
+    plain = batches(relabeling__rule=relabel)
+    hiding = batches(
+        relabeling__rule=relabel,
+        relabeling__property_dropout=0.9,
+        relabeling__property_dropout_after=20,
+    )
     for batch, other in zip(hiding[:20], plain[:20], strict=True):
         for name in ("objects", "next_objects", "program", "reward"):
             np.testing.assert_array_equal(getattr(batch, name), getattr(other, name))

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from worlds import NEAR_M, PROGRAMS, WORDS, PointWorld
+from worlds import NEAR_M, PROGRAMS, WORDS, PointWorld, dpg
 
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.arena.gym_env import ReachEnv
 from pa_ros.core.experience import Float64
 from pa_ros.core.update import Batch
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import restore
 from pa_ros.learning.errors import CheckpointError
@@ -23,11 +23,17 @@ from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Reward, Sparse
 
-NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
-SETTINGS = LearnerConfig(
-    batch_size=16, replay_frames=200, warmup_frames=0, trajectory_steps=10, policy_lag=0,
-    relabel="all-goals", programs_per_transition=2, engine="torch",
-)  # fmt: skip
+NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+SETTINGS = dpg(
+    replay__batch_size=16,
+    replay__capacity_frames=200,
+    replay__warmup_frames=0,
+    schedule__trajectory_steps=10,
+    schedule__policy_lag=0,
+    relabeling__rule="all-goals",
+    relabeling__programs_per_transition=2,
+    engine__name="torch",
+)
 
 
 @dataclass(frozen=True)
@@ -46,13 +52,13 @@ def paid(batches: list[Batch], k: int) -> Iterator[tuple[float, float]]:
     Rows of the table are PROGRAMS: the block named is object 1 or 2.
     """
     for batch in batches:
-        assert batch.program.shape == (SETTINGS.batch_size, k)
+        assert batch.program.shape == (SETTINGS.replay.batch_size, k)
         for b, column in np.ndindex(*batch.program.shape):
             place = batch.next_objects[b, 1 + batch.program[b, column], :3]
             yield float(np.linalg.norm(place)), float(batch.reward[b, column])
 
 
-def trained(out: Path, reward: Reward | None, settings: LearnerConfig = SETTINGS) -> Learner:
+def trained(out: Path, reward: Reward | None, settings: DPGConfig = SETTINGS) -> Learner:
     config = TrainConfig(out, seed=1, frames=400, evaluate_every_frames=0)
     world = PointWorld(reward=reward)
     return train(config, NETWORK, settings, world, np.full(6, 2.0), PROGRAMS)
@@ -68,7 +74,7 @@ CASES = [
 @pytest.mark.parametrize("keep", [False, True])
 @pytest.mark.parametrize(("reward", "rule"), CASES, ids=["plus-minus-one", "sparse", "dense"])
 def test_relabeled_batches_follow_the_arenas_reward(tmp_path, reward, rule, keep) -> None:  # type: ignore[no-untyped-def]
-    learner = trained(tmp_path, reward, replace(SETTINGS, relabel_keeps_original=keep))
+    learner = trained(tmp_path, reward, dpg(SETTINGS, relabeling__keeps_original=keep))
     seen = list(paid(list(learner.batches(120)), k=2))
     for distance, received in seen:
         assert received == pytest.approx(rule(distance), abs=1e-6)

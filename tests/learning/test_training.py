@@ -5,18 +5,19 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, SCORING, WORDS, PointWorld, random_trajectory
+from worlds import PROGRAMS, SCORING, WORDS, PointWorld, dpg, random_trajectory
 
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.schedule import Schedule
+from pa_ros.acting.config import Schedule
+from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Trajectory
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import ConsumeReport, Learner
 from pa_ros.learning.checkpoints import (
     claim,
@@ -26,25 +27,29 @@ from pa_ros.learning.checkpoints import (
     restore,
     save_checkpoint,
 )
-from pa_ros.learning.errors import CheckpointError, FolderInUseError, PolicyError
+from pa_ros.learning.errors import CheckpointError, FolderInUseError
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 
-NETWORK = NetworkConfig(WORDS, hidden=6, attention=4)
-SETTINGS = LearnerConfig(
-    batch_size=4, replay_frames=500, warmup_frames=30, trajectory_steps=20, relabel="all-goals"
+NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+SETTINGS = dpg(
+    replay__batch_size=4,
+    replay__capacity_frames=500,
+    replay__warmup_frames=30,
+    schedule__trajectory_steps=20,
+    relabeling__rule="all-goals",
 )
 CHANGING = {
-    "action_l2": 0.1,
-    "action_l2_decay": 0.5,
-    "action_l2_decay_updates": 300,
-    "detector_decay": 0.5,
-    "rates_fall_after": 100,
-    "discount_rises_after": 110,
-    "geometry_decay": 0.01,
-    "geometry_decay_after": 120,
-    "property_dropout": 0.5,
-    "property_dropout_after": 150,
+    "actor__action_l2": 0.1,
+    "actor__action_l2_decay": 0.5,
+    "actor__action_l2_decay_updates": 300,
+    "detectors__decay": 0.5,
+    "optimizer__rates_fall_after": 100,
+    "updates__discount_rises_after": 110,
+    "detectors__geometry_decay": 0.01,
+    "detectors__geometry_decay_after": 120,
+    "relabeling__property_dropout": 0.5,
+    "relabeling__property_dropout_after": 150,
 }
 SPEED = np.ones(6)
 
@@ -52,7 +57,7 @@ SPEED = np.ones(6)
 def run(
     out: Path,
     frames: int,
-    settings: LearnerConfig = SETTINGS,
+    settings: DPGConfig = SETTINGS,
     resume: bool = False,
     network: NetworkConfig = NETWORK,
     **fields: object,
@@ -97,10 +102,10 @@ def consumed(monkeypatch: pytest.MonkeyPatch) -> list[Trajectory]:
 def test_lag(tmp_path, monkeypatch, lag, steps) -> None:
     """Trajectory m is acted by version m − lag, and the weights are those of that version."""
     trajectories = consumed(monkeypatch)
-    settings = replace(SETTINGS, policy_lag=lag, trajectory_steps=steps)
+    settings = dpg(SETTINGS, schedule__policy_lag=lag, schedule__trajectory_steps=steps)
     learner = run(tmp_path, 60, settings)
     assert [s.sequence for s in trajectories] == list(range(len(trajectories)))
-    schedule = Schedule(lag)
+    schedule = Schedule(policy_lag=lag)
     for m, trajectory in enumerate(trajectories):
         assert trajectory.policy_version == max(0, m - lag) == schedule.acting_version(m)
     ends = {s.first_step + len(s) for s in trajectories if s.ends_episode}
@@ -120,7 +125,8 @@ def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> N
     learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
     policies = {0: learner.snapshot()}
     world = PointWorld(3)
-    actor = Actor(NETWORK, SETTINGS, seed=3)
+    noise = ExplorationNoise(SETTINGS.exploration, world.control_period_s, seed=3)
+    actor = Actor(NETWORK, noise=noise)
     for episode, trajectory in enumerate(trajectories):
         actor.load(policies[trajectory.policy_version])
         observation, _ = world.reset(episode)
@@ -136,7 +142,7 @@ def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> N
 
 @pytest.mark.parametrize("lag", [1, 2])
 def test_overlap_changes_nothing(tmp_path, lag) -> None:
-    settings = replace(SETTINGS, policy_lag=lag, trajectory_steps=7)
+    settings = dpg(SETTINGS, schedule__policy_lag=lag, schedule__trajectory_steps=7)
     one = run(tmp_path / "a", 200, settings, overlap=True)
     assert_same(one, run(tmp_path / "b", 200, settings, overlap=False))
 
@@ -145,7 +151,9 @@ def test_overlap_changes_nothing(tmp_path, lag) -> None:
 @pytest.mark.parametrize("lag", [0, 1])
 def test_resuming_is_not_stopping(tmp_path, engine, lag) -> None:
     """Also across the replay's wrap, at 500 rows, and whatever changes with the updates."""
-    settings = replace(SETTINGS, engine=engine, policy_lag=lag, updates_per_frame=0.7, **CHANGING)
+    settings = dpg(
+        SETTINGS, engine__name=engine, schedule__policy_lag=lag, updates__per_frame=0.7, **CHANGING
+    )
     unbroken = run(tmp_path / "a", 800, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 260, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 600, settings, resume=True, evaluate_every_frames=40)
@@ -230,7 +238,7 @@ def test_a_checkpoint_is_plain_and_acts(saved) -> None:
     assert values["counters"]["frames"] == 100
     assert values["extra"]["design"] == "2-L" and values["extra"]["seed"] == 3
     assert NetworkConfig.from_json(values["network"]) == NETWORK
-    assert LearnerConfig.from_json(values["learner"]) == SETTINGS
+    assert DPGConfig.from_json(values["learner"]) == SETTINGS
     snapshot = load_policy(saved)
     assert snapshot.version == 5
     actor = Actor.of(snapshot)
@@ -243,9 +251,13 @@ def test_a_checkpoint_is_plain_and_acts(saved) -> None:
 @pytest.mark.parametrize(
     ("network", "settings", "message"),
     [
-        (replace(NETWORK, hidden=7), SETTINGS, "hidden: checkpoint 6, here 7"),
-        (replace(NETWORK, kind="distilled-critic"), SETTINGS, "checkpoint 'programmable', here"),
-        (NETWORK, replace(SETTINGS, critic_rate=1e-3), "critic_rate: checkpoint 0.0003, here"),
+        (NETWORK.changed(hidden=7), SETTINGS, "hidden: checkpoint 6, here 7"),
+        (NETWORK.changed(kind="distilled-critic"), SETTINGS, "checkpoint 'programmable', here"),
+        (
+            NETWORK,
+            dpg(SETTINGS, optimizer__critic_rate=1e-3),
+            "critic_rate: checkpoint 0.0003, here",
+        ),
     ],
 )
 def test_another_learners_checkpoint_is_refused(saved, network, settings, message) -> None:
@@ -257,13 +269,15 @@ def test_another_learners_checkpoint_is_refused(saved, network, settings, messag
 def test_an_option_that_is_younger_than_the_checkpoint_had_its_default(saved, room) -> None:
     path = find_checkpoint(saved) / "metadata.json"
     values = json.loads(path.read_text())
-    option = {"learner": "detector_decay", "network": "self_weight"}[room]
-    kept = {k: v for k, v in json.loads(values[room]).items() if k != option}
+    option = {"learner": "detectors.decay", "network": "self_weight"}[room]
+    kept = json.loads(values[room])
+    part, _, name = option.rpartition(".")
+    del (kept[part] if part else kept)[name]
     path.write_text(json.dumps(values | {room: json.dumps(kept)}))
     restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
     changed = {
-        "learner": (NETWORK, replace(SETTINGS, detector_decay=0.5)),
-        "network": (replace(NETWORK, self_weight=0.5), SETTINGS),
+        "learner": (NETWORK, dpg(SETTINGS, detectors__decay=0.5)),
+        "network": (NETWORK.changed(self_weight=0.5), SETTINGS),
     }[room]
     with pytest.raises(CheckpointError, match=f"{option}: checkpoint .*, here 0.5"):
         restore(saved, Learner(*changed, PROGRAMS, 3, SCORING))
@@ -306,7 +320,7 @@ def test_no_checkpoint_and_another_format(saved, tmp_path) -> None:
         run(tmp_path / "nowhere", 20, resume=True)
     path = find_checkpoint(saved) / "metadata.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 99}))
-    with pytest.raises(CheckpointError, match="expected format 1, got 99"):
+    with pytest.raises(CheckpointError, match="expected format 2 or 1, got 99"):
         load_policy(saved)
 
 
@@ -362,13 +376,14 @@ def mean_reward(actor: Actor, episodes: range) -> float:
 
 def test_dpg_solves_the_point_world(tmp_path) -> None:
     """From about −1 to most of the time near the block that the program names."""
-    network = NetworkConfig(WORDS, "true-properties", hidden=32, attention=8)
-    settings = replace(
-        SETTINGS, batch_size=64, replay_frames=20_000, warmup_frames=200, actor_rate=1e-3,
-        critic_rate=2e-3, discount=0.9, programs_per_transition=2,
+    network = NetworkConfig(vocabulary=WORDS, kind="true-properties", hidden=32, attention=8)
+    settings = dpg(
+        SETTINGS, replay__batch_size=64, replay__capacity_frames=20_000, replay__warmup_frames=200,
+        optimizer__actor_rate=1e-3,
+        optimizer__critic_rate=2e-3, updates__discount=0.9, relabeling__programs_per_transition=2,
     )  # fmt: skip
     learner = run(tmp_path, 4000, settings, network=network, evaluate_every_frames=0)
-    before = Actor(network, settings, 3)
+    before = Actor(network)
     before.load(Learner(network, settings, PROGRAMS, 3, SCORING).snapshot())
     episodes = range(10_000, 10_030)
     assert mean_reward(before, episodes) < -0.8

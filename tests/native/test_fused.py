@@ -23,13 +23,14 @@ from fused_settings import (
     setting,
 )
 from updates import update
+from worlds import dpg
 
 from pa_ros.benchmarks.straightforward import Scenes, parameters
 from pa_ros.benchmarks.straightforward import actor as formulas
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.learning.schedule import values_after
@@ -200,7 +201,7 @@ def test_exchanges_state_with_the_torch_engine() -> None:
 def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str) -> None:
     made = setting(kind, relations_see_properties=False)
     ours = made.engine()
-    config = replace(made.config, engine="torch", dtype="float64")
+    config = dpg(made.config, engine__name="torch", engine__dtype="float64")
     theirs = TorchEngine(made.network, config, made.table, made.actor, made.critic)
     rng = np.random.default_rng(5)
     for _ in range(5):
@@ -233,7 +234,7 @@ def test_targets_change_only_when_copied() -> None:
 @pytest.mark.parametrize("size", [1, 5, 64])
 def test_threads_change_only_rounding(size: int) -> None:
     made = setting()
-    check_gradients(made, make_batch(np.random.default_rng(6), size, 5, 2, 6), threads=2)
+    check_gradients(made, make_batch(np.random.default_rng(6), size, 5, 2, 6), engine__threads=2)
 
 
 def test_sizes_may_change_between_updates() -> None:
@@ -295,20 +296,20 @@ def test_refuses_batches_that_do_not_fit(change: dict[str, np.ndarray], message:
 def test_is_chosen_where_it_applies() -> None:
     made = setting()
     for choice, name in (("auto", "fused"), ("fused", "fused"), ("torch", "torch")):
-        config = replace(made.config, engine=choice)
+        config = dpg(made.config, engine__name=choice)
         assert make_engine(made.network, config, made.table, np.random.default_rng()).name == name
 
 
 def test_says_why_it_does_not_apply() -> None:
-    config, network = LearnerConfig(), setting().network
+    config, network = DPGConfig(), setting().network
     assert why_not(network, config) == ""
-    assert why_not(replace(network, kind="canonical"), config) == ""
+    assert why_not(network.changed(kind="canonical"), config) == ""
     words = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(_fused.MAX_WORDS)))
-    assert "words" in why_not(replace(network, vocabulary=words), config)
-    assert "float64" in why_not(network, replace(config, dtype="float64"))
-    assert "cuda" in why_not(network, replace(config, device="cuda"))
+    assert "words" in why_not(network.changed(vocabulary=words), config)
+    assert "float64" in why_not(network, dpg(config, engine__dtype="float64"))
+    assert "cuda" in why_not(network, dpg(config, engine__device="cuda"))
     with pytest.raises(FusedError, match="cuda"):
-        setting().engine(device="cuda")
+        setting().engine(engine__device="cuda")
     assert not isinstance(FusedError("x"), ConfigError)
 
 

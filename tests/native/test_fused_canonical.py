@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 from updates import update
-from worlds import objects_at
+from worlds import dpg, objects_at
 
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.native.engine import FusedActor, FusedEngine
@@ -25,11 +23,11 @@ from pa_ros.world.programs import ProgramTable
 WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A"))
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
 # some of ∂Q/∂a is clipped, some is not
-CONFIG = LearnerConfig(action_gradient_clip=0.05, action_l2=0.02)
+CONFIG = dpg(actor__gradient_clip=0.05, actor__action_l2=0.02)
 
 
 def network(hidden: int = 40) -> NetworkConfig:
-    return NetworkConfig(WORDS, "canonical", canonical_hidden=hidden)
+    return NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=hidden)
 
 
 def tensors(config: NetworkConfig) -> tuple[Tensors, Tensors]:
@@ -53,8 +51,8 @@ def both(
     hidden: int = 40, programs: ProgramTable | None = None, **changes: object
 ) -> tuple[FusedEngine, TorchEngine]:
     config, programs = network(hidden), programs or table()
-    given = config, replace(CONFIG, **changes), programs  # type: ignore[arg-type]
-    reference = replace(CONFIG, engine="torch", dtype="float64")
+    given = config, dpg(CONFIG, **changes), programs  # type: ignore[arg-type]
+    reference = dpg(CONFIG, engine__name="torch", engine__dtype="float64")
     return (
         FusedEngine(*given, *tensors(config)),
         TorchEngine(config, reference, programs, *tensors(config)),
@@ -85,7 +83,7 @@ def batch_of(rng: np.random.Generator, size: int, programs: int) -> Batch:
 @pytest.mark.parametrize("hidden", [7, 40])
 @pytest.mark.parametrize("threads", [1, 2])
 def test_gradients(size, k, hidden, threads) -> None:
-    ours, reference = both(hidden, threads=threads)
+    ours, reference = both(hidden, engine__threads=threads)
     batch = batch_of(np.random.default_rng(size), size, k)
     update(ours, batch, CONFIG)
     update(reference, batch, CONFIG)
@@ -151,7 +149,7 @@ def test_actor(hand) -> None:
 
 def test_is_chosen_and_refuses_what_it_cannot_be_told() -> None:
     programs = table()
-    engine = make_engine(network(), LearnerConfig(), programs, np.random.default_rng(0))
+    engine = make_engine(network(), DPGConfig(), programs, np.random.default_rng(0))
     assert engine.name == "fused"
     actor, _ = tensors(network())
     seen = objects_at(np.zeros((2, 3))), np.zeros(18, np.float32)

@@ -20,7 +20,7 @@ from pa_ros.networks.slots import (
 )
 
 WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "BLUE"))
-CONFIG = NetworkConfig(WORDS, "canonical", canonical_hidden=9)
+CONFIG = NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=9)
 
 
 def block(shape: str, color: str, x: float) -> np.ndarray:
@@ -88,7 +88,7 @@ def test_modules_and_inference_agree_with_the_layers_by_hand() -> None:
 
 
 def test_initial_weights_are_lillicraps() -> None:
-    config = NetworkConfig(WORDS, "canonical")
+    config = NetworkConfig(vocabulary=WORDS, kind="canonical")
     rng = np.random.default_rng(0)
     for tensors, shapes in (
         (initial_actor(config, rng), actor_shapes(config)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,12 +32,12 @@ WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("BLUE", "A"))
 )
 def test_a_refused_value_is_shown(field, value) -> None:
     with pytest.raises(ConfigError, match=str(value)):
-        NetworkConfig(WORDS, **{field: value})
+        NetworkConfig(vocabulary=WORDS, **{field: value})
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_json_round_trip(kind) -> None:
-    config = NetworkConfig(WORDS, kind, hidden=7, critic_output_bias=-100.0)
+    config = NetworkConfig(vocabulary=WORDS, kind=kind, hidden=7, critic_output_bias=-100.0)
     assert NetworkConfig.from_json(config.to_json()) == config
     again = actor_config(config.architecture)
     assert again.architecture == config.architecture
@@ -46,15 +45,15 @@ def test_json_round_trip(kind) -> None:
 
 
 def test_architecture_tells_actors_apart_and_nothing_else() -> None:
-    config = NetworkConfig(WORDS)
-    same = [replace(config, kind="distilled-critic"), replace(config, critic_output_bias=-100.0)]
+    config = NetworkConfig(vocabulary=WORDS)
+    same = [config.changed(kind="distilled-critic"), config.changed(critic_output_bias=-100.0)]
     other = [
-        replace(config, hidden=151),
-        replace(config, attention=65),
-        replace(config, position_scale=1.0),
-        replace(config, kind="canonical"),
-        replace(config, kind="true-properties"),
-        replace(config, vocabulary=Vocabulary(("SPHERE", "CUBE", "C"), ("BLUE", "A"))),
+        config.changed(hidden=151),
+        config.changed(attention=65),
+        config.changed(position_scale=1.0),
+        config.changed(kind="canonical"),
+        config.changed(kind="true-properties"),
+        config.changed(vocabulary=Vocabulary(("SPHERE", "CUBE", "C"), ("BLUE", "A"))),
     ]
     assert {c.architecture for c in same} == {config.architecture}
     assert len({c.architecture for c in [config, *other]}) == 1 + len(other)
@@ -67,7 +66,7 @@ def test_text_that_describes_no_actor_is_refused(text) -> None:
 
 
 def test_text_with_one_thing_more_is_refused() -> None:
-    values = json.loads(NetworkConfig(WORDS).architecture) | {"layers": 3}
+    values = json.loads(NetworkConfig(vocabulary=WORDS).architecture) | {"layers": 3}
     with pytest.raises(ConfigError, match="layers"):
         actor_config(json.dumps(values, sort_keys=True, separators=(",", ":")))
 
@@ -79,20 +78,20 @@ def test_text_that_describes_no_networks_is_refused(text) -> None:
 
 
 def test_shapes_are_those_of_the_design_notes() -> None:
-    shapes = actor_shapes(NetworkConfig(WORDS))
+    shapes = actor_shapes(NetworkConfig(vocabulary=WORDS))
     assert shapes["detectors.weight"] == (5, 34)
     assert shapes["query.weight"] == shapes["context.weight"] == (64, 34)
     assert shapes["attention.weight"] == (64,)
     assert shapes["local.0.weight"] == (150, 34) and shapes["local.1.weight"] == (150, 150)
     assert shapes["message.0.weight"] == (150, 68) and shapes["message.1.weight"] == (150, 150)
     assert shapes["output.weight"] == (6, 150)
-    critic = critic_shapes(NetworkConfig(WORDS, "distilled-critic"))
+    critic = critic_shapes(NetworkConfig(vocabulary=WORDS, kind="distilled-critic"))
     assert "detectors.weight" not in critic
     assert critic["action.weight"] == (150, 6) and critic["output.weight"] == (1, 150)
 
 
 def test_initial_weights() -> None:
-    config = NetworkConfig(WORDS, critic_output_bias=-100.0)
+    config = NetworkConfig(vocabulary=WORDS, critic_output_bias=-100.0)
     rng = np.random.default_rng(5)
     actor, critic = initial_actor(config, rng), initial_critic(config, rng)
     assert critic["output.bias"] == [-100.0]
@@ -104,20 +103,20 @@ def test_initial_weights() -> None:
 
 
 def test_detectors_that_start_at_nothing() -> None:
-    config = NetworkConfig(WORDS, detector_init_scale=0.0)
+    config = NetworkConfig(vocabulary=WORDS, detector_init_scale=0.0)
     for make in (initial_actor, initial_critic):
         tensors = make(config, np.random.default_rng(5))
-        default = make(NetworkConfig(WORDS), np.random.default_rng(5))
+        default = make(NetworkConfig(vocabulary=WORDS), np.random.default_rng(5))
         detectors = {name for name in tensors if name.startswith("detectors.")}
         assert len(detectors) == 2 and not any(tensors[name].any() for name in detectors)
         assert all(np.array_equal(tensors[k], default[k]) for k in tensors.keys() - detectors)
 
 
 def test_relations_that_do_not_see_properties() -> None:
-    hidden = NetworkConfig(WORDS, relations_see_properties=False)
+    hidden = NetworkConfig(vocabulary=WORDS, relations_see_properties=False)
     for make in (initial_actor, initial_critic):
         tensors = make(hidden, np.random.default_rng(5))
-        default = make(NetworkConfig(WORDS), np.random.default_rng(5))
+        default = make(NetworkConfig(vocabulary=WORDS), np.random.default_rng(5))
         for name in ("query", "context", "local.0", "message.0"):
             columns = tensors[f"{name}.weight"].reshape(-1, 34)
             assert not columns[:, 7:16].any()
@@ -125,7 +124,7 @@ def test_relations_that_do_not_see_properties() -> None:
             assert np.array_equal(np.delete(columns, np.r_[7:16], 1),
                                   np.delete(other, np.r_[7:16], 1))  # fmt: skip
         assert np.array_equal(tensors["detectors.weight"], default["detectors.weight"])
-    assert hidden.architecture == NetworkConfig(WORDS).architecture
+    assert hidden.architecture == NetworkConfig(vocabulary=WORDS).architecture
 
 
 def test_true_properties_of_words() -> None:

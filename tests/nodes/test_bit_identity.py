@@ -22,7 +22,7 @@ from pa_ros.wire import codec
 
 pytestmark = pytest.mark.graph
 SEED, EPISODES = 11, 3
-OPTIONS = ["learner.warmup_frames=20", "learner.batch_size=16", "network.hidden=32"]
+OPTIONS = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=16", "network.hidden=32"]
 
 
 def parameters(**changes: dict[str, object]) -> dict[str, dict[str, object]]:

@@ -9,15 +9,17 @@ from agent_node.drivers import GreedyDriver, LearningDriver, Step
 from agent_node.errors import StaleObservationError
 from agent_node.shelf import PolicyShelf
 from agent_node.steps import StepMatcher
+from pa_ros.acting.config import ActingConfig, Schedule
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import PolicySnapshot
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.wire.records import PublishedPolicy
 
 DESIGN = design_named("2-L")
-NETWORK = NetworkConfig(DESIGN.vocabulary, hidden=8, attention=4)
+NETWORK = NetworkConfig(vocabulary=DESIGN.vocabulary, hidden=8, attention=4)
+ALONE = ActingConfig(schedule=Schedule(trajectory_steps=10, policy_lag=10**6))
+SYNCHRONOUS = ActingConfig(schedule=Schedule(trajectory_steps=10, policy_lag=1))
 
 
 def published(version: int, consumed: dict[str, int] | None = None, run: str = "run"):
@@ -57,8 +59,9 @@ class Arm:
 
 @pytest.fixture
 def arm() -> Arm:
-    driver = LearningDriver("me", LearnerConfig(trajectory_steps=10, policy_lag=10**6), seed=0)
+    driver = LearningDriver("me", ALONE, seed=0)
     driver.offer(published(0))
+    driver.meet(0.1)
     return Arm(driver)
 
 
@@ -110,8 +113,9 @@ def test_what_another_hand_did_is_not_experience(arm):
 def test_evaluation_episodes_leave_no_trace(arm):
     arm.reset(0)
     arm.run(20)
-    other = Arm(LearningDriver("me", LearnerConfig(trajectory_steps=10, policy_lag=10**6), seed=0))
+    other = Arm(LearningDriver("me", ALONE, seed=0))
     other.driver.offer(published(0))
+    other.driver.meet(0.1)
     other.reset(0)
     other.run(10)
     other.run(10)
@@ -139,8 +143,9 @@ def test_evaluation_is_greedy_and_training_is_not(arm):
 
 
 def test_each_trajectory_acts_with_the_version_the_protocol_names():
-    driver = LearningDriver("me", LearnerConfig(trajectory_steps=10, policy_lag=1), seed=0)
+    driver = LearningDriver("me", SYNCHRONOUS, seed=0)
     driver.offer(published(0))
+    driver.meet(0.1)
     arm = Arm(driver)
     arm.reset(0)
     arm.run(10)

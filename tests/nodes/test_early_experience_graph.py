@@ -37,7 +37,7 @@ def test_it_is_kept_in_order_up_to_a_bound_and_beyond_it_refused(
 
 @pytest.mark.parametrize("engine", ["fused", "torch"])
 def test_a_learner_says_what_makes_its_updates(engine, tmp_path) -> None:
-    asked = f"['learner.engine={engine}']"
+    asked = f"['learner.engine.name={engine}']"
     with graph(LearnerNode, learner_node__out=tmp_path, learner_node__options=asked) as probe:
         probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(ARENA))
         assert probe.until(lambda: probe.value("learner_node", "engine") == engine)

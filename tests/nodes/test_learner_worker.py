@@ -17,7 +17,7 @@ from pa_ros.core.experience import Trajectory
 from pa_ros.learning.errors import FolderInUseError
 from pa_ros.wire.records import PublishedPolicy
 
-OPTIONS = ("learner.warmup_frames=0", "learner.batch_size=4", "network.hidden=8",
+OPTIONS = ("learner.replay.warmup_frames=0", "learner.replay.batch_size=4", "network.hidden=8",
            "network.attention=4")  # fmt: skip
 
 

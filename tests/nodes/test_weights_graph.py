@@ -24,7 +24,7 @@ WORDS = design_named("2-L").vocabulary
 
 
 def policy(version: int = 0, vocabulary: Vocabulary = WORDS, **options) -> PublishedPolicy:
-    network = NetworkConfig(vocabulary, **{"hidden": 16, **options})
+    network = NetworkConfig(vocabulary=vocabulary, **{"hidden": 16, **options})
     tensors = initial_actor(network, np.random.default_rng(0))
     snapshot = PolicySnapshot(version, network.architecture, vocabulary.digest, tensors)
     return PublishedPolicy(snapshot, "run", {})

@@ -105,8 +105,8 @@ def test_a_packaged_file_is_chosen_by_name_and_any_other_by_its_path(tmp_path):
 
 
 def test_a_list_used_twice_is_written_twice_since_rcl_refuses_aliases(tmp_path):
-    options = ["learner.batch_size=32"]
+    options = ["learner.replay.batch_size=32"]
     path = tmp_path / "params.yaml"
     write_parameters(path, {name: {"options": options} for name in ("agent_node", "learner_node")})
-    assert path.read_text().count("learner.batch_size=32") == 2
+    assert path.read_text().count("learner.replay.batch_size=32") == 2
     assert "&" not in path.read_text()

@@ -8,12 +8,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from pa_ros.acting.exploration import OrnsteinUhlenbeck
+from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
 from pa_ros.language import Program, parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.errors import PolicyError
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.inference import Inference, TorchActor
@@ -27,18 +26,21 @@ MakeInference = Callable[[NetworkConfig, Tensors], Inference]
 class Actor:
     """A policy: observation and program to action; weights arrive as snapshots.
 
-    `config` supplies the exploration noise, `seed` its stream. Actions are computed by the fused
-    code where it applies, else by torch: the choice depends on `network` and `config.engine`
-    alone, so it is the same in process and over the graph.
+    Without `noise` it is greedy. Actions are computed by the fused code where it applies, else by
+    torch: the choice depends on `network` and `inference` ("auto" or "torch") alone, so it is the
+    same in process and over the graph.
     """
 
-    def __init__(self, network: NetworkConfig, config: LearnerConfig, seed: int) -> None:
+    def __init__(
+        self,
+        network: NetworkConfig,
+        inference: str = "auto",
+        noise: ExplorationNoise | None = None,
+    ) -> None:
         self.network = network
-        self._config = config
-        self._seed = seed
-        self._make_inference = inference_for(network, config.engine)
+        self._noise = noise
+        self._make_inference = inference_for(network, inference)
         self._inference: Inference | None = None
-        self._noise: OrnsteinUhlenbeck | None = None
         self.version = -1  # of the weights in use; -1 before the first
 
     @classmethod
@@ -48,7 +50,7 @@ class Actor:
             network = actor_config(snapshot.architecture)
         except ConfigError as error:
             raise PolicyError(str(error)) from error
-        actor = cls(network, LearnerConfig(), seed=0)
+        actor = cls(network)
         actor.load(snapshot)
         return actor
 
@@ -79,9 +81,9 @@ class Actor:
 
     def explore(self, observation: Observation, program: str) -> Float32:
         """The action with this episode's exploration noise, clipped to [-1, 1], [6]."""
-        if self._noise is None or self._noise.episode != observation.episode:
-            self._noise = OrnsteinUhlenbeck(self._config, self._seed, observation.episode)
-        noisy = self.act(observation, program) + self._noise.sample()
+        if self._noise is None:
+            raise PolicyError("policy: expected exploration noise, got a greedy actor")
+        noisy = self.act(observation, program) + self._noise.sample(observation.episode)
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
     def parse(self, program: str) -> Program:
@@ -90,9 +92,9 @@ class Actor:
 
 
 @lru_cache(maxsize=16)
-def inference_for(network: NetworkConfig, engine: str) -> MakeInference:
+def inference_for(network: NetworkConfig, inference: str) -> MakeInference:
     """FusedActor where it applies, else TorchActor; the choice is logged once."""
-    reason = "the learner's is torch" if engine == "torch" else why_not_network(network)
+    reason = "chosen" if inference == "torch" else why_not_network(network)
     log.info("actor inference: %s", f"torch ({reason})" if reason else "fused")
     if reason:
         return TorchActor

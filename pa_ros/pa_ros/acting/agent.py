@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.schedule import Schedule
+from pa_ros.acting.errors import PolicyError, StepError
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot, Trajectory, Verdict
-from pa_ros.learning.errors import PolicyError, StepError
+
+
+class Schedule(Protocol):
+    """Which weights may act when; `pa_ros.acting.config.Schedule` is one."""
+
+    def acting_version(self, trajectory: int) -> int:
+        """Version that acts on trajectory 0, 1, 2, … of an agent."""
 
 
 class LearningAgent:

@@ -6,30 +6,32 @@ import math
 
 import numpy as np
 
+from pa_ros.acting.config import ExplorationConfig
 from pa_ros.core.experience import JOINTS, Float64
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
 
 NOISE_STREAM = 1  # of default_rng([seed, stream, episode])
 
 
 class OrnsteinUhlenbeck:
-    """dx = −θ x dt + noise, sampled exactly every `noise_dt` seconds; one process per episode.
+    """dx = −θ x dt + noise, sampled exactly once per control step; one process per episode.
 
-    The paper gives σ = 0.3 and θ = 1.0 without units. `noise_scale` says how σ is read:
+    The paper gives σ = 0.3 and θ = 1.0 without units. `scale` says how σ is read:
     "stationary" makes it the standard deviation of x itself, "diffusion" that of the noise per
     √s, so that x has σ/√(2θ). x starts in its stationary distribution (0 if there is none). The
     stream is made anew for each episode, so resuming needs no hidden value.
     """
 
-    def __init__(self, config: LearnerConfig, seed: int, episode: int) -> None:
+    def __init__(
+        self, config: ExplorationConfig, control_period_s: float, seed: int, episode: int
+    ) -> None:
         self.episode = episode
         self._rng = np.random.default_rng([seed, NOISE_STREAM, episode])
-        theta, sigma, dt = config.noise_damping, config.noise_sigma, config.noise_dt
+        theta, sigma, dt = config.damping, config.sigma, control_period_s
         self._decay = math.exp(-theta * dt)
         if theta == 0:
             start, self._scale = 0.0, sigma * math.sqrt(dt)
         else:
-            start = sigma if config.noise_scale == "stationary" else sigma / math.sqrt(2 * theta)
+            start = sigma if config.scale == "stationary" else sigma / math.sqrt(2 * theta)
             self._scale = start * math.sqrt(1 - self._decay**2)
         self._x = start * self._rng.standard_normal(JOINTS)
 
@@ -38,3 +40,17 @@ class OrnsteinUhlenbeck:
         now = self._x
         self._x = self._decay * now + self._scale * self._rng.standard_normal(JOINTS)
         return now
+
+
+class ExplorationNoise:
+    """One agent's noise: the process of whichever episode is asked for."""
+
+    def __init__(self, config: ExplorationConfig, control_period_s: float, seed: int) -> None:
+        self._given = config, control_period_s, seed
+        self._process: OrnsteinUhlenbeck | None = None
+
+    def sample(self, episode: int) -> Float64:
+        """The noise of the episode's next control step, [6]."""
+        if self._process is None or self._process.episode != episode:
+            self._process = OrnsteinUhlenbeck(*self._given, episode)
+        return self._process.sample()

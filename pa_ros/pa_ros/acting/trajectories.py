@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pa_ros.acting.errors import StepError
 from pa_ros.core.experience import Float32, Observation, Trajectory, Verdict
-from pa_ros.learning.errors import StepError
 
 
 @dataclass

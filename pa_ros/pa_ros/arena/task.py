@@ -44,6 +44,11 @@ class ReachTask:
         self._stamp_ns = 0
         self._step = 0
 
+    @property
+    def control_period_s(self) -> float:
+        """Simulation time of one control step."""
+        return self.config.control_period_s
+
     def reset(self, episode_index: int, condition: str = "train") -> tuple[Observation, Verdict]:
         """Start episode `episode_index` of a condition. ConfigError if the condition is unknown."""
         drawn_from = condition_named(condition, self.design)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.training import bench_train
 from pa_ros.core.report import Report
 from pa_ros.evaluation.scoring.training import training_programs
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig
 
@@ -77,10 +76,10 @@ def bench_graph_loop(kind: str) -> Report:
     return {**bench_learning_graph(updates_per_s), "graph.design": DESIGN}
 
 
-def _setting(kind: str) -> tuple[NetworkConfig, LearnerConfig, list[str]]:
+def _setting(kind: str) -> tuple[NetworkConfig, DPGConfig, list[str]]:
     design, protocol = design_named(DESIGN), protocol_named("ours")
     network = protocol.network_config(design.vocabulary, kind)
-    config = replace(protocol.learner, programs_per_transition=1)
+    config = protocol.learner.changed(**{"relabeling.programs_per_transition": 1})
     return network, config, training_programs(design)
 
 

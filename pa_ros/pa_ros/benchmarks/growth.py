@@ -12,7 +12,7 @@ from pa_ros.benchmarks.learner import engine_of, random_learner, repeated
 from pa_ros.benchmarks.machine import measure_rates
 from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.core.report import Report
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
 
 
@@ -42,7 +42,7 @@ FIGURES = (*WAYS, "floor")  # of each point, in µs
 
 def bench_growth(
     network: NetworkConfig,
-    config: LearnerConfig,
+    config: DPGConfig,
     programs: Sequence[str],
     axes: Sequence[Axis] = AXES,
     rounds: int = 9,
@@ -98,18 +98,19 @@ def markdown_table(report: Report, axes: Sequence[Axis] = AXES) -> str:
 
 def _contender(
     network: NetworkConfig,
-    config: LearnerConfig,
+    config: DPGConfig,
     programs: Sequence[str],
     name: str,
     sizes: Sizes,
     way: str,
 ) -> Contender:
-    config = replace(
-        config,
-        batch_size=sizes.transitions,
-        programs_per_transition=sizes.programs,
-        engine=way,
-        threads=1,
+    config = config.changed(
+        **{
+            "replay.batch_size": sizes.transitions,
+            "relabeling.programs_per_transition": sizes.programs,
+            "engine.name": way,
+            "engine.threads": 1,
+        }
     )
     learner = random_learner(network, config, programs, sizes)
     batches = list(learner.batches(4))

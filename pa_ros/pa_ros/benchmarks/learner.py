@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import cycle, islice
 
 import numpy as np
@@ -18,7 +17,7 @@ from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation, Trajectory
 from pa_ros.core.report import Report
 from pa_ros.core.update import Batch, Engine, UpdateValues
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.schedule import values_after
@@ -43,7 +42,7 @@ TRAJECTORY_STEPS, TRAJECTORIES = 100, 20
 
 def bench_learner(
     network: NetworkConfig,
-    config: LearnerConfig,
+    config: DPGConfig,
     programs: Sequence[str],
     sizes: Sizes = Sizes(),  # noqa: B008 (frozen)
     others: Sequence[Contender] = (),
@@ -57,7 +56,7 @@ def bench_learner(
     """
     facts = _sizes(sizes, network)
     torch.set_num_threads(1)
-    config = replace(config, batch_size=sizes.transitions)
+    config = config.changed(**{"replay.batch_size": sizes.transitions})
     learner = random_learner(network, config, programs, sizes)
     batches = list(learner.batches(16))
     contenders = [
@@ -74,10 +73,11 @@ def bench_learner(
 
 
 def random_learner(
-    network: NetworkConfig, config: LearnerConfig, programs: Sequence[str], sizes: Sizes
+    network: NetworkConfig, config: DPGConfig, programs: Sequence[str], sizes: Sizes
 ) -> Learner:
     """A learner with random experience in its replay buffer and no update made."""
-    waiting = replace(config, warmup_frames=TRAJECTORY_STEPS * TRAJECTORIES)
+    frames = TRAJECTORY_STEPS * TRAJECTORIES
+    waiting = config.changed(**{"replay.warmup_frames": frames})
     learner = Learner(network, waiting, programs, seed=0)
     rng = np.random.default_rng(0)
     for sequence in range(TRAJECTORIES):
@@ -85,19 +85,15 @@ def random_learner(
     return learner
 
 
-def bare_updates(
-    network: NetworkConfig, config: LearnerConfig, programs: Sequence[str]
-) -> Contender:
+def bare_updates(network: NetworkConfig, config: DPGConfig, programs: Sequence[str]) -> Contender:
     """Updates by the clock, with the configuration's batch, of tables with four blocks."""
-    sizes = Sizes(config.batch_size, 5, config.programs_per_transition)
+    sizes = Sizes(config.replay.batch_size, 5, config.relabeling.programs_per_transition)
     idle = random_learner(network, config, programs, sizes)
     run = repeated(engine_of(idle).update, list(idle.batches(16)), config)
     return Contender("bare", run, wall=True)
 
 
-def repeated(
-    update: Update, batches: Sequence[Batch], config: LearnerConfig
-) -> Callable[[int], None]:
+def repeated(update: Update, batches: Sequence[Batch], config: DPGConfig) -> Callable[[int], None]:
     """Updates with these batches in turn."""
     endless = enumerate(cycle(batches))
 
@@ -111,8 +107,8 @@ def repeated(
 
 
 def engine_of(learner: Learner, **changes: object) -> Engine:
-    """A new engine for the learner's table, with some options replaced."""
-    config = replace(learner.config, **changes)  # type: ignore[arg-type]
+    """A new engine for the learner's table, with some settings of the engine replaced."""
+    config = learner.config.changed(**{f"engine.{name}": v for name, v in changes.items()})
     return make_engine(learner.network, config, learner.table, np.random.default_rng(0))
 
 
@@ -148,7 +144,7 @@ def _straightforward(learner: Learner) -> StraightforwardEngine:
 def _actors(learner: Learner, program: str) -> list[Contender]:
     """One observation to one action, by what agents use and by torch."""
     network, snapshot = learner.network, learner.snapshot()
-    actor = Actor(network, learner.config, seed=0)
+    actor = Actor(network)
     actor.load(snapshot)
     plain, parsed = TorchActor(network, snapshot.tensors), actor.parse(program)
     objects = learner.replay.arrays["objects"][0].copy()

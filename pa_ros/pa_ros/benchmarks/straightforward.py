@@ -20,7 +20,7 @@ from torch import Tensor
 from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
 from pa_ros.language import Program, degree, parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
 
@@ -125,13 +125,13 @@ class StraightforwardEngine:
     def __init__(
         self,
         network: NetworkConfig,
-        config: LearnerConfig,
+        config: DPGConfig,
         table: ProgramTable,
         actor: Mapping[str, NDArray[Any]],
         critic: Mapping[str, NDArray[Any]],
     ) -> None:
         self.network, self._config, self._table = network, config, table
-        self._dtype: torch.dtype = getattr(torch, config.dtype)
+        self._dtype: torch.dtype = getattr(torch, config.engine.dtype)
         self.networks = {
             name: parameters(tensors, self._dtype)
             for name, tensors in (("actor", actor), ("critic", critic))
@@ -171,7 +171,7 @@ class StraightforwardEngine:
         action = actor(network, nets["actor"], now)
         given = action.detach().requires_grad_()
         (slope,) = torch.autograd.grad(critic(network, nets["critic"], now, given).sum(), given)
-        clip = self._config.action_gradient_clip
+        clip = self._config.actor.gradient_clip
         ascent = slope.clamp(-clip, clip) - action_l2 * given.detach()
         self.loss = float(loss.detach())
         return {
@@ -195,12 +195,12 @@ class StraightforwardEngine:
         """Kingma & Ba 2015, algorithm 1; detectors besides as Loshchilov & Hutter 2019."""
         config, x = self._config, self.networks[name][k]
         detects, weighs = k.startswith("detectors."), k == "detectors.weight"
-        rate = rate * config.detector_gain if detects else rate
+        rate = rate * config.detectors.gain if detects else rate
         m, v = (self._moments[f"adam.{name}.{moment}.{k}"] for moment in "mv")
-        m.copy_(config.adam_beta1 * m + (1 - config.adam_beta1) * gradient)
-        v.copy_(config.adam_beta2 * v + (1 - config.adam_beta2) * gradient**2)
+        m.copy_(config.optimizer.beta1 * m + (1 - config.optimizer.beta1) * gradient)
+        v.copy_(config.optimizer.beta2 * v + (1 - config.optimizer.beta2) * gradient**2)
         kept = 1 - rate * values.detector_decay if weighs else 1.0
-        root = torch.sqrt(v / values.correction2) + config.adam_epsilon
+        root = torch.sqrt(v / values.correction2) + config.optimizer.epsilon
         x.copy_(kept * x - rate * (m / values.correction1) / root)
         if weighs:
             x[:, GEOMETRY] *= 1 - values.geometry_decay

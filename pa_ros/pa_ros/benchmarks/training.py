@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -14,7 +13,7 @@ from pa_ros.benchmarks.learner import bare_updates
 from pa_ros.benchmarks.rounds import Contender, Slice, measure
 from pa_ros.core.experience import Float64
 from pa_ros.core.report import Report
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.loop import Environment, TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 
@@ -38,7 +37,7 @@ class _Alternation:
 
 def bench_train(
     network: NetworkConfig,
-    config: LearnerConfig,
+    config: DPGConfig,
     programs: Sequence[str],
     environment: Environment,
     max_speed: Float64,
@@ -56,10 +55,10 @@ def bench_train(
             evaluate_every_frames=frames,
             checkpoint_every_frames=0,
         )
-        starting = replace(config, warmup_frames=0)
+        starting = config.changed(**{"replay.warmup_frames": 0})
         train(settings, network, starting, environment, max_speed, programs, alternation)
     rates = [frames / seconds for seconds in alternation.parts_s[1:]]
-    bare_rate = median(map(_rate, bare.slices[1:])) * config.updates_per_frame
+    bare_rate = median(map(_rate, bare.slices[1:])) * config.updates.per_frame
     return {
         "train.frames_per_s": median(rates),
         "train.frames_per_s_low": min(rates),

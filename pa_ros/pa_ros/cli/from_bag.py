@@ -6,7 +6,6 @@ import argparse
 import logging
 import time
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 from pa_ros.arena import design_named, preset_named
@@ -16,7 +15,7 @@ from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.training import training_programs
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.protocols import Protocol, protocol_named
@@ -54,13 +53,13 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         return _learner_asked(options)
     assert origin.learner is not None
     network = NetworkConfig.from_json(origin.learner.network)
-    config = LearnerConfig.from_json(origin.learner.learner)
-    settings = Protocol("recorded", config).with_options(options.options)
-    changes = dict(settings.network)
-    network = replace(network, **changes) if changes else network
+    config = DPGConfig.from_json(origin.learner.learner)
+    changes = Protocol("recorded").with_options(options.options)
+    network = network.changed(**changes.of("network"))
+    config = config.changed(**changes.of("learner"))
     seed = origin.seed if options.seed is None else options.seed
     programs = origin.learner.training_programs
-    learner = Learner(network, settings.learner, programs, seed, bag.scoring)
+    learner = Learner(network, config, programs, seed, bag.scoring)
     return learner, {"seed": seed, "design": origin.design, "preset": origin.preset}
 
 

@@ -44,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--eval-episodes", type=int, default=20, metavar="N")
     parser.add_argument("--checkpoint-every", type=int, default=50_000, metavar="FRAMES")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
-        help="replace an option of LearnerConfig or NetworkConfig (network.NAME=VALUE); repeatable",
+        "--set", action="append", default=[], metavar="learner.PART.NAME=VALUE", dest="options",
+        help="replace a setting of learner or network (network.NAME=VALUE); repeatable",
     )  # fmt: skip
 
 

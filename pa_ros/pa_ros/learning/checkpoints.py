@@ -20,20 +20,22 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
-from pa_ros.core.errors import PaError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning import edition1
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Counters, Learner
 from pa_ros.learning.errors import CheckpointError, FolderInUseError
 from pa_ros.networks.config import NetworkConfig
 
-FORMAT = 1
+FORMAT = 2
 LATEST = "LATEST"
 METADATA = "metadata.json"
 SHIPPED = Path(__file__).parents[1] / "shipped"
 SHIPPED_PREFIX = "shipped:"
-FREE_TO_CHANGE = ("engine", "device", "threads")  # on resuming; they say where, not what
+# On resuming: they say where, not what.
+FREE_TO_CHANGE = ("engine.name", "engine.device", "engine.threads")
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -81,15 +83,21 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
-    """metadata.json of a checkpoint, or of the latest one under a root; `extra` is in it."""
+    """metadata.json of a checkpoint, or of the latest one under a root; `extra` is in it.
+
+    Version 0.1's is brought to today's names.
+    """
     directory = find_checkpoint(path)
     try:
         values = json.loads((directory / METADATA).read_text())
-        if values["format"] != FORMAT:
+        if values["format"] == edition1.FORMAT:
+            values = edition1.read(values)
+        elif values["format"] != FORMAT:
             raise CheckpointError(
-                f"checkpoint: {directory}: expected format {FORMAT}, got {values['format']!r}"
+                f"checkpoint: {directory}: expected format {FORMAT} or {edition1.FORMAT}, "
+                f"got {values['format']!r}"
             )
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ConfigError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {METADATA}: {error!r}") from error
     return dict(values)
 
@@ -197,16 +205,16 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
 
 
 def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> None:
-    # An option that is younger than the checkpoint had what is its default now.
+    # A setting that is younger than the checkpoint had what is its default now.
     network = NetworkConfig.from_json(values["network"])
-    config = LearnerConfig.from_json(values["learner"])
-    theirs = json.loads(network.to_json()) | json.loads(config.to_json())
-    ours = json.loads(learner.network.to_json()) | json.loads(learner.config.to_json())
+    config = DPGConfig.from_json(values["learner"])
+    theirs = network.flat() | config.flat()
+    ours = learner.network.flat() | learner.config.flat()
     theirs["scoring"], ours["scoring"] = values.get("scoring"), repr(learner.scoring)
     differing = [
-        f"{name}: checkpoint {theirs.get(name)!r}, here {ours.get(name)!r}"
-        for name in sorted(theirs.keys() | ours)
-        if theirs.get(name) != ours.get(name) and name not in FREE_TO_CHANGE
+        f"{name}: checkpoint {theirs[name]!r}, here {ours[name]!r}"
+        for name in sorted(ours)
+        if theirs[name] != ours[name] and name not in FREE_TO_CHANGE
     ]
     if differing:
         raise CheckpointError(f"checkpoint: {directory}: differs in {'; '.join(differing)}")

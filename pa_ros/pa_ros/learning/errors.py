@@ -29,18 +29,6 @@ class NonFiniteError(TrajectoryError):
     code = "learning.non_finite"
 
 
-class StepError(PaError):
-    """An observation, verdict or action that does not belong to the step it came with."""
-
-    code = "learning.step"
-
-
-class PolicyError(PaError):
-    """Weights that this actor cannot use: another architecture, vocabulary or shape."""
-
-    code = "learning.policy"
-
-
 class EmptyReplayError(PaError):
     """A sample was asked of a replay buffer without transitions."""
 

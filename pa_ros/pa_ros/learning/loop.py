@@ -18,11 +18,11 @@ import numpy as np
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import LearningAgent
-from pa_ros.acting.schedule import Schedule
+from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot, Trajectory, Verdict
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
@@ -46,6 +46,10 @@ class Environment(Protocol):
     @property
     def scoring(self) -> Scoring:
         """The rule of its rewards, by which the learner relabels."""
+
+    @property
+    def control_period_s(self) -> float:
+        """Simulation time of one control step."""
 
     def reset(self, episode_index: int, condition: str) -> tuple[Observation, Verdict]:
         """Begin an episode, fixed by its index."""
@@ -90,7 +94,7 @@ class TrainConfig:
 def train(
     config: TrainConfig,
     network: NetworkConfig,
-    learner_config: LearnerConfig,
+    learner_config: DPGConfig,
     environment: Environment,
     max_speed: Float64,
     training_programs: Sequence[str],
@@ -192,8 +196,8 @@ class _Run:
         self._environment, self._max_speed = environment, max_speed
         self._evaluate = evaluate
         self._started = time.monotonic() - wall_s
-        self._agent = _make_agent(config, learner)
-        overlap = config.overlap and learner.config.policy_lag > 0
+        self._agent = _make_agent(config, learner, environment.control_period_s)
+        overlap = config.overlap and learner.config.schedule.policy_lag > 0
         self._consumer = _Consumer(learner, overlap, run_log)
         self._frames = learner.counters.frames
         self._rewards: list[float] = []  # since the last row
@@ -247,7 +251,7 @@ class _Run:
             **{name: learner.metrics().get(name, float("nan")) for name in _FIGURES},
         }
         if self._evaluate is not None:
-            actor = Actor(learner.network, learner.config, self._config.seed)
+            actor = Actor(learner.network, learner.config.acting.inference)
             actor.load(learner.snapshot())
             row |= self._evaluate(actor)
         self._rewards = []
@@ -268,13 +272,15 @@ class _Run:
 _FIGURES = ("critic_loss", "mean_q", "actor_gradient_norm")
 
 
-def _make_agent(config: TrainConfig, learner: Learner) -> LearningAgent:
-    settings = learner.config
-    actor = Actor(learner.network, settings, config.seed)
+def _make_agent(config: TrainConfig, learner: Learner, control_period_s: float) -> LearningAgent:
+    settings = learner.config.acting
+    noise = ExplorationNoise(settings.exploration, control_period_s, config.seed)
+    actor = Actor(learner.network, settings.inference, noise)
     sequence = learner.replay.ledger.next_sequence(config.agent_id)
     digest = learner.network.vocabulary.digest
-    builder = TrajectoryBuilder(config.agent_id, settings.trajectory_steps, digest, sequence)
-    return LearningAgent(actor, builder, Schedule(settings.policy_lag))
+    steps = settings.schedule.trajectory_steps
+    builder = TrajectoryBuilder(config.agent_id, steps, digest, sequence)
+    return LearningAgent(actor, builder, settings.schedule)
 
 
 def _crossed(before: int, after: int, every: int) -> bool:

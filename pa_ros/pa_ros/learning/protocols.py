@@ -1,71 +1,81 @@
-"""Named settings of learner and network: the paper's, and ours."""
+"""Protocols: named sets of values over the defaults of learner and network."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
+
+Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
+_PATHS = {"learner": DPGConfig.paths(), "network": NetworkConfig.paths()}
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """How to learn: `network` holds the options of NetworkConfig that differ from its defaults."""
+    """How to learn: the values that differ from the defaults."""
 
     name: str
-    learner: LearnerConfig
-    network: tuple[tuple[str, Any], ...] = ()
+    values: Values = field(default_factory=dict)
+
+    @cached_property
+    def learner(self) -> DPGConfig:
+        """The learner's settings; ConfigError for a value that they refuse."""
+        return DPGConfig().changed(**self.of("learner"))
 
     def network_config(self, vocabulary: Vocabulary, kind: str = "programmable") -> NetworkConfig:
-        """The network's configuration for a vocabulary."""
-        return NetworkConfig(vocabulary, kind, **dict(self.network))
+        """The network's settings for a vocabulary; ConfigError likewise."""
+        default = NetworkConfig(vocabulary=vocabulary, kind=kind)  # type: ignore[arg-type]
+        return default.changed(**self.of("network"))
+
+    def of(self, room: str) -> dict[str, Any]:
+        """The values of "learner" or "network", by their paths inside it."""
+        return {
+            path.partition(".")[2]: value
+            for path, value in self.values.items()
+            if path.partition(".")[0] == room
+        }
 
     def with_options(self, options: Iterable[str]) -> Protocol:
-        """Replace options given as `learner.NAME=VALUE` or `network.NAME=VALUE`.
+        """Replace values given as `learner.PART.NAME=VALUE` or `network.NAME=VALUE`.
 
         Values are JSON where they parse as such, else text. Raises ConfigError for an unknown
-        name or a value that the configuration refuses.
+        path or a value that is refused.
         """
-        learner: dict[str, Any] = {}
-        network = dict(self.network)
-        for option in options:
-            room, name, value = _split(option)
-            {"learner": learner, "network": network}[room][name] = value
-        return replace(
-            self, learner=replace(self.learner, **learner), network=tuple(sorted(network.items()))
-        )
+        changed = Protocol(self.name, {**self.values, **dict(map(_split, options))})
+        changed.network_config(Vocabulary(("ANY",), ("COLOR",)))
+        _ = changed.learner
+        return changed
 
 
-_ROOMS = {"learner": LearnerConfig, "network": NetworkConfig}
-
-
-def _split(option: str) -> tuple[str, str, Any]:
+def _split(option: str) -> tuple[str, Any]:
     path, equals, text = option.partition("=")
-    room, _, name = path.partition(".")
-    known = {f.name for f in fields(_ROOMS[room])} if room in _ROOMS else set()
-    if not equals or name not in known:
+    room, _, inside = path.partition(".")
+    if not equals or room not in _PATHS or "." not in path:
         raise ConfigError(
-            f"option: expected learner.NAME=VALUE or network.NAME=VALUE with a known name, "
+            "option: expected learner.PART.NAME=VALUE or network.NAME=VALUE with a known name, "
             f"got {option!r}"
         )
     try:
-        return room, name, json.loads(text)
+        return path, json.loads(text)
     except ValueError:
-        return room, name, text
+        return path, text
 
 
 # As in the appendix; of what it leaves open, the initial weights matter most: a critic that
 # starts at the value of never being rewarded, −1/(1−γ), and detectors that start undecided.
-_PAPER = Protocol(
-    "paper",
-    LearnerConfig(trajectory_steps=1, policy_lag=0),
-    (("critic_output_bias", -100.0), ("detector_init_scale", 0.0)),
-)
+_PAPER: Values = {
+    "learner.schedule.trajectory_steps": 1,
+    "learner.schedule.policy_lag": 0,
+    "network.critic_output_bias": -100.0,
+    "network.detector_init_scale": 0.0,
+}
 
 # What makes learning fast and reliable: each transition is learned from under two training
 # programs, whichever acted; a hand that attends to itself about as little as to a block of
@@ -76,28 +86,23 @@ _PAPER = Protocol(
 # critic's first errors don't saturate it; f, r and the attention that see properties only
 # through p; and about three times the paper's exploration noise. Once words are grounded, the
 # detectors are made to forget where things are, and now and then a block hides its properties.
-_OURS = Protocol(
-    "ours",
-    LearnerConfig(
-        relabel="all-goals",
-        programs_per_transition=2,
-        discount=0.9,
-        reward_scale=0.5,
-        action_l2=0.01,
-        detector_gain=3.0,
-        detector_decay=0.5,
-        noise_sigma=1.0,
-        geometry_decay=0.001,
-        property_dropout=0.3,
-    ),
-    (
-        ("critic_output_bias", -5.0),
-        ("detector_init_scale", 0.0),
-        ("position_scale", 10.0),
-        ("relations_see_properties", False),
-        ("self_weight", 0.03),
-    ),
-)
+_OURS: Values = {
+    "learner.relabeling.rule": "all-goals",
+    "learner.relabeling.programs_per_transition": 2,
+    "learner.relabeling.property_dropout": 0.3,
+    "learner.updates.discount": 0.9,
+    "learner.updates.reward_scale": 0.5,
+    "learner.actor.action_l2": 0.01,
+    "learner.detectors.gain": 3.0,
+    "learner.detectors.decay": 0.5,
+    "learner.detectors.geometry_decay": 0.001,
+    "learner.exploration.sigma": 1.0,
+    "network.critic_output_bias": -5.0,
+    "network.detector_init_scale": 0.0,
+    "network.position_scale": 10.0,
+    "network.relations_see_properties": False,
+    "network.self_weight": 0.03,
+}
 
 # For an arm that needs up to 50 steps to a block, not 17: where it is far, Q rises by so little
 # for a step that ours' price of moving exceeds it, and the arm learns to stay. Twice the horizon in
@@ -105,23 +110,22 @@ _OURS = Protocol(
 # something; ours' horizon until words are grounded, and detectors that forget for as long, which is
 # later than on the fast arm. Far starts are few among what is learned from later, so the rates fall
 # before they are unlearned.
-_OURS_SLOW = replace(
-    _OURS,
-    name="ours-slow",
-    learner=replace(
-        _OURS.learner,
-        discount=0.95,
-        discount_rises_after=40_000,
-        reward_scale=0.25,
-        action_l2_decay=0.9,
-        detector_decay_updates=60_000,
-        rates_fall_after=80_000,
-        geometry_decay_after=50_000,
-        property_dropout_after=80_000,
-    ),
-)
+_OURS_SLOW: Values = {
+    **_OURS,
+    "learner.updates.discount": 0.95,
+    "learner.updates.discount_rises_after": 40_000,
+    "learner.updates.reward_scale": 0.25,
+    "learner.actor.action_l2_decay": 0.9,
+    "learner.detectors.decay_updates": 60_000,
+    "learner.detectors.geometry_decay_after": 50_000,
+    "learner.relabeling.property_dropout_after": 80_000,
+    "learner.optimizer.rates_fall_after": 80_000,
+}
 
-PROTOCOLS = {protocol.name: protocol for protocol in (_PAPER, _OURS, _OURS_SLOW)}
+PROTOCOLS = {
+    name: Protocol(name, values)
+    for name, values in (("paper", _PAPER), ("ours", _OURS), ("ours-slow", _OURS_SLOW))
+}
 
 
 def usual_protocol(preset: str) -> str:

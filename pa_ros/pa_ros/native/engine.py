@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pa_ros.core.experience import JOINTS, Float32
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
 from pa_ros.language import Program
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native import _fused
 from pa_ros.native.errors import FusedError
 from pa_ros.native.families import FUSED
@@ -80,7 +80,7 @@ class FusedEngine:
     def __init__(
         self,
         network: NetworkConfig,
-        config: LearnerConfig,
+        config: DPGConfig,
         table: ProgramTable,
         actor: Tensors,
         critic: Tensors,
@@ -94,12 +94,12 @@ class FusedEngine:
         self._engine = _fused.Engine(
             actor_network,
             critic_network,
-            beta1=config.adam_beta1,
-            beta2=config.adam_beta2,
-            epsilon=config.adam_epsilon,
-            clip=config.action_gradient_clip,
-            detector_gain=config.detector_gain,
-            threads=config.threads,
+            beta1=config.optimizer.beta1,
+            beta2=config.optimizer.beta2,
+            epsilon=config.optimizer.epsilon,
+            clip=config.actor.gradient_clip,
+            detector_gain=config.detectors.gain,
+            threads=config.engine.threads,
         )
         self._trained = {
             "actor": _Trained(FlatNetwork(actor_network), self._engine.actor, actor),

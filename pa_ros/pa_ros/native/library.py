@@ -10,7 +10,7 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import Canonical, Programmable
 
 if TYPE_CHECKING:
-    from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+    from pa_ros.learning.algorithms.dpg.config import DPGConfig
 
 
 def library() -> ModuleType:
@@ -31,10 +31,10 @@ def level() -> str:
     return name
 
 
-def why_not(network: NetworkConfig, config: LearnerConfig) -> str:
+def why_not(network: NetworkConfig, config: DPGConfig) -> str:
     """Empty where the fused update applies to a learner, else the reason."""
-    if config.device != "cpu" or config.dtype != "float32":
-        return f"it is for float32 on the CPU, not {config.dtype} on {config.device}"
+    if config.engine.device != "cpu" or config.engine.dtype != "float32":
+        return f"it is for float32 on the CPU, not {config.engine.dtype} on {config.engine.device}"
     return why_not_network(network)
 
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import json
-import math
-from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import Annotated, ClassVar
+
+from pydantic import Field
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
+from pa_ros.core.settings import OneOf, Settings, canonical_json
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.networks.families import FAMILIES, Family, family_named
 
 KINDS = tuple(FAMILIES)
 
 
-@dataclass(frozen=True)
-class NetworkConfig:
+class NetworkConfig(Settings):
     """Actor and critic of one agent (paper, appendix "Training parameters").
 
     `kind`:
@@ -38,45 +38,36 @@ class NetworkConfig:
     blocks reaches h; with 0 only the ratios of p count, and nothing keeps the detectors' degrees
     from drifting into words that no program uses.
 
-    The other options from `actor_output_scale` on concern only the initial weights, which the
-    paper does not give for the programmable networks: all layers are uniform in ±1/√fan-in
-    (torch's default for Linear), the actor's last layer is uniform in ±`actor_output_scale`, and
-    the critic's output bias starts at `critic_output_bias`; −1/(1−γ) = −100 starts it at the value
-    of never being rewarded.
-    `detector_init_scale` multiplies the detectors' initial weights: at 0, the usual start of a
-    logistic regression, every object has all properties of a group equally, wherever it is.
+    The paper does not give the initial weights of the programmable networks: all layers are uniform
+    in ±1/√fan-in (torch's default for Linear) but for what the settings of initial weights say.
+    `critic_output_bias` −1/(1−γ) = −100 starts at the value of never being rewarded. With
+    `detector_init_scale` 0, the usual start of a logistic regression, every object has all
+    properties of a group equally, wherever it is.
     """
 
-    vocabulary: Vocabulary
-    kind: str = "programmable"
-    hidden: int = 150
-    attention: int = 64
-    canonical_hidden: int = 400
-    position_scale: float = 5.0  # network units per metre
-    actor_output_scale: float = 3e-3
-    critic_output_bias: float = 0.0
-    detector_init_scale: float = 1.0
-    relations_see_properties: bool = True
-    self_weight: float = 1.0
+    SECTION: ClassVar[str] = "network"
 
-    def __post_init__(self) -> None:
-        family_named(self.kind)
-        for name in ("hidden", "attention", "canonical_hidden"):
-            size = getattr(self, name)
-            if not isinstance(size, int) or size < 1:
-                raise ConfigError(f"network {name}: expected a positive integer, got {size!r}")
-        for name in ("position_scale", "actor_output_scale"):
-            scale = getattr(self, name)
-            if not (math.isfinite(scale) and scale > 0):
-                raise ConfigError(f"network {name}: expected a positive number, got {scale!r}")
-        for name in ("detector_init_scale", "self_weight"):
-            scale = getattr(self, name)
-            if not (math.isfinite(scale) and scale >= 0):
-                raise ConfigError(f"network {name}: expected at least 0, got {scale!r}")
-        if not math.isfinite(self.critic_output_bias):
-            raise ConfigError(
-                f"network critic_output_bias: expected a number, got {self.critic_output_bias!r}"
-            )
+    vocabulary: Vocabulary
+    kind: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
+        "programmable", description="family of actor and critic"
+    )
+    hidden: int = Field(150, ge=1, description="units of each layer (paper)")
+    attention: int = Field(64, ge=1, description="units of query and context (paper)")
+    canonical_hidden: int = Field(400, ge=1, description="units of the canonical MLPs (paper)")
+    position_scale: float = Field(5.0, gt=0, description="network units per metre")
+    actor_output_scale: float = Field(
+        3e-3, gt=0, description="initial weights: the actor's last layer is uniform in ± this"
+    )
+    critic_output_bias: float = Field(0.0, description="initial bias of the critic's output")
+    detector_init_scale: float = Field(
+        1.0, ge=0, description="initial weights: of the detectors', as a factor"
+    )
+    relations_see_properties: bool = Field(
+        True, description="whether f, r and the attention see the one-hots (paper)"
+    )
+    self_weight: float = Field(
+        1.0, ge=0, description="of an object's attention to itself; the paper's formula has 1"
+    )
 
     @property
     def family(self) -> Family:
@@ -86,7 +77,7 @@ class NetworkConfig:
     @cached_property
     def architecture(self) -> str:
         """Canonical JSON of what an actor's tensors mean: equal text, exchangeable weights."""
-        return _canonical_json(
+        return canonical_json(
             {
                 **self.family.sizes(self),
                 "actor": self.family.actor,
@@ -100,10 +91,10 @@ class NetworkConfig:
         )
 
     def to_json(self) -> str:
-        """Canonical JSON of every field."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "vocabulary"}
+        """Canonical JSON of every setting, the vocabulary's words among them."""
+        values = self.model_dump(mode="json", exclude={"vocabulary"})
         words = {"shapes": self.vocabulary.shapes, "colors": self.vocabulary.colors}
-        return _canonical_json({**values, **words})
+        return canonical_json({**values, **words})
 
     @classmethod
     def from_json(cls, text: str) -> NetworkConfig:
@@ -135,7 +126,3 @@ def actor_config(architecture: str) -> NetworkConfig:
     if config.architecture != architecture:
         raise ConfigError(f"architecture: expected {config.architecture}, got {architecture[:500]}")
     return config
-
-
-def _canonical_json(values: dict[str, Any]) -> str:
-    return json.dumps(values, sort_keys=True, separators=(",", ":"))

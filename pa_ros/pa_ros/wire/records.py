@@ -139,7 +139,7 @@ class LearnerOrigin:
 
     first_version: int  # of the weights it began with; 0: from scratch
     network: str  # NetworkConfig's JSON
-    learner: str  # LearnerConfig's JSON
+    learner: str  # the learner settings' JSON
     training_programs: tuple[str, ...]  # canonical texts, in relabeling's order
 
 

@@ -80,7 +80,7 @@ def without_training(agent: TrainedAgent, seed: int) -> TrainedAgent:
     starts with: else the arm would stand still.
     """
     config = actor_config(agent.snapshot.architecture)
-    plain = replace(config, actor_output_scale=config.hidden**-0.5, detector_init_scale=1.0)
+    plain = config.changed(actor_output_scale=config.hidden**-0.5, detector_init_scale=1.0)
     rng = np.random.default_rng([seed, RANDOM_WEIGHTS_STREAM])
     snapshot = replace(agent.snapshot, version=0, tensors=initial_actor(plain, rng))
     return replace(agent, snapshot=snapshot)

@@ -83,11 +83,11 @@ EXPERIMENTS = {
             "3-D",
             200_000,
             options=(
-                "learner.relabel=none",
-                "learner.programs_per_transition=1",
-                "learner.replay_frames=50000",
-                "learner.geometry_decay=0",
-                "learner.property_dropout=0",
+                "learner.relabeling.rule=none",
+                "learner.relabeling.programs_per_transition=1",
+                "learner.replay.capacity_frames=50000",
+                "learner.detectors.geometry_decay=0",
+                "learner.relabeling.property_dropout=0",
             ),
             switch_frames=100_000,
         ),
@@ -261,8 +261,8 @@ def write_table(
     design = design_named(experiment.design)
     setting = {
         **asdict(experiment),
-        "learner": asdict(protocol.learner),
-        "network_options": dict(protocol.network),
+        "learner": protocol.learner.model_dump(mode="json"),
+        "network_options": protocol.of("network"),
         "shapes": design.vocabulary.shapes,
         "colors": design.vocabulary.colors,
         "seeds": sorted(curves),

@@ -8,7 +8,7 @@ import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native.library import why_not
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor, initial_critic
@@ -19,17 +19,17 @@ log = logging.getLogger(__name__)
 
 def make_engine(
     network: NetworkConfig,
-    config: LearnerConfig,
+    config: DPGConfig,
     table: ProgramTable,
     rng: np.random.Generator,
 ) -> Engine:
     """A engine with random initial weights; "auto" takes the fused one where it applies.
 
-    Raises ConfigError if `config.engine` is "fused" and it does not apply, with the reason.
+    Raises ConfigError if `config.engine.name` is "fused" and it does not apply, with the reason.
     """
     actor, critic = initial_actor(network, rng), initial_critic(network, rng)
-    reason = "chosen" if config.engine == "torch" else why_not(network, config)
-    if config.engine == "fused" and reason:
+    reason = "chosen" if config.engine.name == "torch" else why_not(network, config)
+    if config.engine.name == "fused" and reason:
         raise ConfigError(f"learner engine: expected one that applies, got 'fused': {reason}")
     made: Engine
     if reason:

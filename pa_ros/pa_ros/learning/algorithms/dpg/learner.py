@@ -9,13 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pa_ros.acting.schedule import Schedule
+from pa_ros.acting.errors import PolicyError
 from pa_ros.core.experience import Float32, PolicySnapshot, Trajectory
 from pa_ros.core.update import Batch, UpdateValues
 from pa_ros.language import parse
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.engine import make_engine
-from pa_ros.learning.errors import PolicyError
 from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
@@ -57,7 +56,7 @@ class Learner:
     def __init__(
         self,
         network: NetworkConfig,
-        config: LearnerConfig,
+        config: DPGConfig,
         training_programs: Sequence[str],
         seed: int,
         scoring: Scoring | None = None,
@@ -72,16 +71,18 @@ class Learner:
         for text in training_programs:
             self._row(text)
         self._relabeler = None
-        if config.relabel == "all-goals":
+        if config.relabeling.rule == "all-goals":
             programs = [parse(text, network.vocabulary) for text in training_programs]
             self._relabeler = Relabeler(programs, network.vocabulary, self.scoring)
         self._dropout = None
-        if config.property_dropout and network.family.evaluates_programs:
-            self._dropout = PropertyDropout(self.table, config.property_dropout)
+        if config.relabeling.property_dropout and network.family.evaluates_programs:
+            self._dropout = PropertyDropout(self.table, config.relabeling.property_dropout)
         goals = self._relabeler.rewards_kept if self._relabeler else 0
-        self.replay = ReplayBuffer(config.replay_frames, network.vocabulary.digest, goals=goals)
+        self.replay = ReplayBuffer(
+            config.replay.capacity_frames, network.vocabulary.digest, goals=goals
+        )
         self.engine = make_engine(network, config, self.table, self.rng)
-        kept = Schedule(config.policy_lag).versions_kept
+        kept = config.schedule.versions_kept
         self.published: deque[PolicySnapshot] = deque([self._snapshot()], maxlen=kept)
 
     def consume(self, trajectory: Trajectory) -> ConsumeReport:
@@ -119,7 +120,7 @@ class Learner:
 
         So γ and hiding are those of the first of them.
         """
-        size = self.config.batch_size
+        size = self.config.replay.batch_size
         if updates == 0:
             return
         values = values_after(self.counters.updates, self.config)
@@ -178,9 +179,9 @@ class Learner:
 
     def _updates_due(self, frames: int) -> int:
         """Updates due for `frames` more transitions; fractions are carried over."""
-        if self.counters.frames > self.config.warmup_frames:
+        if self.counters.frames > self.config.replay.warmup_frames:
             self.counters.frames_due += frames
-        total = self.counters.frames_due * self.config.updates_per_frame
+        total = self.counters.frames_due * self.config.updates.per_frame
         return math.floor(total + 1e-9) - self.counters.updates
 
     def _programs(
@@ -194,9 +195,9 @@ class Learner:
         else:
             rewards = arrays["goal_reward"][following] if self._relabeler.rewards_kept else None
             marks = Marks(arrays["satisfied"][following], arrays["present"][index], rewards)
-            k, keep = config.programs_per_transition, config.relabel_keeps_original
+            k, keep = config.relabeling.programs_per_transition, config.relabeling.keeps_original
             program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
-        shift, scale = np.float32(config.reward_shift), np.float32(reward_scale)
+        shift, scale = np.float32(config.updates.reward_shift), np.float32(reward_scale)
         return np.ascontiguousarray(program), np.ascontiguousarray((reward + shift) * scale)
 
     def _discount(self, index: Int64, gamma: float) -> Float32:

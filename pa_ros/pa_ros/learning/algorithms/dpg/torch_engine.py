@@ -14,7 +14,7 @@ from torch.nn import functional as F
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
     COLUMN_FEATURES,
@@ -54,17 +54,17 @@ class TorchEngine:
     def __init__(
         self,
         network: NetworkConfig,
-        config: LearnerConfig,
+        config: DPGConfig,
         table: ProgramTable,
         actor: Tensors,
         critic: Tensors,
     ) -> None:
         check_tensors(actor, actor_shapes(network), "actor")
         check_tensors(critic, critic_shapes(network), "critic")
-        torch.set_num_threads(config.threads)
+        torch.set_num_threads(config.engine.threads)
         self._config = config
-        self._device = _device_named(config.device)
-        self._dtype = getattr(torch, config.dtype)
+        self._device = _device_named(config.engine.device)
+        self._dtype = getattr(torch, config.engine.dtype)
         self._goals = _Goals(network, table, self._device, self._dtype)
         self._actor: Any  # a module of pa_ros.networks; its critic has `trunk` and `head`
         self._critic: Any
@@ -116,7 +116,7 @@ class TorchEngine:
     def _ascent(self, q: Tensor, action: Tensor, action_l2: float) -> Tensor:
         """∂/∂a of the actor's objective: ∂Q/∂a clipped, less λa, [B, K, 6]."""
         (gradient,) = torch.autograd.grad(q.sum(), action)
-        clip = self._config.action_gradient_clip
+        clip = self._config.actor.gradient_clip
         ascent: Tensor = gradient.clamp(-clip, clip) - action_l2 * action.detach()
         return ascent
 
@@ -139,7 +139,7 @@ class TorchEngine:
         others, *detectors = adam.param_groups
         others["lr"] = rate
         for group in detectors:
-            group["lr"] = rate * self._config.detector_gain
+            group["lr"] = rate * self._config.detectors.gain
             with torch.no_grad():
                 group["params"][0].mul_(1.0 - group["lr"] * values.detector_decay)
         adam.step()
@@ -229,8 +229,8 @@ class TorchEngine:
         groups: list[dict[str, Any]] = [{"params": list(named.values())}]
         if detectors:
             groups.append({"params": detectors})
-        betas = (config.adam_beta1, config.adam_beta2)
-        adam = torch.optim.Adam(groups, betas=betas, eps=config.adam_epsilon, fused=True)
+        betas = (config.optimizer.beta1, config.optimizer.beta2)
+        adam = torch.optim.Adam(groups, betas=betas, eps=config.optimizer.epsilon, fused=True)
         for parameter in module.parameters():  # else made by the first step, too late to load
             adam.state[parameter] = {
                 "step": torch.zeros((), dtype=torch.float32, device=self._device),

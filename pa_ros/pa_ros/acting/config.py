@@ -1,0 +1,53 @@
+"""How agents act while they learn; a learner and its agents hold these in common."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from pa_ros.core.settings import Settings
+
+
+class ExplorationConfig(Settings):
+    """Exploration noise: an Ornstein–Uhlenbeck process (paper, appendix)."""
+
+    sigma: float = Field(0.3, ge=0, description="σ, a share of full speed (paper)")
+    damping: float = Field(1.0, ge=0, description="θ, per second (paper)")
+    scale: Literal["stationary", "diffusion"] = Field(
+        "stationary", description="what σ is: the deviation of the noise, or of its increments"
+    )
+
+
+class Schedule(Settings):
+    """Which weights may act when: the synchronous protocol of docs/DESIGN.md.
+
+    A learner that has accepted v trajectories publishes version v. With one agent, what acts on
+    which trajectory is then fixed, however fast either side is. Lag 0 makes acting and learning
+    take turns; lag 1 lets the agent act on trajectory m while the learner works on m − 1.
+    """
+
+    trajectory_steps: int = Field(100, ge=1, description="transitions per trajectory: an episode")
+    policy_lag: int = Field(
+        1, ge=0, description="trajectories that weights lag behind; 0 is the paper's interleaving"
+    )
+
+    def acting_version(self, trajectory: int) -> int:
+        """Version that acts on trajectory 0, 1, 2, … of an agent."""
+        return max(0, trajectory - self.policy_lag)
+
+    @property
+    def versions_kept(self) -> int:
+        """How many of the newest versions a learner can still be asked for."""
+        return self.policy_lag + 1
+
+
+class ActingConfig(Settings):
+    """All that an agent needs of its learner's settings to act as it expects."""
+
+    schedule: Schedule = Schedule()
+    exploration: ExplorationConfig = ExplorationConfig()
+    inference: Literal["auto", "torch"] = Field(
+        "auto",
+        description="what computes actions: auto is the fused code where it applies, else torch",
+    )

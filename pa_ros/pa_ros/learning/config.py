@@ -1,0 +1,141 @@
+"""Settings that every learning algorithm has, in parts; its own are added by a subclass.
+
+The paper gives batch size, discount, replay capacity and one update per action; it says nothing of
+the rest, which is a choice of ours (docs/DESIGN.md, "What our protocol changes, and why").
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from pa_ros.acting.config import ActingConfig, ExplorationConfig, Schedule
+from pa_ros.core.settings import Settings
+
+
+class ReplayConfig(Settings):
+    """The replay buffer."""
+
+    capacity_frames: int = Field(1_000_000, ge=2, description="observations kept (paper)")
+    warmup_frames: int = Field(1000, ge=0, description="frames before the first update")
+    batch_size: int = Field(64, ge=1, description="transitions in each update (paper)")
+
+
+class UpdatesConfig(Settings):
+    """How many updates, and what return they aim at."""
+
+    per_frame: float = Field(1.0, ge=0, description="updates for each transition (paper)")
+    discount: float = Field(0.99, ge=0, lt=1, description="γ per control step (paper)")
+    first_discount: float = Field(0.9, ge=0, lt=1, description="γ until discount_rises_after")
+    discount_rises_after: int = Field(
+        0, ge=0, description="updates; then 1/(1−γ) grows as t, up to discount; 0: γ is discount"
+    )
+    reward_shift: float = Field(0.0, description="added to every reward that is learned from")
+    reward_scale: float = Field(
+        1.0, gt=0, description="of the shifted reward; with 1−γ, Q is bounded by 1"
+    )
+
+
+class OptimizerConfig(Settings):
+    """Adam, of actor and critic."""
+
+    actor_rate: float = Field(1e-4, gt=0, description="learning rate, as in Lillicrap et al.")
+    critic_rate: float = Field(
+        3e-4, gt=0, description="learning rate; 1e-3 lets the critic forget the action"
+    )
+    rates_fall_after: int = Field(
+        0, ge=0, description="updates; from there on both rates fall as 1/t; 0: they never do"
+    )
+    beta1: float = Field(0.9, ge=0, lt=1, description="decay of the first moment")
+    beta2: float = Field(0.999, ge=0, lt=1, description="decay of the second moment")
+    epsilon: float = Field(1e-8, gt=0, description="added to the second moment's root")
+
+
+class DetectorsConfig(Settings):
+    """What is particular about learning the detectors."""
+
+    gain: float = Field(1.0, gt=0, description="of both rates, for the detectors' weights")
+    decay: float = Field(
+        0.0, ge=0, description="of their weights per unit of rate, as AdamW's, falling to 0"
+    )
+    decay_updates: int = Field(20_000, ge=1, description="updates until that decay is 0")
+    geometry_decay: float = Field(
+        0.0, ge=0, le=1, description="share of the weights of all but the one-hots lost per update"
+    )
+    geometry_decay_after: int = Field(30_000, ge=0, description="updates before that begins")
+
+
+class RelabelingConfig(Settings):
+    """Programs and scenes other than those that acted."""
+
+    rule: Literal["none", "all-goals"] = Field(
+        "none", description="none is the paper's; all-goals draws other training programs"
+    )
+    programs_per_transition: int = Field(
+        1, ge=1, description="K programs for each sampled transition"
+    )
+    keeps_original: bool = Field(
+        False, description="whether the program that acted is always one of the K"
+    )
+    property_dropout: float = Field(
+        0.0, ge=0, le=1, description="share of transitions where a block's properties are hidden"
+    )
+    property_dropout_after: int = Field(30_000, ge=0, description="updates before that begins")
+
+    @model_validator(mode="after")
+    def _several_need_relabeling(self) -> Self:
+        count = self.programs_per_transition
+        if count > 1 and self.rule == "none":
+            raise ValueError(f"programs_per_transition: expected 1 without relabeling, got {count}")
+        if self.keeps_original and count == 1:
+            raise ValueError(
+                "keeps_original: expected programs_per_transition of at least 2 with it, got 1, "
+                "which would relabel nothing"
+            )
+        return self
+
+
+class EngineConfig(Settings):
+    """What computes the updates, and where."""
+
+    name: Literal["auto", "fused", "torch"] = Field(
+        "auto", description="auto is the fused CPU update where it applies, else torch"
+    )
+    device: str = Field("cpu", description="of torch: cpu, cuda, cuda:1")
+    dtype: Literal["float32", "float64"] = Field("float32", description="of torch's numbers")
+    threads: int = Field(1, ge=1, description="of the engine")
+
+
+class LearnerConfig(Settings):
+    """The parts that algorithms share."""
+
+    SECTION: ClassVar[str] = "learner"
+
+    schedule: Schedule = Schedule()
+    exploration: ExplorationConfig = ExplorationConfig()
+    replay: ReplayConfig = ReplayConfig()
+    updates: UpdatesConfig = UpdatesConfig()
+    optimizer: OptimizerConfig = OptimizerConfig()
+    detectors: DetectorsConfig = DetectorsConfig()
+    relabeling: RelabelingConfig = RelabelingConfig()
+    engine: EngineConfig = EngineConfig()
+
+    @property
+    def acting(self) -> ActingConfig:
+        """What agents have to know."""
+        return ActingConfig(
+            schedule=self.schedule,
+            exploration=self.exploration,
+            inference="torch" if self.engine.name == "torch" else "auto",
+        )
+
+    @model_validator(mode="after")
+    def _trajectories_fit(self) -> Self:
+        steps, capacity = self.schedule.trajectory_steps, self.replay.capacity_frames
+        if steps >= capacity:
+            raise ValueError(
+                f"replay.capacity_frames: expected more than schedule.trajectory_steps = {steps}, "
+                f"got {capacity}"
+            )
+        return self
