@@ -54,7 +54,10 @@ def test_train_then_eval(tmp_path, capsys):
         (["eval", "--checkpoint", "nowhere/at/all"], "nowhere/at/all"),
         (["train", "--out", "unused", "--frames", "-5"], "-5"),
         (["train", "--out", "unused", "--protocol", "theirs"], "theirs"),
-        (["train", "--out", "unused", "--set", "learner.speed=1"], "learner.speed: expected a known name"),
+        (
+            ["train", "--out", "unused", "--set", "learner.speed=1"],
+            "learner.speed: expected a known name",
+        ),
         (["train", "--out", "unused", "--set", "learner.replay.batch_size=-1"], "-1"),
         (["train", "--out", "unused", "--network", "mystery"], "mystery"),
         (["experiment", "programmable-2L", "--seeds", "0"], "got 0"),
