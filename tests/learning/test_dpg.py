@@ -91,7 +91,12 @@ def assert_close(engine: TorchEngine, prefix: str, expected: dict, tolerance: fl
 def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see) -> None:
     """Five updates with a target copy between: formulas, clipping and Adam written out."""
     network = NetworkConfig(
-        vocabulary=WORDS, kind=kind, hidden=8, attention=5, actor_output_scale=0.5, relations_see_properties=see
+        vocabulary=WORDS,
+        kind=kind,
+        hidden=8,
+        attention=5,
+        actor_output_scale=0.5,
+        relations_see_properties=see,
     )
     given = network, CONFIG, table(), *networks(network)
     engine, expected = TorchEngine(*given), StraightforwardEngine(*given)
