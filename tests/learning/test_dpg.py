@@ -10,8 +10,8 @@ from worlds import WORDS, dpg, objects_at
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.update import Batch
 from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig

@@ -30,27 +30,28 @@ from pa_ros.benchmarks.straightforward import actor as formulas
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
 from pa_ros.learning.schedule import values_after
 from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
 from pa_ros.native.errors import FusedError
-from pa_ros.native.library import level, why_not, why_not_network
+from pa_ros.native.library import level, why_not_network
 from pa_ros.networks.parameters import TensorError
+from pa_ros.world.programs import ProgramTable
 
 
 def test_the_library_was_built() -> None:
     made = setting()
-    assert why_not(made.network, made.config) == why_not_network(made.network) == ""
+    assert why_not_fused(made.network, made.config) == why_not_network(made.network) == ""
 
 
 def test_a_missing_library_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     made = setting()
     monkeypatch.setitem(sys.modules, "pa_ros.native._fused", None)
     monkeypatch.delattr("pa_ros.native._fused")
-    assert "_fused" in why_not(made.network, made.config)
+    assert "_fused" in why_not_fused(made.network, made.config)
     with pytest.raises(FusedError, match="expected its library: .*_fused"):
         made.engine()
 
@@ -302,14 +303,15 @@ def test_is_chosen_where_it_applies() -> None:
 
 def test_says_why_it_does_not_apply() -> None:
     config, network = DPGConfig(), setting().network
-    assert why_not(network, config) == ""
-    assert why_not(network.changed(kind="canonical"), config) == ""
+    assert why_not_fused(network, config) == ""
+    assert why_not_fused(network.changed(kind="canonical"), config) == ""
     words = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(_fused.MAX_WORDS)))
-    assert "words" in why_not(network.changed(vocabulary=words), config)
-    assert "float64" in why_not(network, dpg(config, engine__dtype="float64"))
-    assert "cuda" in why_not(network, dpg(config, engine__device="cuda"))
-    with pytest.raises(FusedError, match="cuda"):
-        setting().engine(engine__device="cuda")
+    assert "words" in why_not_fused(network.changed(vocabulary=words), config)
+    assert "float64" in why_not_fused(network, dpg(config, engine__dtype="float64"))
+    assert "cuda" in why_not_fused(network, dpg(config, engine__device="cuda"))
+    with pytest.raises(ConfigError, match="got 'fused': .*cuda"):
+        there = dpg(config, engine__name="fused", engine__device="cuda")
+        make_engine(network, there, ProgramTable(network.vocabulary), np.random.default_rng())
     assert not isinstance(FusedError("x"), ConfigError)
 
 

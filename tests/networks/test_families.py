@@ -11,8 +11,8 @@ from worlds import PROGRAMS, WORDS
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import LearnerConfig
-from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.families import FAMILIES, Programmable, codes_of, family_named

@@ -17,8 +17,8 @@ from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation, Trajectory
 from pa_ros.core.report import Report
 from pa_ros.core.update import Batch, Engine, UpdateValues
+from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.schedule import values_after
 from pa_ros.native import library as fused_library

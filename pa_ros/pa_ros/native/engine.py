@@ -19,7 +19,7 @@ from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native import _fused
 from pa_ros.native.errors import FusedError
 from pa_ros.native.families import FUSED
-from pa_ros.native.library import why_not, why_not_network
+from pa_ros.native.library import why_not_network
 from pa_ros.native.tensors import FlatNetwork
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
@@ -85,7 +85,7 @@ class FusedEngine:
         actor: Tensors,
         critic: Tensors,
     ) -> None:
-        if reason := why_not(network, config):
+        if reason := why_not_network(network):
             raise FusedError(f"fused update: {reason}")
         check_tensors(actor, actor_shapes(network), "actor")
         check_tensors(critic, critic_shapes(network), "critic")

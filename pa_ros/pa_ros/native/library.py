@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import Canonical, Programmable
-
-if TYPE_CHECKING:
-    from pa_ros.learning.algorithms.dpg.config import DPGConfig
 
 
 def library() -> ModuleType:
@@ -29,13 +25,6 @@ def level() -> str:
     """
     name: str = library().level()
     return name
-
-
-def why_not(network: NetworkConfig, config: DPGConfig) -> str:
-    """Empty where the fused update applies to a learner, else the reason."""
-    if config.engine.device != "cpu" or config.engine.dtype != "float32":
-        return f"it is for float32 on the CPU, not {config.engine.dtype} on {config.engine.device}"
-    return why_not_network(network)
 
 
 def why_not_network(network: NetworkConfig) -> str:

@@ -13,8 +13,8 @@ from pa_ros.acting.errors import PolicyError
 from pa_ros.core.experience import Float32, PolicySnapshot, Trajectory
 from pa_ros.core.update import Batch, UpdateValues
 from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.engine import make_engine
 from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer

@@ -9,7 +9,7 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.native.library import why_not
+from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
@@ -23,12 +23,12 @@ def make_engine(
     table: ProgramTable,
     rng: np.random.Generator,
 ) -> Engine:
-    """A engine with random initial weights; "auto" takes the fused one where it applies.
+    """An engine with random initial weights; "auto" takes the fused one where it applies.
 
     Raises ConfigError if `config.engine.name` is "fused" and it does not apply, with the reason.
     """
     actor, critic = initial_actor(network, rng), initial_critic(network, rng)
-    reason = "chosen" if config.engine.name == "torch" else why_not(network, config)
+    reason = "chosen" if config.engine.name == "torch" else why_not_fused(network, config)
     if config.engine.name == "fused" and reason:
         raise ConfigError(f"learner engine: expected one that applies, got 'fused': {reason}")
     made: Engine
@@ -42,3 +42,11 @@ def make_engine(
         made = FusedEngine(network, config, table, actor, critic)
     log.info("learner engine: %s%s", made.name, f" ({reason})" if reason else "")
     return made
+
+
+def why_not_fused(network: NetworkConfig, config: DPGConfig) -> str:
+    """Empty where the fused engine applies to a learner, else the reason."""
+    device, dtype = config.engine.device, config.engine.dtype
+    if device != "cpu" or dtype != "float32":
+        return f"it is for float32 on the CPU, not {dtype} on {device}"
+    return why_not_network(network)
