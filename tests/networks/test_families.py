@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -12,19 +12,19 @@ from worlds import PROGRAMS, WORDS
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine
-from pa_ros.learning.algorithms.dpg.config import LearnerConfig
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.families import FAMILIES, Programmable, codes_of, family_named
 from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.world.programs import ProgramTable
 
-NETWORK = NetworkConfig(WORDS, hidden=6, attention=4, canonical_hidden=8)
+NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4, canonical_hidden=8)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_modules_take_what_they_are_told_and_have_the_tensors_of_the_table(name) -> None:
-    network = replace(NETWORK, kind=name)
+    network = NETWORK.changed(kind=name)
     table = ProgramTable(WORDS)
     rows = [table.add(parse(text, WORDS)) for text in PROGRAMS]
     codes = [torch.from_numpy(code)[torch.tensor([rows])] for code in network.family.codes(table)]
@@ -41,7 +41,7 @@ def test_modules_take_what_they_are_told_and_have_the_tensors_of_the_table(name)
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_an_architecture_names_the_family_of_the_actor(name) -> None:
-    network = replace(NETWORK, kind=name)
+    network = NETWORK.changed(kind=name)
     there = actor_config(network.architecture)
     assert there.kind == network.family.actor
     assert there.family.shapes(there, critic=False) == network.family.shapes(network, critic=False)
@@ -50,7 +50,7 @@ def test_an_architecture_names_the_family_of_the_actor(name) -> None:
 def test_only_families_that_evaluate_programs_are_told_every_program() -> None:
     program = parse("NEAR(HAND, RED)", WORDS)
     for name, family in FAMILIES.items():
-        network = replace(NETWORK, kind=name)
+        network = NETWORK.changed(kind=name)
         if family.evaluates_programs:
             family.check(program, WORDS)
             assert len(codes_of(program, network)) == 3
@@ -73,8 +73,8 @@ class Newcomer(Programmable):
 
 def test_a_newcomers_family_learns_by_torch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(FAMILIES, "newcomer", Newcomer("newcomer", "newcomer", False, True))
-    network = replace(NETWORK, kind="newcomer")
+    network = NETWORK.changed(kind="newcomer")
     assert "family 'newcomer'" in why_not_network(network)
-    made = make_engine(network, LearnerConfig(), ProgramTable(WORDS), np.random.default_rng(0))
+    made = make_engine(network, DPGConfig(), ProgramTable(WORDS), np.random.default_rng(0))
     assert made.name == "torch"
     assert "detectors.weight" not in made.actor_tensors()
