@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from learner_node.config import LearnerNodeConfig
+from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.arena import design_named
 from pa_ros.core.experience import Trajectory
 from pa_ros.evaluation.scoring.training import training_programs
@@ -36,3 +38,11 @@ def trajectory(sequence: int, agent: str = "a", length: int = 10) -> Trajectory:
         rewards=np.full(length, -1.0, np.float32), ends_episode=True, terminated=False,
         vocabulary_digest=DESIGN.vocabulary.digest,
     )  # fmt: skip
+
+
+def begin_run(config: LearnerNodeConfig) -> str:
+    """Leave a checkpoint of version 0 in the folder `config.out`; the run's id."""
+    worker = LearnerWorker(config, ARENA, Sinks(lambda _: None, lambda *_: None))
+    worker.start()
+    worker.close()
+    return worker.run.info.run_id

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import KINDS
 
 WEIGHTS = ("topic", "checkpoint", "random")
@@ -18,11 +17,8 @@ class AgentConfig:
     learning: bool = False  # explore, send transitions, and follow the synchronous protocol
     weights: str = "topic"  # where weights come from; learning needs "topic"
     checkpoint: str = ""  # folder, for weights "checkpoint"
-    agent_id: str = ""  # empty: a new one at each start; a resumed run keeps its own
-    first_sequence: int = 0  # of the first trajectory; a resumed run goes on
+    agent_id: str = ""  # empty: a new one at each start
     seed: int = 0  # of the exploration noise, and of random weights
-    protocol: str = "ours"  # as the learner's: exploration noise, trajectory_steps, policy_lag
-    options: tuple[str, ...] = ()  # "learner.NAME=VALUE": as the learner's
     network: str = "programmable"  # of random weights
     resend_period_s: float = 2.0  # trajectories not yet taken up are sent again
     stuck_after_s: float = 10.0  # waiting longer than this for weights is an alarm
@@ -38,14 +34,8 @@ class AgentConfig:
                 "checkpoint: expected a folder if and only if weights is 'checkpoint', "
                 f"got {self.checkpoint!r} and {self.weights!r}"
             )
-        for name in ("seed", "first_sequence"):
-            if getattr(self, name) < 0:
-                raise ConfigError(f"{name}: expected at least 0, got {getattr(self, name)}")
+        if self.seed < 0:
+            raise ConfigError(f"seed: expected at least 0, got {self.seed}")
         for name in ("resend_period_s", "stuck_after_s"):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name}: expected a positive time, got {getattr(self, name)}")
-        self.settings()
-
-    def settings(self) -> Protocol:
-        """How to learn; ConfigError for an unknown protocol or option."""
-        return protocol_named(self.protocol).with_options(self.options)

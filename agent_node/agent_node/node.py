@@ -11,12 +11,17 @@ import numpy as np
 from rclpy.node import Node
 
 from agent_node.config import AgentConfig
-from agent_node.drivers import Driver, GreedyDriver, LearningDriver, Step
 from agent_node.programs import HeardByOthers, ProgramBook, vocabulary_of
 from agent_node.steps import StepMatcher
-from pa_ros.core.experience import Observation, PolicySnapshot
+from pa_ros.acting.agent import Agent, Step
+from pa_ros.acting.answer import Answer, Load, Wait
+from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.acting.requests import ArenaFacts
+from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import Vocabulary
 from pa_ros.learning.checkpoints import load_policy
+from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
@@ -27,7 +32,7 @@ from pa_ros.ros.programs import judge, subscribe_programs
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, Command, ProgramRequest, PublishedPolicy
+from pa_ros.wire.records import ArenaDescription, Command, ProgramRequest
 
 
 class AgentNode(Node):
@@ -38,13 +43,13 @@ class AgentNode(Node):
         self.config = config_from_parameters(self, AgentConfig)
         self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
         self.refusals = Refusals(self.get_logger().warning)
-        self.driver: Driver = self._make_driver()
+        self.agent = self._make_agent()
         self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
         self._arena: ArenaDescription | None = None
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
         self._elsewhere = HeardByOthers()
-        self._policy: PublishedPolicy | None = None  # the newest accepted
+        self._learner: LearnerInfo | None = None  # the newest announced
         self._unread: dict[str, Message] | None = None  # newest step whose program is not known yet
         self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
@@ -62,14 +67,14 @@ class AgentNode(Node):
     def close(self) -> None:
         """Nothing to save."""
 
-    def _make_driver(self) -> Driver:
-        config = self.config
-        if config.learning:
-            acting = config.settings().learner.acting
-            return LearningDriver(self.agent_id, acting, config.seed, config.first_sequence)
-        if config.weights == "checkpoint":
-            return GreedyDriver(load_policy(Path(config.checkpoint)))
-        return GreedyDriver()  # random weights need the arena's vocabulary first
+    def _make_agent(self) -> Agent:
+        key = AgentKey(self.agent_id, time.time_ns())
+        if self.config.learning:
+            return LearningAgent(key, self.config.seed)
+        agent = Agent(key)
+        if self.config.weights == "checkpoint":
+            agent.offer(_fixed(load_policy(Path(self.config.checkpoint))))
+        return agent  # random weights need the arena's vocabulary first
 
     def _make_publishers(self) -> None:
         self._commands_out = topics.JOINT_COMMANDS.publisher(self)
@@ -89,6 +94,7 @@ class AgentNode(Node):
         ]
         if self.config.learning:
             callbacks.append((topics.VERDICT, lambda m: self._on_part("verdict", m)))
+            callbacks.append((topics.LEARNER_INFO, self._on_learner))
         if self.config.weights == "topic":
             callbacks.append((topics.POLICY_WEIGHTS, self._on_policy))
         for topic, callback in callbacks:
@@ -107,13 +113,12 @@ class AgentNode(Node):
         if restarted:
             self._matcher.restart()
             self._handled, self._command, self._unread = -1, None, None
-        if isinstance(self.driver, LearningDriver):
-            self.driver.meet(arena.control_period)
-        if self.config.weights == "random" and not self.driver.ready:
-            self.driver = GreedyDriver(_random_policy(vocabulary, self.config))
+        if self.config.weights == "random" and self.agent.version == "none":
+            self.agent.offer(_fixed(_random_policy(vocabulary, self.config)))
         early, self._early = self._early, []
         for request in early:
             self._on_program(request)
+        self._follow()
 
     def _on_part(self, part: str, message: Message) -> None:
         if self._arena is None:
@@ -132,44 +137,45 @@ class AgentNode(Node):
             self._answer_again()
             return
         program = self._book.text_of(observation.program_id)
-        if program is None or not self.driver.ready:
+        if program is None:
             self._unread = parts
-            if program is None:
-                self._recall(observation.program_id)
+            self._recall(observation.program_id)
             return
         self._unread = None
         verdict = codec.decode_verdict(parts["verdict"]) if "verdict" in parts else None
         step = Step(
             observation,
             program,
+            verdict,
             codec.is_evaluation(parts["features"]),
             codec.commanded_by(parts["features"]),
-            verdict,
             ends_episode=observation.step >= self._arena.episode_steps,
         )
         started = time.perf_counter()
-        outgoing = self.driver.observe(step)
+        trajectory = self.agent.observe(step)
         self._core_s += time.perf_counter() - started
         self._handled = observation.stamp_ns
         self._observation = observation
-        if outgoing is not None:
+        if trajectory is not None:
             self._trajectories += 1
-            self._transitions_out.publish(codec.encode_trajectory(*outgoing))
+            self._transitions_out.publish(codec.encode_trajectory(trajectory))
         self._act()
 
     def _act(self) -> None:
-        started = time.perf_counter()
-        action = self.driver.act()
-        self._core_s += time.perf_counter() - started
         observation = self._observation
-        if action is None or observation is None:
+        started = time.perf_counter()
+        while isinstance(answer := self.agent.answer(), Load):
+            self.agent.load(answer.policy)
+        if isinstance(answer, Wait) or observation is None:
             return
+        action = self.agent.act()
+        self._core_s += time.perf_counter() - started
         self._command = Command(
             observation.episode,
             observation.step,
             observation.stamp_ns,
             self.agent_id,
-            self.driver.version,
+            int(self.agent.version),
             action,
         )
         self._commands += 1
@@ -214,25 +220,29 @@ class AgentNode(Node):
         if request is not None:
             self._on_program(request)
 
+    def _on_learner(self, message: Message) -> None:
+        self._learner = codec.decode_learner_info(message)
+        self._follow()
+
+    def _follow(self) -> None:
+        """Act for the learner in this arena, once both have announced themselves."""
+        arena, learner = self._arena, self._learner
+        if isinstance(self.agent, LearningAgent) and arena is not None and learner is not None:
+            facts = arena.vocabulary_digest, arena.control_period, arena.near_threshold
+            self.agent.follow(learner, ArenaFacts(*facts))
+            self._retry()
+
     def _on_policy(self, message: Message) -> None:
-        known = self._policy.snapshot if self._policy else None
         digest = self._book.vocabulary.digest if self._book else None
-        policy = codec.decode_weights(
-            message,
-            known.architecture if known else None,
-            known.vocabulary_digest if known else digest,
-        )
-        self.driver.offer(policy)
-        self._policy = policy
+        self.agent.offer(codec.decode_weights(message, digest))
         self._retry()
 
     def _send_again(self) -> None:
         """Trajectories that the awaited weights should have taken in: perhaps none heard them."""
-        driver = self.driver
         late = time.monotonic() - self._progress_at > self.config.resend_period_s
-        if isinstance(driver, LearningDriver) and driver.waiting and late:
-            for outgoing in driver.unaccounted():
-                self._transitions_out.publish(codec.encode_trajectory(*outgoing))
+        if isinstance(self.agent, LearningAgent) and self.agent.waiting and late:
+            for trajectory in self.agent.unaccounted:
+                self._transitions_out.publish(codec.encode_trajectory(trajectory))
 
     # Health
 
@@ -242,27 +252,42 @@ class AgentNode(Node):
         core_us = (self._core_s - core_s) * 1e6 / max(self._commands - commands, 1)
         values = {
             "agent_id": self.agent_id,
-            "policy_version": str(self.driver.version),
+            "policy_version": self.agent.version,
             "commands": str(self._commands),
             "core_us": f"{core_us:.1f}",
             "trajectories": str(self._trajectories),
             "observation_age_s": f"{now - self._heard_at:.2f}",
         }
-        driver = self.driver
-        if isinstance(driver, LearningDriver):
-            values["interrupted"] = str(driver.interrupted)
-            stuck = now - self._progress_at > self.config.stuck_after_s
-            if driver.waiting and stuck:
-                message = f"policy version stuck at {driver.version}: no newer weights come"
-                return ERROR, message, values
-        if not driver.ready:
-            return WARN, "no weights yet", values
+        if isinstance(self.agent, LearningAgent):
+            values["interrupted"] = str(self.agent.interrupted)
+            values["lost_trajectories"] = str(self.agent.lost)
+        return *self._state(now), values
+
+    def _state(self, now: float) -> tuple[int, str]:
+        """Level and message: what the agent is doing, or waits for."""
+        agent, answer = self.agent, self.agent.answer()
+        if isinstance(agent, LearningAgent) and agent.refusal:
+            return ERROR, f"does not act for the learner: {agent.refusal}"
+        if agent.version == "none":
+            return WARN, f"no weights yet{_reason(answer)}"
+        stuck = now - self._progress_at > self.config.stuck_after_s
+        if isinstance(agent, LearningAgent) and agent.waiting and stuck:
+            return ERROR, f"policy version stuck at {agent.version}{_reason(answer)}"
         if now - self._heard_at > 1.0:
-            return WARN, "no observations come", values
-        return OK, "acting", values
+            return WARN, "no observations come"
+        return OK, "acting"
+
+
+def _reason(answer: Answer) -> str:
+    return f": waits for {answer.reason}" if isinstance(answer, Wait) else ""
+
+
+def _fixed(snapshot: PolicySnapshot) -> PublishedPolicy:
+    """Weights that no learner published here."""
+    return PublishedPolicy(snapshot, "")
 
 
 def _random_policy(vocabulary: Vocabulary, config: AgentConfig) -> PolicySnapshot:
-    network = config.settings().network_config(vocabulary, config.network)
+    network = protocol_named("ours").network_config(vocabulary, config.network)
     tensors = initial_actor(network, np.random.default_rng(config.seed))
     return PolicySnapshot(0, network.architecture, vocabulary.digest, tensors)

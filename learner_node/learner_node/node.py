@@ -10,6 +10,7 @@ from rclpy.node import Node
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
+from pa_ros.core.published import PublishedPolicy
 from pa_ros.learning.checkpoints import find_checkpoint
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
@@ -19,7 +20,7 @@ from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.errors import VocabularyError
 from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, PublishedPolicy
+from pa_ros.wire.records import ArenaDescription
 
 WATCH_S = 0.5
 EARLY_TRAJECTORIES = 1000  # kept until an arena describes itself
@@ -46,6 +47,7 @@ class LearnerNode(Node):
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
         self._rate = (time.monotonic(), 0.0, 0.0)  # since when, frames and updates then
         self._weights = topics.POLICY_WEIGHTS.publisher(self)
+        self._announcement = topics.LEARNER_INFO.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
         info = topics.ARENA_INFO
         info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
@@ -75,6 +77,7 @@ class LearnerNode(Node):
             raise
         origin = self.worker.origin(self.get_fully_qualified_name())
         self._provenance.publish(codec.encode_provenance(origin))
+        self._announcement.publish(codec.encode_learner_info(self.worker.run.info))
         self.worker.start()
         early, self._early = self._early, []
         for message in early:
@@ -109,7 +112,7 @@ class LearnerNode(Node):
         self._rate = (now, metrics["frames"], metrics["updates"])
         elapsed = max(now - since, 1e-9)
         values = {
-            "run_id": worker.run_id,
+            "run_id": worker.run.info.run_id,
             "engine": worker.engine,
             "backlog": str(worker.backlog),
             "rejected_trajectories": str(worker.rejected),

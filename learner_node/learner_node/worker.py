@@ -8,18 +8,19 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, Any
-from uuid import uuid4
+from typing import IO
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import PolicySnapshot, Trajectory
+from pa_ros.core.experience import Trajectory
+from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, FolderInUseError
+from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.origins import learner_origin
-from pa_ros.wire.records import ArenaDescription, Origin, PublishedPolicy
+from pa_ros.wire.records import ArenaDescription, Origin
 from pa_ros.world import Scoring
 
 
@@ -32,11 +33,7 @@ class Sinks:
 
 
 class LearnerWorker:
-    """Consumes trajectories in the order they came, publishing a policy for each.
-
-    A duplicate and a trajectory that cannot be used leave the version as it is, but are published
-    as accounted for: the agent that sent it must not wait for ever.
-    """
+    """Consumes trajectories in the order they came, publishing a policy for each."""
 
     def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
         self.vocabulary = Vocabulary(arena.shapes, arena.colors)
@@ -46,9 +43,8 @@ class LearnerWorker:
         self._folder = _claimed(config.out)
         self._learner = _make_learner(config, arena, self.vocabulary)
         extra = restore(Path(config.out) / "checkpoint", self._learner) if config.resume else {}
-        self.run_id = str(extra.get("run_id") or uuid4().hex)
+        self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
-        self._accounted = self._from_ledger()
         self.metrics = self._learner.metrics()
         self._trajectories: queue.SimpleQueue[Trajectory | None] = queue.SimpleQueue()
         self._stopping = False
@@ -68,7 +64,7 @@ class LearnerWorker:
         """The learner's account of itself; ask before `start`."""
         return learner_origin(
             node,
-            self.run_id,
+            self.run.info.run_id,
             self._config.seed,
             self._learner,
             self._arena.training_programs,
@@ -79,9 +75,8 @@ class LearnerWorker:
 
     def start(self) -> None:
         """Publish the versions that may still be asked for, oldest first; then learn."""
-        newest = self._learner.counters.version
-        for snapshot in self._learner.published:
-            self._publish(snapshot, behind=newest - snapshot.version)
+        for policy in self.run.opening():
+            self._sinks.publish(policy)
         self._thread.start()
 
     def submit(self, trajectory: Trajectory) -> None:
@@ -109,26 +104,15 @@ class LearnerWorker:
     def _consume(self, trajectory: Trajectory) -> None:
         before = self._learner.counters.frames
         try:
-            self._learner.consume(trajectory)
+            self.run.consume(trajectory)
         except PaError as error:
             self.rejected += 1
             self._sinks.refuse("trajectories", error)
-        agent, last = trajectory.agent_id, self._accounted.get(trajectory.agent_id, -1)
-        self._accounted = {**self._accounted, agent: max(last, trajectory.sequence)}
         self.metrics = self._learner.metrics()
-        self._publish(self._learner.snapshot())
+        self._sinks.publish(self.run.policy())
         every = self._config.checkpoint_every_frames
         if every and self._learner.counters.frames // every > before // every:
             self._save()
-
-    def _publish(self, snapshot: PolicySnapshot, behind: int = 0) -> None:
-        """`behind`: how many trajectories fewer than now the snapshot accounts for."""
-        consumed = {a: n - behind for a, n in self._accounted.items() if n >= behind}
-        self._sinks.publish(PublishedPolicy(snapshot, self.run_id, consumed, time.time_ns()))
-
-    def _from_ledger(self) -> dict[str, int]:
-        following: Any = self._learner.replay.ledger.to_metadata()["next"]
-        return {agent: sequence - 1 for agent, sequence in following.items()}
 
     def _save(self) -> None:
         if not self._config.out:
@@ -138,7 +122,7 @@ class LearnerWorker:
             "seed": self._config.seed,
             "design": self._arena.design,
             "preset": self._arena.preset,
-            "run_id": self.run_id,
+            "run_id": self.run.info.run_id,
         }
         try:
             save_checkpoint(Path(self._config.out) / "checkpoint", self._learner, extra)

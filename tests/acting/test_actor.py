@@ -10,11 +10,8 @@ import pytest
 from worlds import PROGRAMS, WORDS, PointWorld, dpg
 
 from pa_ros.acting.actor import Actor, inference_for
-from pa_ros.acting.agent import LearningAgent
-from pa_ros.acting.config import Schedule
-from pa_ros.acting.errors import PolicyError, StepError
+from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
-from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.language import ProgramError, Vocabulary
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.native.engine import FusedActor
@@ -125,42 +122,3 @@ def test_an_actor_of_a_snapshot_needs_nothing_else(kind) -> None:
     np.testing.assert_array_equal(
         Actor.of(given).act(observation, PROGRAMS[0]), ours.act(observation, PROGRAMS[0])
     )
-
-
-def agent(lag: int = 0) -> LearningAgent:
-    builder = TrajectoryBuilder("agent", 2, WORDS.digest)
-    actor = Actor(NETWORK, noise=ExplorationNoise(SETTINGS.exploration, 0.1, 0))
-    return LearningAgent(actor, builder, Schedule(policy_lag=lag))
-
-
-def test_an_agent_waits_for_its_weights() -> None:
-    world, one = PointWorld(), agent()
-    assert one.observe(*world.reset(0), world.program) is None
-    assert one.required_version == 0
-    with pytest.raises(PolicyError, match="expected version 0, got -1"):
-        one.act()
-    one.load(snapshot())
-    for _ in range(2):
-        assert one.required_version is None
-        velocity = one.act().astype(np.float64)
-        if one.builder.at_boundary is False:
-            with pytest.raises(PolicyError, match="end of a trajectory"):
-                one.load(snapshot())
-        trajectory = one.observe(*world.step(velocity), world.program)
-    assert trajectory is not None and len(trajectory) == 2
-    assert one.required_version == 1
-    one.load(replace(snapshot(), version=1))
-    assert one.required_version is None
-    one.act()
-    with pytest.raises(StepError, match="expected a step that goes on"):
-        one.act()
-
-
-def test_an_agent_does_not_act_on_the_last_step() -> None:
-    world, one = PointWorld(steps=1), agent()
-    one.load(snapshot())
-    one.observe(*world.reset(0), world.program)
-    trajectory = one.observe(*world.step(one.act().astype(np.float64)), world.program)
-    assert trajectory is not None and trajectory.ends_episode
-    with pytest.raises(StepError, match="expected a step that goes on"):
-        one.act()

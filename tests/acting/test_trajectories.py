@@ -12,9 +12,9 @@ from worlds import WORDS
 
 from pa_ros.acting.errors import StepError
 from pa_ros.acting.trajectories import TrajectoryBuilder
-from pa_ros.core.experience import Observation, Verdict
+from pa_ros.core.experience import AgentKey, Observation, Verdict
 
-AGENT = ("agent", 4, WORDS.digest)
+AGENT = (AgentKey("agent", 3), "run", 4, WORDS.digest)
 
 
 def step(episode: int, index: int, program: str = "P", truncated: bool = False):

@@ -200,7 +200,8 @@ def test_weights_are_recorded_less_often_than_every_frame_and_all_is_verified(tm
     assert train(tmp_path, "--record", tmp_path / "bag", *arguments, frames=200) == 0
     with Bag(tmp_path / "bag") as bag:
         assert bag.counts == {
-            "/provenance": 1, "/arena_info": 1, "/trajectories": 200, "/policy_weights": 3,
+            "/provenance": 1, "/arena_info": 1, "/learner_info": 1, "/trajectories": 200,
+            "/policy_weights": 3,
         }  # fmt: skip
     found = verified(tmp_path / "bag")
     assert found.equal and (found.compared, found.version, found.reenacted) == (3, 200, 200)

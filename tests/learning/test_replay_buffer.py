@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from worlds import WORDS, random_trajectory
 
-from pa_ros.core.experience import Float32
+from pa_ros.core.experience import AgentKey, Float32, TrajectoryKey
 from pa_ros.learning.errors import (
     EmptyReplayError,
     NonFiniteError,
+    SupersededAgentError,
     TrajectorySizeError,
     TrajectoryVocabularyError,
 )
@@ -117,19 +119,76 @@ def test_gaps_are_counted_and_late_arrivals_fill_them() -> None:
 def test_ledger_agrees_with_a_set(arrivals) -> None:
     ledger, seen = Ledger(), set()
     for agent, sequence in arrivals:
-        assert ledger.is_new(agent, sequence) == ((agent, sequence) not in seen)
-        if (agent, sequence) not in seen:
-            ledger.record(agent, sequence)
-            seen.add((agent, sequence))
-    largest = {agent: max(s for a, s in seen if a == agent) for agent, _ in seen}
-    assert ledger.missing == sum(n + 1 for n in largest.values()) - len(seen)
-    assert Ledger.from_metadata(ledger.to_metadata()) == ledger
+        key = TrajectoryKey(agent, 7, sequence)
+        assert ledger.is_new(key) == (key not in seen)
+        if key not in seen:
+            ledger.record(key)
+            seen.add(key)
+    sequences = {key.agent_id: {k.sequence for k in seen if k[0] == key[0]} for key in seen}
+    first_absent = {
+        AgentKey(agent, 7): min(set(range(len(there) + 1)) - there)
+        for agent, there in sequences.items()
+    }
+    assert ledger.accounted() == first_absent
+    assert ledger.missing == sum(max(there) + 1 for there in sequences.values()) - len(seen)
+    assert Ledger.from_metadata(json.loads(json.dumps(ledger.to_metadata()))) == ledger
 
 
 def test_a_huge_gap_costs_nothing() -> None:
     ledger = Ledger()
-    ledger.record("agent", 10**15)
-    assert ledger.missing == 10**15 and not ledger.is_new("agent", 10**15)
+    key = TrajectoryKey("agent", 0, 10**15)
+    ledger.record(key)
+    assert ledger.missing == 10**15 and not ledger.is_new(key)
+
+
+def test_what_an_agent_no_longer_holds_is_lost_and_not_missing() -> None:
+    ledger = Ledger()
+    for sequence, held_from, missing, lost in (
+        (0, 0, 0, 0),
+        (5, 0, 4, 0),  # 1 to 4 may still come
+        (2, 2, 2, 1),  # 1 will not
+        (6, 5, 0, 3),  # nor will 3 and 4
+        (9, 8, 1, 4),  # 7 neither; 8 may
+    ):
+        ledger.record(TrajectoryKey("agent", 0, sequence), held_from)
+        assert (ledger.missing, ledger.lost) == (missing, lost)
+    assert ledger.accounted() == {AgentKey("agent", 0): 8}
+    assert ledger.is_new(TrajectoryKey("agent", 0, 8))
+    assert not ledger.is_new(TrajectoryKey("agent", 0, 4))  # given up
+
+
+def test_an_account_begins_where_the_agent_says_so() -> None:
+    """An agent that has served another run begins at its own number; nothing before is missing."""
+    ledger = Ledger()
+    ledger.record(TrajectoryKey("agent", 0, 400), held_from=399)
+    assert (ledger.missing, ledger.lost) == (1, 0)
+    assert ledger.accounted() == {AgentKey("agent", 0): 399}
+    ledger.record(TrajectoryKey("agent", 0, 399), held_from=399)
+    assert (ledger.missing, ledger.lost) == (0, 0)
+    assert ledger.accounted() == {AgentKey("agent", 0): 401}
+
+
+def test_an_agent_that_starts_again_under_its_name_is_another() -> None:
+    rng = np.random.default_rng(0)
+    replay = ReplayBuffer(100, WORDS.digest)
+    for sequence in (0, 1, 3):
+        replay.insert(random_trajectory(rng, 1, sequence=sequence, incarnation=10), 0)
+    assert replay.ledger.missing == 1
+    report = replay.insert(random_trajectory(rng, 1, sequence=0, incarnation=11), 0)
+    assert report.accepted and report.duplicates == 0
+    assert (replay.ledger.missing, replay.ledger.lost) == (0, 1)  # nobody holds 2 any more
+    assert replay.ledger.accounted() == {AgentKey("agent", 11): 1}
+    before = replay.to_metadata()
+    with pytest.raises(SupersededAgentError, match="called 'agent'.* 11, got .* 10"):
+        replay.insert(random_trajectory(rng, 1, sequence=2, incarnation=10), 0)
+    assert replay.to_metadata() == before
+
+
+def test_the_ledger_of_an_older_checkpoint_is_read() -> None:
+    older = {"duplicates": 2, "next": {"a": 7, "b": 1}, "missing": {"a": [[2, 4]], "b": []}}
+    ledger = Ledger.from_metadata(older)
+    assert (ledger.duplicates, ledger.missing, ledger.lost) == (2, 2, 0)
+    assert ledger.accounted() == {AgentKey("a", 0): 2, AgentKey("b", 0): 1}
 
 
 def one_action(value: float) -> Float32:

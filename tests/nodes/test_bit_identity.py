@@ -29,7 +29,7 @@ def parameters(**changes: dict[str, object]) -> dict[str, dict[str, object]]:
     """Of three nodes that learn as `in_process` does."""
     common = {
         "sim_node": {"seed": SEED},
-        "agent_node": {"learning": True, "seed": SEED, "options": [*OPTIONS], "agent_id": "agent"},
+        "agent_node": {"learning": True, "seed": SEED, "agent_id": "agent"},
         "learner_node": {"seed": SEED, "options": [*OPTIONS]},
     }
     return {node: values | changes.get(node, {}) for node, values in common.items()}
@@ -92,7 +92,6 @@ def test_a_graph_that_was_stopped_and_resumed_ends_where_the_loop_ends(tmp_path)
     episodes = reached["counters"]["episodes"]
     given = parameters(
         sim_node={"first_episode": episodes},
-        agent_node={"first_sequence": reached["replay"]["ledger"]["next"]["agent"]},
         learner_node={**out, "resume": True},
     )
     there = over_the_graph(tmp_path / "second", episodes + 2, given)

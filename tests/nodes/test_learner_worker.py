@@ -13,12 +13,15 @@ from waiting import wait_for
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Trajectory
+from pa_ros.core.experience import AgentKey, Trajectory
+from pa_ros.core.published import PublishedPolicy
 from pa_ros.learning.errors import FolderInUseError
-from pa_ros.wire.records import PublishedPolicy
 
 OPTIONS = ("learner.replay.warmup_frames=0", "learner.replay.batch_size=4", "network.hidden=8",
            "network.attention=4")  # fmt: skip
+
+
+A = AgentKey("a", 0)
 
 
 class Bench:
@@ -52,7 +55,8 @@ def test_each_trajectory_makes_one_version_and_exactly_its_updates(bench):
     assert [p.snapshot.version for p in bench.published] == [0]
     last = bench.submit(trajectory(0), trajectory(1), trajectory(2, length=7))
     assert [p.snapshot.version for p in bench.published] == [0, 1, 2, 3]
-    assert last.consumed == {"a": 2}
+    assert last.accounted == {A: 3}
+    assert [p.latest for p in bench.published] == [None, (*A, 0), (*A, 1), (*A, 2)]
     assert bench.worker.metrics["updates"] == bench.worker.metrics["frames"] == 27
 
 
@@ -71,11 +75,45 @@ def test_a_gap_is_reported_until_it_is_filled(bench):
     assert bench.worker.metrics["missing_trajectories"] == 2
     bench.submit(trajectory(1))
     assert bench.worker.metrics["missing_trajectories"] == 1
-    assert bench.published[-1].consumed == {"a": 3}
+    assert bench.published[-1].accounted == {A: 2}  # what is missing can still be sent again
+    assert bench.published[-1].latest == (*A, 1)
+    assert bench.submit(trajectory(2)).accounted == {A: 4}
+    assert bench.worker.metrics["missing_trajectories"] == 0
+
+
+def test_a_gap_that_cannot_be_filled_is_lost_and_no_longer_waited_for(bench):
+    answer = bench.submit(trajectory(0), replace(trajectory(9), held_from=8))
+    assert answer.accounted == {A: 8}
+    assert bench.worker.metrics["lost_trajectories"] == 7
+    assert bench.worker.metrics["missing_trajectories"] == 1
+
+
+def test_another_run_begins_its_account_where_the_agent_says(bench):
+    answer = bench.submit(replace(trajectory(399), held_from=399))
+    assert answer.accounted == {A: 400}
+    assert bench.worker.metrics["missing_trajectories"] == 0
+
+
+def test_an_agent_that_starts_again_under_its_name_is_not_swallowed(bench):
+    bench.submit(trajectory(0), trajectory(1))
+    later = AgentKey("a", 1)
+    answer = bench.submit(replace(trajectory(0), incarnation=1))
+    assert (answer.snapshot.version, answer.accounted) == (3, {later: 1})
+    assert bench.worker.metrics["duplicate_trajectories"] == 0
+    answer = bench.submit(trajectory(2))  # of the one that was there before, and is still
+    assert [error.code for error in bench.refused] == ["learning.superseded"]
+    assert (answer.snapshot.version, answer.accounted) == (3, {later: 1})
+
+
+def test_a_trajectory_longer_than_asked_for_is_refused_by_name(bench):
+    answer = bench.submit(trajectory(0, length=101))
+    assert "trajectory_steps = 100 transitions, got 101 from 'a'" in str(bench.refused[0])
+    assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
 
 
 def test_agents_are_counted_apart(bench):
-    assert bench.submit(trajectory(0, "a"), trajectory(0, "b")).consumed == {"a": 0, "b": 0}
+    answer = bench.submit(trajectory(0, "a"), trajectory(0, "b"))
+    assert answer.accounted == {A: 1, AgentKey("b", 0): 1}
     assert bench.worker.metrics["duplicate_trajectories"] == 0
 
 
@@ -83,7 +121,7 @@ def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
     bad = replace(trajectory(0), program="NEAR(HAND, PINK)")
     answer = bench.submit(bad)
     assert [error.code for error in bench.refused] == ["program.unknown_word"]
-    assert (answer.snapshot.version, answer.consumed) == (0, {"a": 0})
+    assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
     assert bench.submit(trajectory(1)).snapshot.version == 1
 
 
@@ -96,8 +134,9 @@ def test_a_learner_resumes_where_it_stopped(tmp_path: Path):
     first.worker.close()
     second = Bench(out=str(tmp_path), resume=True)
     assert [p.snapshot.version for p in second.published] == [2, 3]  # what may be asked for
-    assert [p.consumed for p in second.published] == [{"a": 1}, {"a": 2}]
-    assert second.worker.run_id == first.worker.run_id
+    assert [p.accounted for p in second.published] == [{}, {A: 3}]
+    was, now = first.worker.run.info, second.worker.run.info
+    assert (now.run_id, now.first_version) == (was.run_id, 3) and now.learner_id != was.learner_id
     last = second.submit(trajectory(3), trajectory(4))
     second.worker.close()
     assert last.snapshot.version == 5

@@ -108,8 +108,7 @@ def test_arenas_that_cannot_be_are_refused(wrong):
 @pytest.mark.parametrize(
     "wrong",
     [{"weights": "mail"}, {"learning": True, "weights": "random"}, {"checkpoint": "x"},
-     {"weights": "checkpoint"}, {"seed": -1}, {"first_sequence": -1}, {"network": "deep"},
-     {"protocol": "theirs"}, {"options": ("learner.updates.discount=7",)}, {"stuck_after_s": 0.0}],
+     {"weights": "checkpoint"}, {"seed": -1}, {"network": "deep"}, {"stuck_after_s": 0.0}],
 )  # fmt: skip
 def test_agents_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import learners
 import numpy as np
 import pytest
 from graph import graph
@@ -11,23 +12,31 @@ from graph import graph
 from agent_node.node import AgentNode
 from pa_ros.arena import design_named
 from pa_ros.core.experience import PolicySnapshot
+from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.ros import topics
+from pa_ros.ros.health import ERROR
 from pa_ros.wire import codec
-from pa_ros.wire.records import PublishedPolicy
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
 WORDS = design_named("2-L").vocabulary
 
 
+LEARNER = replace(
+    learners.LEARNER,
+    architecture=NetworkConfig(vocabulary=WORDS, hidden=16).architecture,
+    trajectory_steps=100,
+)
+
+
 def policy(version: int = 0, vocabulary: Vocabulary = WORDS, **options) -> PublishedPolicy:
     network = NetworkConfig(vocabulary=vocabulary, **{"hidden": 16, **options})
     tensors = initial_actor(network, np.random.default_rng(0))
     snapshot = PolicySnapshot(version, network.architecture, vocabulary.digest, tensors)
-    return PublishedPolicy(snapshot, "run", {})
+    return PublishedPolicy(snapshot, LEARNER.run_id, LEARNER.learner_id)
 
 
 def _truncated():
@@ -51,11 +60,11 @@ def _missing_tensor():
 @pytest.mark.parametrize(
     ("bad", "code"),
     [
-        (codec.encode_weights(policy(9, hidden=8)), "wire.architecture"),
-        (codec.encode_weights(policy(9, Vocabulary(("CUBE",), ("RED",)))), "wire.architecture"),
+        (codec.encode_weights(policy(9, hidden=8)), "learning.policy"),
+        (codec.encode_weights(policy(9, Vocabulary(("CUBE",), ("RED",)))), "wire.vocabulary"),
         (_truncated(), "wire.truncated"),
         (_wrong_checksum(), "wire.checksum"),
-        (_missing_tensor(), "networks.tensors"),
+        (_missing_tensor(), "learning.policy"),
     ],
 )
 def test_bad_weights_are_refused_and_the_good_ones_go_on_acting(bad, code):
@@ -64,14 +73,14 @@ def test_bad_weights_are_refused_and_the_good_ones_go_on_acting(bad, code):
         speaker.publish(codec.encode_weights(policy(3)))
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 10)
         speaker.publish(bad)
-        driver, refusals = probe.nodes[1].driver, probe.nodes[1].refusals
+        agent, refusals = probe.nodes[1].agent, probe.nodes[1].refusals
         assert probe.until(lambda: refusals.total == 1)
-        assert set(refusals.counts) <= {code, "learning.policy"}
+        assert set(refusals.counts) == {code}
         commands = probe.count(topics.JOINT_COMMANDS)
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > commands + 50)
-        assert driver.version == probe.last(topics.JOINT_COMMANDS).policy_version == 3
+        assert agent.version == "3" and probe.last(topics.JOINT_COMMANDS).policy_version == 3
         speaker.publish(codec.encode_weights(policy(4)))
-        assert probe.until(lambda: driver.version == 4)
+        assert probe.until(lambda: agent.version == "4")
         assert probe.until(lambda: probe.value("agent_node", "policy_version") == "4")
 
 
@@ -82,7 +91,7 @@ def test_weights_of_another_vocabulary_than_the_arenas_are_refused_first_of_all(
         probe.until(lambda: False, 0.3)
         speaker.publish(codec.encode_weights(policy(9, Vocabulary(("CUBE",), ("RED",)))))
         assert probe.until(lambda: probe.nodes[1].refusals.counts["wire.vocabulary"] == 1)
-        assert not probe.nodes[1].driver.ready
+        assert probe.nodes[1].agent.version == "none"
 
 
 def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms():
@@ -96,12 +105,53 @@ def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms():
     ) as probe:
         speaker = probe.speaker(topics.POLICY_WEIGHTS)
         speaker.publish(codec.encode_weights(policy(0)))
+        probe.speaker(topics.LEARNER_INFO).publish(codec.encode_learner_info(LEARNER))
         assert probe.until(lambda: "stuck at 0" in probe.message("agent_node"))
         trajectories = [codec.decode_trajectory(m) for m in probe.heard["trajectories"]]
         assert {s.sequence for s in trajectories} == {0, 1}  # lag 1: one more than the weights
         assert len(trajectories) > 2  # sent again: perhaps nobody heard them
         assert probe.value("agent_node", "policy_version") == "0"
         assert all(s.policy_version == 0 and len(s) == 100 for s in trajectories)
-        agent = probe.nodes[1].agent_id
-        speaker.publish(codec.encode_weights(replace(policy(1), consumed={agent: 0})))
-        assert probe.until(lambda: probe.nodes[1].driver.version == 1)
+        assert "trajectories before 1" in probe.message("agent_node")
+        agent = probe.nodes[1].agent
+        speaker.publish(codec.encode_weights(replace(policy(1), accounted={agent.key: 1})))
+        assert probe.until(lambda: agent.version == "1")
+        assert probe.until(lambda: probe.message("agent_node") == "acting")
+
+
+MISFITS: list[tuple[dict[str, object], str]] = [
+    ({"near_threshold": 0.1}, "learner_info.near_threshold: expected 0.2, as this"),
+    ({"control_period": 0.5}, "learner_info.control_period: expected 0.1, as this"),
+    ({"vocabulary_digest": "f" * 16}, "learner_info.vocabulary_digest: expected "),
+    ({"architecture": '{"kind":"deep"}'}, "learner_info.architecture: "),
+    ({"exploration": '{"process":"white"}'}, "learner_info.exploration: "),
+]
+
+
+@pytest.mark.parametrize(("change", "reason"), MISFITS)
+def test_an_agent_that_cannot_do_as_the_learner_asks_says_so_and_does_not_act(change, reason):
+    with graph(SimNode, AgentNode, agent_node__learning=True) as probe:
+        speaker = probe.speaker(topics.LEARNER_INFO)
+        speaker.publish(codec.encode_learner_info(replace(LEARNER, **change)))
+        probe.speaker(topics.POLICY_WEIGHTS).publish(codec.encode_weights(policy(0)))
+        refused = "refused.learner.request"
+        assert probe.until(lambda: probe.value("agent_node", refused) == "1")
+        print(probe.health["/agent_node"])
+        assert probe.message("agent_node").startswith(f"does not act for the learner: {reason}")
+        assert probe.health["/agent_node"].level == ERROR
+        assert probe.count(topics.JOINT_COMMANDS) == 0
+        another = replace(LEARNER, learner_id="another", stamp_ns=2)  # and one that it can serve
+        speaker.publish(codec.encode_learner_info(another))
+        weights = replace(policy(0), learner_id="another")
+        probe.speaker(topics.POLICY_WEIGHTS).publish(codec.encode_weights(weights))
+        assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 10)
+        assert probe.until(lambda: probe.message("agent_node") == "acting")
+
+
+def test_a_learner_of_another_edition_of_the_messages_is_refused():
+    message = codec.encode_learner_info(LEARNER)
+    message.wire_version = "1"
+    with graph(SimNode, AgentNode, agent_node__learning=True) as probe:
+        probe.speaker(topics.LEARNER_INFO).publish(message)
+        assert probe.until(lambda: probe.value("agent_node", "refused.wire.version") == "1")
+        assert probe.count(topics.JOINT_COMMANDS) == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pa_ros.core.experience import PolicySnapshot, Trajectory
+from pa_ros.core.experience import AgentKey, PolicySnapshot, Trajectory, TrajectoryKey
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.wire import codec, errors
-from pa_ros.wire.records import PublishedPolicy
 
 DIGEST = "0123456789abcdef"
 
@@ -59,14 +60,18 @@ def test_trajectory_survives_the_wire(seed, length, count, number, ends, termina
         length,
         count,
         sequence=number,
+        incarnation=number + 1,
+        held_from=number // 2,
+        run_id=f"run {number}",
+        stamp_ns=number % 2**60,
         policy_version=number,
         episode=number,
         ends_episode=ends,
         terminated=terminated,
     )
-    received = codec.decode_trajectory(codec.encode_trajectory(sent, 5), DIGEST)
+    received = codec.decode_trajectory(codec.encode_trajectory(sent), DIGEST)
     assert same(received, sent)
-    assert codec.decode_trajectory_key(codec.encode_trajectory(sent)) == (sent.agent_id, number)
+    assert codec.decode_trajectory_key(codec.encode_trajectory(sent)) == sent.key
     assert received.objects.flags.owndata or received.objects.base.flags.owndata
 
 
@@ -75,6 +80,7 @@ def test_trajectory_survives_the_wire(seed, length, count, number, ends, termina
     [
         ("vocabulary_digest", "another", errors.VocabularyError),
         ("agent_id", "", errors.RangeError),
+        ("held_from", 10**6, errors.RangeError),
         ("transition_count", 0, errors.RangeError),
         ("transition_count", 2, errors.SizeError),
         ("transition_count", 2**32 - 1, errors.RangeError),
@@ -96,9 +102,13 @@ def test_malformed_transitions_are_refused(field, value, error):
         codec.decode_trajectory(message, DIGEST)
 
 
+LATEST = TrajectoryKey("agent-2", 3, 5)
+
+
 def policy(**tensors: np.ndarray) -> PublishedPolicy:
     snapshot = PolicySnapshot(7, '{"kind": "programmable"}', DIGEST, tensors)
-    return PublishedPolicy(snapshot, "run-1", {"agent-2": 5, "agent-1": 4}, stamp_ns=17)
+    accounted = {AgentKey("agent-2", 3): 6, AgentKey("agent-1", 2**63): 5}
+    return PublishedPolicy(snapshot, "run-1", "learner-1", accounted, LATEST, stamp_ns=17)
 
 
 shapes = hnp.array_shapes(min_dims=0, max_dims=3, min_side=1, max_side=5)
@@ -109,18 +119,50 @@ arrays = hnp.arrays(np.float32, shapes, elements=st.floats(-10, 10, width=32))
 def test_weights_survive_the_wire(tensors):
     sent = policy(**tensors)
     assert codec.weights_checksum(sent.snapshot) == codec.encode_weights(sent).checksum
-    received = codec.decode_weights(
-        codec.encode_weights(sent), sent.snapshot.architecture, sent.snapshot.vocabulary_digest
-    )
+    received = codec.decode_weights(codec.encode_weights(sent), sent.snapshot.vocabulary_digest)
     assert list(received.snapshot.tensors) == list(tensors)
     assert all(np.array_equal(received.snapshot.tensors[k], v) for k, v in tensors.items())
     assert all(received.snapshot.tensors[k].shape == v.shape for k, v in tensors.items())
     assert received.snapshot.version == 7
-    assert (received.run_id, received.consumed, received.stamp_ns) == (
-        "run-1",
-        {"agent-2": 5, "agent-1": 4},
-        17,
-    )
+    assert received.accounted == sent.accounted and received.latest == LATEST
+    assert received.name == ("run-1", "learner-1", 7) and received.stamp_ns == 17
+
+
+def test_of_an_agent_that_nothing_is_accounted_for_of_the_wire_says_nothing():
+    sent = replace(policy(a=np.ones(1, np.float32)), accounted={AgentKey("a", 1): 0}, latest=None)
+    received = codec.decode_weights(codec.encode_weights(sent))
+    assert received.accounted == {} and received.latest is None
+
+
+LEARNER = LearnerInfo(
+    run_id="run", learner_id="learner", first_version=2**40, vocabulary_digest=DIGEST,
+    architecture="{}", trajectory_steps=100, policy_lag=1, exploration="{}", inference="auto",
+    control_period=0.1, near_threshold=0.2, software_version="0.2", stamp_ns=10**18 + 1,
+)  # fmt: skip
+
+
+def test_a_learners_announcement_survives_the_wire():
+    assert codec.decode_learner_info(codec.encode_learner_info(LEARNER)) == LEARNER
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "error"),
+    [
+        ("wire_version", "1", errors.VersionError),
+        ("run_id", "", errors.RangeError),
+        ("learner_id", "", errors.RangeError),
+        ("trajectory_steps", 0, errors.RangeError),
+        ("trajectory_steps", 10_001, errors.RangeError),
+        ("control_period", 0.0, errors.RangeError),
+        ("control_period", math.nan, errors.RangeError),
+        ("near_threshold", math.inf, errors.RangeError),
+    ],
+)
+def test_malformed_announcements_are_refused_by_name(field, value, error):
+    message = codec.encode_learner_info(LEARNER)
+    setattr(message, field, value)
+    with pytest.raises(error, match=f"learner_info.{field}"):
+        codec.decode_learner_info(message)
 
 
 def weights_message():
@@ -135,17 +177,10 @@ def test_decoded_weights_own_their_memory():
     tensors["a"][0, 0] = 5.0  # writeable
 
 
-@pytest.mark.parametrize(
-    ("expected", "error", "both"),
-    [
-        (("{}", None), errors.ArchitectureError, ("{}", "programmable")),
-        ((None, "f" * 16), errors.VocabularyError, ("f" * 16, DIGEST)),
-    ],
-)
-def test_weights_of_another_network_are_refused_naming_both_sides(expected, error, both):
-    with pytest.raises(error) as caught:
-        codec.decode_weights(weights_message(), *expected)
-    assert all(side in str(caught.value) for side in both)
+def test_weights_of_other_words_are_refused_naming_both_sides():
+    with pytest.raises(errors.VocabularyError) as caught:
+        codec.decode_weights(weights_message(), "f" * 16)
+    assert all(side in str(caught.value) for side in ("f" * 16, DIGEST))
 
 
 def _truncate(message):

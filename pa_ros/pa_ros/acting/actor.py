@@ -16,7 +16,7 @@ from pa_ros.language import Program, parse
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.inference import Inference, TorchActor
-from pa_ros.networks.parameters import TensorError, Tensors
+from pa_ros.networks.parameters import TensorError, Tensors, actor_shapes, check_tensors
 
 log = logging.getLogger(__name__)
 
@@ -41,21 +41,32 @@ class Actor:
         self._noise = noise
         self._make_inference = inference_for(network, inference)
         self._inference: Inference | None = None
-        self.version = -1  # of the weights in use; -1 before the first
+        self._version: int | None = None
 
     @classmethod
     def of(cls, snapshot: PolicySnapshot) -> Actor:
-        """A greedy actor of whatever architecture the snapshot has."""
-        try:
-            network = actor_config(snapshot.architecture)
-        except ConfigError as error:
-            raise PolicyError(str(error)) from error
-        actor = cls(network)
+        """A greedy actor with these weights, of whatever architecture they have."""
+        actor = cls.fitting(snapshot)
         actor.load(snapshot)
         return actor
 
-    def load(self, snapshot: PolicySnapshot) -> None:
-        """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
+    @classmethod
+    def fitting(cls, snapshot: PolicySnapshot) -> Actor:
+        """A greedy actor of a snapshot's architecture, without weights as yet."""
+        try:
+            return cls(actor_config(snapshot.architecture))
+        except ConfigError as error:
+            raise PolicyError(str(error)) from error
+
+    @property
+    def version(self) -> int:
+        """Of the weights in use; PolicyError before the first."""
+        if self._version is None:
+            raise PolicyError("policy: expected weights before their version is asked, got none")
+        return self._version
+
+    def check(self, snapshot: PolicySnapshot) -> None:
+        """Raise PolicyError unless these weights fit."""
         ours = self.network.architecture
         if snapshot.architecture != ours:
             raise PolicyError(f"policy: expected architecture {ours}, got {snapshot.architecture}")
@@ -65,10 +76,15 @@ class Actor:
                 f"policy: expected vocabulary {digest}, got {snapshot.vocabulary_digest}"
             )
         try:
-            self._inference = self._make_inference(self.network, snapshot.tensors)
+            check_tensors(snapshot.tensors, actor_shapes(self.network), "actor")
         except TensorError as error:
             raise PolicyError(f"policy version {snapshot.version}: {error}") from error
-        self.version = snapshot.version
+
+    def load(self, snapshot: PolicySnapshot) -> None:
+        """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
+        self.check(snapshot)
+        self._inference = self._make_inference(self.network, snapshot.tensors)
+        self._version = snapshot.version
 
     def act(self, observation: Observation, program: str) -> Float32:
         """The greedy action, [6] in [-1, 1]; ProgramError if the text is not a program."""

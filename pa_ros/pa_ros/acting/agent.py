@@ -1,69 +1,89 @@
-"""An agent that learns: it explores, and sends trajectories, under the synchronous protocol."""
+"""An agent at its control steps, over the graph as in process."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
 
+from pa_ros.acting.account import Account, Newest
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.errors import PolicyError, StepError
-from pa_ros.acting.trajectories import TrajectoryBuilder
-from pa_ros.core.experience import Float32, Observation, PolicySnapshot, Trajectory, Verdict
+from pa_ros.acting.answer import Act, Answer, Load, Wait
+from pa_ros.acting.errors import StepError
+from pa_ros.core.experience import AgentKey, Float32, Observation, Trajectory, Verdict
+from pa_ros.core.published import PublishedPolicy
 
 
-class Schedule(Protocol):
-    """Which weights may act when; `pa_ros.acting.config.Schedule` is one."""
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One control step."""
 
-    def acting_version(self, trajectory: int) -> int:
-        """Version that acts on trajectory 0, 1, 2, … of an agent."""
+    observation: Observation
+    program: str  # canonical text of the observation's program id
+    verdict: Verdict | None = None  # None: a greedy agent needs none
+    evaluation: bool = False  # to be acted on greedily, and no experience
+    commanded_by: str = ""  # whose command, unaltered, led here
+    ends_episode: bool = False  # nothing is to be done about it any more
 
 
-class LearningAgent:
-    """At each control step: `observe`, send the trajectory it returns, `load` if required, `act`.
+class Agent:
+    """A greedy agent: at each step `observe`, `load` what `answer` says, and `act`."""
 
-    The order matters and is the same over the graph and in process: a trajectory that ends at an
-    observation is sent before the action at that observation is chosen.
-    """
-
-    def __init__(self, actor: Actor, builder: TrajectoryBuilder, schedule: Schedule) -> None:
-        self.actor = actor
-        self.builder = builder
-        self._schedule = schedule
-        self._latest: tuple[Observation, str] | None = None
+    def __init__(self, key: AgentKey) -> None:
+        self.key = key
+        self._rule: Newest | Account = Newest()
+        self._actor: Actor | None = None
+        self._loaded: PublishedPolicy | None = None
+        self._step: Step | None = None  # to be acted on
 
     @property
-    def required_version(self) -> int | None:
-        """Version that must be loaded before `act`; None while a trajectory is under way."""
-        if not self.builder.at_boundary:
-            return None
-        version = self._schedule.acting_version(self.builder.sequence)
-        return None if version == self.actor.version else version
+    def waiting(self) -> bool:
+        """Whether a step is still to be acted on."""
+        return self._step is not None
 
-    def load(self, snapshot: PolicySnapshot) -> None:
-        """Act with these weights from here on; PolicyError if a trajectory is under way."""
-        if not self.builder.at_boundary:
-            raise PolicyError(f"policy {snapshot.version}: expected the end of a trajectory first")
-        self.actor.load(snapshot)
+    @property
+    def version(self) -> str:
+        """Of the weights in use."""
+        return "none" if self._loaded is None else str(self._loaded.snapshot.version)
 
-    def observe(
-        self, observation: Observation, verdict: Verdict, program: str
-    ) -> Trajectory | None:
-        """Take in one step; return the trajectory that it completed, if it did."""
-        self._latest = None if verdict.truncated else (observation, program)
-        return self.builder.observe(observation, verdict, program)
+    def offer(self, policy: PublishedPolicy) -> None:
+        """Weights have come. Raises PolicyError, and changes nothing, if they cannot be used."""
+        actor = self._actor or Actor.fitting(policy.snapshot)
+        actor.check(policy.snapshot)
+        self._actor = actor
+        self._rule.receive(policy)
+
+    def observe(self, step: Step) -> Trajectory | None:
+        """Take in a step; the trajectory to be sent, if that completed one."""
+        self._step = None if step.ends_episode else step
+        return None
+
+    def answer(self) -> Answer:
+        """Whether the agent may act on the step observed last, and with which weights."""
+        return self._answer(0)
+
+    def load(self, policy: PublishedPolicy) -> None:
+        """Act with these weights from here on."""
+        if self._actor is None:
+            raise StepError("weights: expected an offer of them before they are loaded")
+        self._actor.load(policy.snapshot)
+        self._loaded = policy
+        self._rule.use(policy)
 
     def act(self) -> Float32:
-        """The exploring action, [6] in [-1, 1], at the step observed last.
+        """The action at the step observed last, [6] in [-1, 1]. StepError unless it may act."""
+        answer, step, actor = self.answer(), self._step, self._actor
+        if step is None or actor is None or not isinstance(answer, Act):
+            raise StepError(f"action: expected the answer {Act()} before it, got {answer}")
+        self._step = None
+        return self._action(actor, step)
 
-        Raises StepError after the last step of an episode, PolicyError if other weights than the
-        ones in use are required.
-        """
-        if self._latest is None:
-            raise StepError("action: expected a step that goes on, got none")
-        if self.required_version is not None:
-            raise PolicyError(
-                f"policy: expected version {self.required_version}, got {self.actor.version}"
-            )
-        action = self.actor.explore(*self._latest)
-        self.builder.acted(action, self.actor.version)
-        self._latest = None
-        return action
+    def _answer(self, sequence: int) -> Answer:
+        if self._step is None:
+            return Wait("a step to act on")
+        required = self._rule.required(sequence)
+        if isinstance(required, Wait):
+            return required
+        loaded = self._loaded
+        return Act() if loaded is not None and loaded.name == required.name else Load(required)
+
+    def _action(self, actor: Actor, step: Step) -> Float32:
+        return actor.act(step.observation, step.program)

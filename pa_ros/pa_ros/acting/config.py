@@ -32,10 +32,6 @@ class Schedule(Settings):
         1, ge=0, description="trajectories that weights lag behind; 0 is the paper's interleaving"
     )
 
-    def acting_version(self, trajectory: int) -> int:
-        """Version that acts on trajectory 0, 1, 2, … of an agent."""
-        return max(0, trajectory - self.policy_lag)
-
     @property
     def versions_kept(self) -> int:
         """How many of the newest versions a learner can still be asked for."""

@@ -15,3 +15,9 @@ class PolicyError(PaError):
     """Weights that this actor cannot use: another architecture, vocabulary or shape."""
 
     code = "learning.policy"
+
+
+class LearnerRequestError(PaError):
+    """A learner that asks of its agents what this one cannot do, or is not one for its arena."""
+
+    code = "learner.request"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pa_ros.acting.errors import StepError
-from pa_ros.core.experience import Float32, Observation, Trajectory, Verdict
+from pa_ros.core.experience import AgentKey, Float32, Observation, Trajectory, Verdict
 
 
 @dataclass
@@ -15,8 +15,9 @@ class _Run:
     """Steps of one episode under one program and one policy version, not yet sent."""
 
     program: str
+    first: Observation
     last: Observation
-    version: int = -1
+    version: int = 0  # of the policy, once it has acted
     objects: list[Float32] = field(default_factory=list)
     arm: list[Float32] = field(default_factory=list)
     actions: list[Float32] = field(default_factory=list)
@@ -37,10 +38,15 @@ class TrajectoryBuilder:
     """
 
     def __init__(
-        self, agent_id: str, trajectory_steps: int, vocabulary_digest: str, first_sequence: int = 0
+        self,
+        agent: AgentKey,
+        run_id: str,
+        trajectory_steps: int,
+        vocabulary_digest: str,
+        first_sequence: int = 0,
     ) -> None:
-        self.agent_id = agent_id
         self.sequence = first_sequence  # of the next trajectory
+        self._agent, self._run_id = agent, run_id
         self._trajectory_steps = trajectory_steps
         self._vocabulary_digest = vocabulary_digest
         self._run: _Run | None = None
@@ -108,7 +114,7 @@ class TrajectoryBuilder:
         )
 
     def _begin(self, observation: Observation, program: str) -> None:
-        self._run = _Run(program, observation)
+        self._run = _Run(program, observation, observation)
         self._run.append(observation)
         self._acted = False
 
@@ -120,9 +126,12 @@ class TrajectoryBuilder:
         steps = len(run.rewards)  # an action whose outcome was never seen is left out
         self.sequence += 1
         return Trajectory(
-            agent_id=self.agent_id,
+            agent_id=self._agent.agent_id,
+            incarnation=self._agent.incarnation,
             sequence=self.sequence - 1,
+            run_id=self._run_id,
             policy_version=run.version,
+            stamp_ns=run.first.stamp_ns,
             episode=run.last.episode,
             first_step=run.last.step - steps,
             program=run.program,

@@ -8,7 +8,7 @@ from typing import Final
 
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
-from pa_ros.core.experience import Trajectory
+from pa_ros.core.experience import AgentKey, Trajectory, TrajectoryKey
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
@@ -19,8 +19,6 @@ WEIGHTS: Final = "msgs_schema/msg/PolicyWeights"
 PROVENANCE: Final = "msgs_schema/msg/Provenance"
 ARENA_INFO: Final = "msgs_schema/msg/ArenaInfo"
 
-Key = tuple[str, int]  # agent id, sequence number of a trajectory
-
 
 @dataclass(frozen=True, slots=True)
 class Published:
@@ -28,15 +26,16 @@ class Published:
 
     version: int
     checksum: str  # SHA-256 of the tensors' bytes
-    consumed: Mapping[str, int]  # agent id → sequence of the last trajectory in them
     run_id: str
+    accounted: Mapping[AgentKey, int]  # every trajectory before this one is accounted for
+    latest: TrajectoryKey | None  # led to this version; None: not known
 
 
 @dataclass(frozen=True, slots=True)
 class Lesson:
     """A trajectory in its turn. `version`: of the weights that it led to; None if not known."""
 
-    key: Key
+    key: TrajectoryKey
     trajectory: Trajectory | None  # None: the bag lacks it, though the learner had it
     version: int | None
 
@@ -86,7 +85,7 @@ class Experience:
 
     def lessons(self) -> Iterator[Lesson]:
         """Trajectories in the learner's order, as far as the weights tell it; else as they came."""
-        plan, pending = self._plan(), dict[Key, Trajectory]()
+        plan, pending = self._plan(), dict[TrajectoryKey, Trajectory]()
         there = set(self.keys)
         messages = self._trajectories()
         for key, version in plan:
@@ -94,38 +93,37 @@ class Experience:
                 trajectory = next(messages, None)
                 if trajectory is None:
                     break
-                pending.setdefault((trajectory.agent_id, trajectory.sequence), trajectory)
+                pending.setdefault(trajectory.key, trajectory)
             yield Lesson(key, pending.pop(key, None), version)
 
-    def _plan(self) -> list[tuple[Key, int | None]]:
-        """Which trajectory comes when. The marks of two versions tell what lies between them."""
+    def _plan(self) -> list[tuple[TrajectoryKey, int | None]]:
+        """Which trajectory comes when, as the versions tell."""
         left = dict.fromkeys(self.keys)
-        plan: list[tuple[Key, int | None]] = []
-        marks: dict[str, int] = {}
-        version = min(self.published, default=0)
-        if version in self.published:
-            marks.update(self.published[version].consumed)
-        for following in sorted(self.published)[1:]:
-            consumed = self.published[following].consumed
-            between = self._between(left, marks, consumed, following - version)
-            for key in between:
+        plan: list[tuple[TrajectoryKey, int | None]] = []
+        versions = sorted(self.published)
+        for before, version in zip(versions, versions[1:], strict=False):
+            between = self._between(left, before, version)
+            for led_to, key in enumerate(between, start=version - len(between) + 1):
                 left.pop(key, None)
-                version += 1
-                plan.append((key, version))
-            version = following
-            marks.update(consumed)
+                plan.append((key, led_to))
         return plan + [(key, None) for key in left]
 
     def _between(
-        self, left: dict[Key, None], marks: dict[str, int], consumed: Mapping[str, int], count: int
-    ) -> list[Key]:
-        """The trajectories, in order, that `count` versions took in."""
-        newest = [(a, n) for a, n in consumed.items() if n > marks.get(a, -1)]
-        if count == 1 and len(newest) == 1:
-            return newest
-        within = [key for key in left if marks.get(key[0], -1) < key[1] <= consumed.get(key[0], -1)]
-        missing = [key for key in newest if key not in within]
-        return [*within, *missing][:count]
+        self, left: Mapping[TrajectoryKey, None], before: int, version: int
+    ) -> list[TrajectoryKey]:
+        """What led from one recorded version to the next, in order. The last is known; of those
+        that led to versions not recorded, the accounts tell."""
+        earlier, later = self.published[before], self.published[version]
+        last = [] if later.latest is None else [later.latest]
+        within = [
+            key
+            for key in left
+            if earlier.accounted.get(AgentKey(*key[:2]), 0)
+            <= key.sequence
+            < later.accounted.get(AgentKey(*key[:2]), 0)
+            and key not in last
+        ]
+        return within[: version - before - len(last)] + last
 
     def _published(self) -> dict[int, Published]:
         """By version, of the run that the provenance tells of."""
@@ -134,12 +132,11 @@ class Experience:
         for recorded in _of_type(self._bag, WEIGHTS, self._namespace):
             one = self._bag.through(recorded, _published)
             if not runs or one.run_id in runs:
-                before = found.get(one.version)
-                if before is None or len(one.consumed) > len(before.consumed):
+                if one.version not in found or one.latest is not None:
                     found[one.version] = one
         return found
 
-    def _arrivals(self) -> list[Key]:
+    def _arrivals(self) -> list[TrajectoryKey]:
         """Trajectories in the order of the recording, each once."""
         keys = dict.fromkeys(
             self._bag.through(recorded, codec.decode_trajectory_key)
@@ -170,4 +167,6 @@ def _of_type(bag: Bag, type_name: str, namespace: str | None) -> Iterator[Record
 def _published(message: Message) -> Published:
     policy = codec.decode_weights(message)
     checksum = codec.weights_checksum(policy.snapshot)
-    return Published(policy.snapshot.version, checksum, policy.consumed, policy.run_id)
+    return Published(
+        policy.snapshot.version, checksum, policy.run_id, policy.accounted, policy.latest
+    )

@@ -30,7 +30,7 @@ def learn(
     """Feed the trajectories of one bag after the other to a learner, each in its run's own order.
 
     Of a bag that tells which trajectories its learner took in, these and no others. Agents of
-    different runs are kept apart, even if they have the same name.
+    different runs are kept apart, even if they have the same name, and so are an agent's lives.
     """
     found = Lessons()
     runs: dict[str, int] = {}
@@ -43,8 +43,9 @@ def learn(
             elif followed and lesson.version is None:
                 found.left_out += 1
             else:
-                agent = lesson.key[0] if run == 0 else f"{lesson.key[0]}@{run}"
-                _take(learner, replace(lesson.trajectory, agent_id=agent), found)
+                life = lesson.key.incarnation, run  # whoever came later has not taken its name here
+                agent = f"{lesson.key.agent_id}@{life}"
+                _take(learner, replace(lesson.trajectory, agent_id=agent, held_from=0), found)
             if progress is not None:
                 progress(found)
     return found

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-import uuid
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,14 +12,14 @@ from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.experience import Trajectory
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.core.published import PublishedPolicy
+from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.provenance.origins import describe, learner_origin
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
-from pa_ros.wire.interfaces import ArenaInfo, Message, PolicyWeights, Provenance
+from pa_ros.wire.interfaces import ArenaInfo, LearnerInfo, Message, PolicyWeights, Provenance
 from pa_ros.wire.interfaces import Trajectory as TrajectoryMessage
-from pa_ros.wire.records import PublishedPolicy
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +29,7 @@ FLUSH_S: Final = 1.0  # what a SIGKILL can cost
 _TOPICS = (
     ("/provenance", Provenance, reliable_qos(1, latched=True)),
     ("/arena_info", ArenaInfo, reliable_qos(1, latched=True)),
+    ("/learner_info", LearnerInfo, reliable_qos(1, latched=True)),
     ("/trajectories", TrajectoryMessage, reliable_qos(1, keep_all=True)),
     ("/policy_weights", PolicyWeights, reliable_qos(4, latched=True)),
 )
@@ -55,14 +55,13 @@ class RunLog:
         self.failure: BagFullError | None = None
         self._arena, self._design, self._seed = arena, design, seed
         self._programs, self._parameters = training_programs, parameters
-        self._run_id = uuid.uuid4().hex
         self._types = installed_types()
         self._writer = BagWriter(folder, options)
         for name, kind, qos in _TOPICS:
             self._writer.add(topic(self._types, name, message_type(kind), [qos]))
         self._stamp_ns = 0
         self._flushed = time.monotonic()
-        self._frames = 0  # of the newest weights written
+        self._frames = 0  # since the newest weights written
 
     def __enter__(self) -> RunLog:
         return self
@@ -73,11 +72,12 @@ class RunLog:
         except BagFullError as error:
             self._fail(error)
 
-    def begin(self, learner: Learner) -> None:
+    def begin(self, run: LearningRun) -> None:
         """What the run is, and the weights that it begins with."""
+        learner, run_id = run.learner, run.info.run_id
         about = learner_origin(
             NODE,
-            self._run_id,
+            run_id,
             self._seed,
             learner,
             self._programs,
@@ -85,28 +85,25 @@ class RunLog:
             design=self._design.name,
             preset=self._arena.preset,
         )
-        arena = describe(self._arena, self._design, self._seed, self._programs, self._run_id)
+        arena = describe(self._arena, self._design, self._seed, self._programs, run_id)
         self._writer.custom = as_custom_data([about], [arena])
         self._write("/provenance", codec.encode_provenance(about))
         self._write("/arena_info", codec.encode_arena_info(arena))
-        self._frames = learner.counters.frames
-        self._weights(learner, {})
+        self._write("/learner_info", codec.encode_learner_info(run.info))
+        self._write("/policy_weights", codec.encode_weights(run.policy()))
 
-    def add(self, trajectory: Trajectory, learner: Learner) -> None:
+    def add(self, trajectory: Trajectory, policy: PublishedPolicy) -> None:
         """A trajectory that was learned from, and the weights that came of it."""
         if self.failure is not None:
             return
         self._write("/trajectories", codec.encode_trajectory(trajectory))
-        if learner.counters.frames - self._frames >= WEIGHTS_EVERY_FRAMES:
-            self._frames = learner.counters.frames
-            self._weights(learner, {trajectory.agent_id: trajectory.sequence})
+        self._frames += len(trajectory)
+        if self._frames >= WEIGHTS_EVERY_FRAMES:
+            self._frames = 0
+            self._write("/policy_weights", codec.encode_weights(policy))
         if time.monotonic() - self._flushed >= FLUSH_S:
             self._flushed = time.monotonic()
             self._guarded(self._writer.flush)
-
-    def _weights(self, learner: Learner, consumed: dict[str, int]) -> None:
-        policy = PublishedPolicy(learner.snapshot(), self._run_id, consumed, time.time_ns())
-        self._write("/policy_weights", codec.encode_weights(policy))
 
     def _write(self, name: str, message: Message) -> None:
         """Stamps grow, so that the order in the bag is the order of the run."""

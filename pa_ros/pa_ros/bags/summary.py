@@ -16,6 +16,7 @@ from pa_ros.bags.losses import LOST, Losses
 from pa_ros.bags.numbers import losses_of
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
+from pa_ros.core.experience import AgentKey, TrajectoryKey
 
 
 @dataclass
@@ -98,13 +99,13 @@ def _learning(bag: Bag, namespace: str | None) -> list[str]:
     return lines
 
 
-def _gaps(keys: Iterable[tuple[str, int]]) -> str:
+def _gaps(keys: Iterable[TrajectoryKey]) -> str:
     """Trajectories that the numbers say are missing, agent by agent."""
-    by_agent: dict[str, list[int]] = {}
-    for agent, sequence in keys:
-        by_agent.setdefault(agent, []).append(sequence)
+    by_agent: dict[AgentKey, list[int]] = {}
+    for key in keys:
+        by_agent.setdefault(AgentKey(*key[:2]), []).append(key.sequence)
     missing = {a: max(n) - min(n) + 1 - len(set(n)) for a, n in by_agent.items()}
-    said = [f"{count} missing of {agent}" for agent, count in missing.items() if count]
+    said = [f"{count} missing of {agent.agent_id}" for agent, count in missing.items() if count]
     return "; GAPS: " + ", ".join(said) if said else ", no gaps"
 
 

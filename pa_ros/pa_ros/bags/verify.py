@@ -83,10 +83,9 @@ def verify(
     _compare(experience, learner, found)
     for lesson in experience.lessons():
         if lesson.trajectory is None:
-            agent, sequence = lesson.key
             found.incomplete = (
-                f"trajectory {sequence} of {agent}, which led to version {lesson.version}, "
-                "is not in the bag"
+                f"trajectory {lesson.key.sequence} of {lesson.key.agent_id}, which led to "
+                f"version {lesson.version}, is not in the bag"
             )
             break
         if reenactment is not None:

@@ -12,13 +12,15 @@ from pa_ros.core.experience import (
     ARM_FEATURES,
     JOINTS,
     OBJECT_FEATURES,
+    AgentKey,
     Observation,
     PolicySnapshot,
     Trajectory,
     Verdict,
 )
+from pa_ros.core.published import PublishedPolicy
 from pa_ros.wire import codec
-from pa_ros.wire.records import Command, PublishedPolicy
+from pa_ros.wire.records import Command
 
 JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
 _OBJECTS = 5
@@ -95,4 +97,5 @@ def _trajectory(rng: np.random.Generator) -> Trajectory:
 
 def _policy(rng: np.random.Generator) -> PublishedPolicy:
     tensors = {k: rng.normal(size=shape).astype(np.float32) for k, shape in _WEIGHTS.items()}
-    return PublishedPolicy(PolicySnapshot(1, "{}", "0" * 16, tensors), "run", {"agent": 0})
+    snapshot = PolicySnapshot(1, "{}", "0" * 16, tensors)
+    return PublishedPolicy(snapshot, "run", "learner", {AgentKey("agent", 1): 1})

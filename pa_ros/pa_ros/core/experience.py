@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,21 @@ class Verdict:
     truncated: bool  # the episode's time limit was reached (not a termination)
 
 
+class AgentKey(NamedTuple):
+    """One life of an agent. Who starts again under the same name is another."""
+
+    agent_id: str
+    incarnation: int  # grows with every start
+
+
+class TrajectoryKey(NamedTuple):
+    """Names one trajectory."""
+
+    agent_id: str
+    incarnation: int
+    sequence: int
+
+
 @dataclass(frozen=True, slots=True)
 class Trajectory:
     """T consecutive transitions of one episode under one program, from one agent.
@@ -70,7 +86,7 @@ class Trajectory:
     """
 
     agent_id: str
-    sequence: int  # 0, 1, 2, … per agent_id; makes inserting idempotent and gaps visible
+    sequence: int  # 0, 1, 2, … per incarnation; makes inserting idempotent and gaps visible
     policy_version: int  # of the weights that acted
     episode: int
     first_step: int
@@ -83,9 +99,23 @@ class Trajectory:
     ends_episode: bool
     terminated: bool  # always False for the reaching tasks: their time limit is a truncation
     vocabulary_digest: str
+    run_id: str = ""  # of the learner whose weights acted
+    incarnation: int = 0  # of the agent
+    held_from: int = 0  # the agent can still send this one and later ones; earlier ones it cannot
+    stamp_ns: int = 0  # simulation time of row 0
 
     def __len__(self) -> int:
         return len(self.actions)
+
+    @property
+    def agent(self) -> AgentKey:
+        """Whose it is."""
+        return AgentKey(self.agent_id, self.incarnation)
+
+    @property
+    def key(self) -> TrajectoryKey:
+        """Its name."""
+        return TrajectoryKey(self.agent_id, self.incarnation, self.sequence)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,12 @@ class TrajectoryVocabularyError(TrajectoryError):
     code = "learning.vocabulary"
 
 
+class SupersededAgentError(TrajectoryError):
+    """A trajectory of an agent whose name a later one has taken."""
+
+    code = "learning.superseded"
+
+
 class NonFiniteError(TrajectoryError):
     """A number that is not finite, or an action outside [-1, 1]."""
 

@@ -8,25 +8,29 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.agent import LearningAgent
-from pa_ros.acting.exploration import ExplorationNoise
-from pa_ros.acting.trajectories import TrajectoryBuilder
+from pa_ros.acting.agent import Step
+from pa_ros.acting.answer import Act, Load
+from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float64, Observation, PolicySnapshot, Trajectory, Verdict
+from pa_ros.core.experience import AgentKey, Float64, Observation, Trajectory, Verdict
+from pa_ros.core.published import PublishedPolicy
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.progress import Progress
+from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring
 
@@ -61,11 +65,11 @@ class Environment(Protocol):
 class Log(Protocol):
     """Is told what a run does; `pa_ros.bags.run_log.RunLog` records it. Must change nothing."""
 
-    def begin(self, learner: Learner) -> None:
+    def begin(self, run: LearningRun) -> None:
         """Before the first step."""
 
-    def add(self, trajectory: Trajectory, learner: Learner) -> None:
-        """After the learner took a trajectory in; on its thread."""
+    def add(self, trajectory: Trajectory, policy: PublishedPolicy) -> None:
+        """After the learner took a trajectory in, with what came of it; on its thread."""
 
 
 @dataclass(frozen=True)
@@ -113,19 +117,20 @@ def train(
         learner = Learner(
             network, learner_config, training_programs, config.seed, environment.scoring
         )
-        wall_s = 0.0
-        if resume:
-            wall_s = _resume(config, learner)
+        extra = _resume(config, learner) if resume else {}
+        period_s, run_id = environment.control_period_s, str(extra.get("run_id", ""))
+        learning = LearningRun(learner, period_s, run_id)
         if run_log is not None:
-            run_log.begin(learner)
-        run = _Run(config, learner, environment, max_speed, evaluate, wall_s, resume, run_log)
+            run_log.begin(learning)
+        wall_s = float(extra.get("wall_s", 0.0))
+        run = _Run(config, learning, environment, max_speed, evaluate, wall_s, resume, run_log)
         with run:
             run.until(config.frames)
         return learner
 
 
-def _resume(config: TrainConfig, learner: Learner) -> float:
-    """Restore the learner of the same run; the seconds that it has taken so far."""
+def _resume(config: TrainConfig, learner: Learner) -> dict[str, Any]:
+    """Restore the learner of the same run; what else its checkpoint says."""
     path = config.out / "checkpoint"
     extra = restore(path, learner)
     for name in ("seed", "design", "preset"):
@@ -134,48 +139,43 @@ def _resume(config: TrainConfig, learner: Learner) -> float:
                 f"checkpoint: {path}: {name}: expected {getattr(config, name)!r}, "
                 f"got {extra.get(name)!r}"
             )
-    return float(extra.get("wall_s", 0.0))
+    return extra
 
 
-class _Consumer:
-    """Hands trajectories to the learner, in order, and its versions back."""
+class _Transport:
+    """Takes an agent's trajectories to the learner, in order, and the weights back."""
 
-    def __init__(self, learner: Learner, overlap: bool, run_log: Log | None) -> None:
-        self._learner, self._log = learner, run_log
-        self._policies = {snapshot.version: snapshot for snapshot in learner.published}
-        self._pending: list[Future[PolicySnapshot]] = []
+    def __init__(self, run: LearningRun, overlap: bool, run_log: Log | None) -> None:
+        self._run, self._log = run, run_log
+        self._answers: deque[Callable[[], PublishedPolicy]] = deque()  # one per trajectory
         self._thread = ThreadPoolExecutor(1, "learner") if overlap else None
 
-    def put(self, trajectory: Trajectory) -> None:
+    def send(self, trajectory: Trajectory) -> None:
         if self._thread is None:
-            self._keep(self._consume(trajectory))
+            policy = self._consume(trajectory)
+            self._answers.append(lambda: policy)
         else:
-            self._pending.append(self._thread.submit(self._consume, trajectory))
+            self._answers.append(self._thread.submit(self._consume, trajectory).result)
 
-    def policy(self, version: int) -> PolicySnapshot:
-        """Wait for a version; older ones are forgotten."""
-        while version not in self._policies:
-            self._keep(self._pending.pop(0).result())
-        self._policies = {k: v for k, v in self._policies.items() if k >= version}
-        return self._policies[version]
+    def receive(self) -> PublishedPolicy:
+        """The weights that came of the next trajectory; waits for them."""
+        return self._answers.popleft()()
 
     def drain(self) -> None:
         """Wait until every trajectory is consumed: only then may the learner be looked at."""
-        while self._pending:
-            self._keep(self._pending.pop(0).result())
+        for answer in self._answers:
+            answer()
 
     def close(self) -> None:
         if self._thread is not None:
             self._thread.shutdown(cancel_futures=True)
 
-    def _consume(self, trajectory: Trajectory) -> PolicySnapshot:
-        self._learner.consume(trajectory)
+    def _consume(self, trajectory: Trajectory) -> PublishedPolicy:
+        self._run.consume(trajectory)
+        policy = self._run.policy()
         if self._log is not None:
-            self._log.add(trajectory, self._learner)
-        return self._learner.snapshot()
-
-    def _keep(self, snapshot: PolicySnapshot) -> None:
-        self._policies[snapshot.version] = snapshot
+            self._log.add(trajectory, policy)
+        return policy
 
 
 class _Run:
@@ -184,7 +184,7 @@ class _Run:
     def __init__(
         self,
         config: TrainConfig,
-        learner: Learner,
+        learning: LearningRun,
         environment: Environment,
         max_speed: Float64,
         evaluate: Evaluate | None,
@@ -192,13 +192,14 @@ class _Run:
         resume: bool,
         run_log: Log | None,
     ) -> None:
-        self._config, self._learner = config, learner
+        learner = learning.learner
+        self._config, self._learning, self._learner = config, learning, learner
         self._environment, self._max_speed = environment, max_speed
         self._evaluate = evaluate
         self._started = time.monotonic() - wall_s
-        self._agent = _make_agent(config, learner, environment.control_period_s)
-        overlap = config.overlap and learner.config.schedule.policy_lag > 0
-        self._consumer = _Consumer(learner, overlap, run_log)
+        self._agent = _make_agent(config, learning)
+        overlap = config.overlap and learning.info.policy_lag > 0
+        self._transport = _Transport(learning, overlap, run_log)
         self._frames = learner.counters.frames
         self._rewards: list[float] = []  # since the last row
         resumed_frames = self._frames if resume else None
@@ -208,7 +209,7 @@ class _Run:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._consumer.close()
+        self._transport.close()
 
     def until(self, frames: int) -> None:
         """Episodes until `frames` steps were taken; then a checkpoint."""
@@ -226,22 +227,28 @@ class _Run:
     def _episode(self, index: int) -> None:
         observation, verdict = self._environment.reset(index, self._config.condition)
         while True:
-            program = self._environment.program
-            trajectory = self._agent.observe(observation, verdict, program)
+            me, program = self._config.agent_id, self._environment.program
+            step = Step(observation, program, verdict, commanded_by=me)
+            trajectory = self._agent.observe(step)
             if trajectory is not None:
-                self._consumer.put(trajectory)
+                self._transport.send(trajectory)
             if verdict.truncated:
                 return
-            version = self._agent.required_version
-            if version is not None:
-                self._agent.load(self._consumer.policy(version))
+            self._until_it_may_act()
             velocity = self._agent.act().astype(np.float64) * self._max_speed
             observation, verdict = self._environment.step(velocity)
             self._frames += 1
             self._rewards.append(verdict.reward)
 
+    def _until_it_may_act(self) -> None:
+        while not isinstance(answer := self._agent.answer(), Act):
+            if isinstance(answer, Load):
+                self._agent.load(answer.policy)
+            else:
+                self._agent.offer(self._transport.receive())
+
     def _report(self) -> None:
-        self._consumer.drain()
+        self._transport.drain()
         learner = self._learner
         row = {
             "frames": float(self._frames),
@@ -259,12 +266,13 @@ class _Run:
         log.info("%s", "  ".join(f"{name} {value:.4g}" for name, value in row.items()))
 
     def _save(self) -> None:
-        self._consumer.drain()
+        self._transport.drain()
         extra = {
             "wall_s": time.monotonic() - self._started,
             "seed": self._config.seed,
             "design": self._config.design,
             "preset": self._config.preset,
+            "run_id": self._learning.info.run_id,
         }
         save_checkpoint(self._config.out / "checkpoint", self._learner, extra)
 
@@ -272,15 +280,18 @@ class _Run:
 _FIGURES = ("critic_loss", "mean_q", "actor_gradient_norm")
 
 
-def _make_agent(config: TrainConfig, learner: Learner, control_period_s: float) -> LearningAgent:
-    settings = learner.config.acting
-    noise = ExplorationNoise(settings.exploration, control_period_s, config.seed)
-    actor = Actor(learner.network, settings.inference, noise)
-    sequence = learner.replay.ledger.next_sequence(config.agent_id)
-    digest = learner.network.vocabulary.digest
-    steps = settings.schedule.trajectory_steps
-    builder = TrajectoryBuilder(config.agent_id, steps, digest, sequence)
-    return LearningAgent(actor, builder, settings.schedule)
+def _make_agent(config: TrainConfig, learning: LearningRun) -> LearningAgent:
+    """The agent of the run, or of the run that goes on: it stops and resumes with its learner."""
+    learner, first = learning.learner, (AgentKey(config.agent_id, 0), 0)
+    accounts = learner.replay.ledger.accounted().items()
+    key, sequence = next((one for one in accounts if one[0].agent_id == config.agent_id), first)
+    agent = LearningAgent(key, config.seed, sequence)
+    info = learning.info
+    arena = ArenaFacts(info.vocabulary_digest, info.control_period, info.near_threshold)
+    agent.follow(info, arena)
+    for policy in learning.opening():
+        agent.offer(policy)
+    return agent
 
 
 def _crossed(before: int, after: int, every: int) -> bool:

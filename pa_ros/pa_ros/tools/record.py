@@ -42,6 +42,7 @@ from pa_ros.wire.definitions import installed_types, message_class, message_type
 BAG_TOPICS = (
     topics.PROVENANCE,
     topics.ARENA_INFO,
+    topics.LEARNER_INFO,
     topics.PROGRAM,
     topics.PROGRAM_STATUS,
     topics.OBJECT_FEATURES,

@@ -56,12 +56,6 @@ class VocabularyError(WireError):
     code = "wire.vocabulary"
 
 
-class ArchitectureError(WireError):
-    """Weights of another network."""
-
-    code = "wire.architecture"
-
-
 class DtypeError(WireError):
     """A tensor of another type than float32."""
 

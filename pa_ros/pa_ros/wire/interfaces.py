@@ -12,6 +12,7 @@ from std_srvs.srv import SetBool
 from msgs_schema.msg import (
     ArenaInfo,
     JointCommand,
+    LearnerInfo,
     ObjectFeatures,
     PolicyWeights,
     Program,
@@ -35,6 +36,7 @@ __all__ = [
     "JointCommand",
     "JointState",
     "KeyValue",
+    "LearnerInfo",
     "Message",
     "ObjectFeatures",
     "PolicyWeights",

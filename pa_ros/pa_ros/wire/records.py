@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
-from pa_ros.core.experience import Float32, PolicySnapshot
+from pa_ros.core.experience import Float32
 
 WIRE_VERSION = "2"  # edition of msgs_schema; changes when a receiver could misread the other
 NO_STAMP = 0
@@ -88,16 +88,6 @@ class ProgramJudgement:
     code: str = ""
     reason: str = ""
     position: int = -1
-    stamp_ns: int = NO_STAMP
-
-
-@dataclass(frozen=True)
-class PublishedPolicy:
-    """A snapshot with what the synchronous protocol needs to know of it."""
-
-    snapshot: PolicySnapshot
-    run_id: str
-    consumed: Mapping[str, int]  # agent id → sequence of the last trajectory in these weights
     stamp_ns: int = NO_STAMP
 
 

@@ -30,7 +30,7 @@ NOTHING = Marks(np.zeros((), np.uint64), 0)
 class InsertReport:
     """What became of one trajectory."""
 
-    accepted: bool  # False: (agent, sequence) was there already
+    accepted: bool  # False: it was there already
     transitions: int  # now sampleable because of it
     missing: int  # trajectories skipped and not arrived since, over all agents
     duplicates: int  # so far
@@ -77,6 +77,7 @@ class ReplayBuffer:
                 f"trajectory: expected vocabulary {self.vocabulary_digest}, "
                 f"got {trajectory.vocabulary_digest} from {trajectory.agent_id!r}"
             )
+        self.ledger.check(trajectory)
         self._check_sizes(trajectory)
         for name in ("objects", "arm", "actions", "rewards"):
             if not np.isfinite(getattr(trajectory, name)).all():
@@ -98,9 +99,9 @@ class ReplayBuffer:
         Raises a TrajectoryError, leaving the replay as it was, if `check` does.
         """
         self.check(trajectory)
-        accepted = self.ledger.is_new(trajectory.agent_id, trajectory.sequence)
+        accepted = self.ledger.is_new(trajectory.key)
         if accepted:
-            self.ledger.record(trajectory.agent_id, trajectory.sequence)
+            self.ledger.record(trajectory.key, trajectory.held_from)
             self._write(trajectory, program, marks or NOTHING)
         else:
             self.ledger.duplicates += 1

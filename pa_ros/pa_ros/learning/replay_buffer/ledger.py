@@ -2,62 +2,136 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from pa_ros.core.experience import AgentKey, Trajectory, TrajectoryKey
+from pa_ros.learning.errors import SupersededAgentError
 
 Intervals = list[tuple[int, int]]  # [first, end) of sequence numbers
 
 
 @dataclass
-class Ledger:
-    """Sequence numbers seen from each agent; duplicates counted, missing ones known.
+class Account:
+    """One agent's trajectories, of its latest incarnation."""
 
-    Memory grows with the number of separate gaps, not with their length.
+    incarnation: int
+    next: int  # one more than the largest sequence number seen, or given up
+    gaps: Intervals = field(default_factory=list)  # skipped, not arrived since
+
+    @property
+    def missing(self) -> int:
+        """Trajectories that were skipped and may still come."""
+        return sum(end - first for first, end in self.gaps)
+
+    @property
+    def accounted(self) -> int:
+        """Every trajectory before this one has arrived, or will not come."""
+        return self.gaps[0][0] if self.gaps else self.next
+
+    def give_up(self, before: int) -> int:
+        """Wait for no trajectory before this one; how many of them are lost."""
+        was = self.missing
+        self.gaps = [(max(first, before), end) for first, end in self.gaps if end > before]
+        skipped = max(0, before - self.next)
+        self.next = max(self.next, before)
+        return was - self.missing + skipped
+
+    def record(self, sequence: int) -> None:
+        """An arrival; numbers skipped before it become missing."""
+        if sequence >= self.next:
+            if sequence > self.next:
+                self.gaps.append((self.next, sequence))
+            self.next = sequence + 1
+            return
+        index = next(i for i, (first, end) in enumerate(self.gaps) if first <= sequence < end)
+        first, end = self.gaps.pop(index)
+        late = [(first, sequence), (sequence + 1, end)]
+        self.gaps[index:index] = [(low, high) for low, high in late if low < high]
+
+
+@dataclass
+class Ledger:
+    """Sequence numbers seen from each agent: duplicates counted, missing and lost ones known.
+
+    An agent that starts again under its name is another incarnation, with an account of its own
+    that takes the former's place. Memory grows with the number of agents' names and of separate
+    gaps, not with the gaps' length.
     """
 
     duplicates: int = 0
-    _next: dict[str, int] = field(default_factory=dict)
-    _missing: dict[str, Intervals] = field(default_factory=dict)
+    lost: int = 0  # will not come: their agent gave them up, or is gone
+    accounts: dict[str, Account] = field(default_factory=dict)
 
     @property
     def missing(self) -> int:
         """Trajectories that were skipped and have not arrived since, over all agents."""
-        return sum(end - first for gaps in self._missing.values() for first, end in gaps)
+        return sum(account.missing for account in self.accounts.values())
 
-    def is_new(self, agent_id: str, sequence: int) -> bool:
-        """Whether (agent, sequence) has not been recorded."""
-        if sequence >= self._next.get(agent_id, 0):
+    def check(self, trajectory: Trajectory) -> None:
+        """Raise SupersededAgentError for an agent whose name a later incarnation has taken."""
+        account = self.accounts.get(trajectory.agent_id)
+        if account is not None and trajectory.incarnation < account.incarnation:
+            raise SupersededAgentError(
+                f"trajectory: expected one agent called {trajectory.agent_id!r}, the one of "
+                f"incarnation {account.incarnation}, got another of {trajectory.incarnation}"
+            )
+
+    def is_new(self, key: TrajectoryKey) -> bool:
+        """Whether a trajectory has not been recorded."""
+        account = self.accounts.get(key.agent_id)
+        if account is None or key.incarnation != account.incarnation:
             return True
-        return any(first <= sequence < end for first, end in self._missing.get(agent_id, []))
+        if key.sequence >= account.next:
+            return True
+        return any(first <= key.sequence < end for first, end in account.gaps)
 
-    def record(self, agent_id: str, sequence: int) -> None:
-        """Record an arrival that `is_new`; numbers skipped before it become missing."""
-        expected = self._next.get(agent_id, 0)
-        gaps = self._missing.setdefault(agent_id, [])
-        if sequence >= expected:
-            if sequence > expected:
-                gaps.append((expected, sequence))
-            self._next[agent_id] = sequence + 1
-            return
-        index = next(i for i, (first, end) in enumerate(gaps) if first <= sequence < end)
-        first, end = gaps.pop(index)
-        late = [(first, sequence), (sequence + 1, end)]
-        gaps[index:index] = [(low, high) for low, high in late if low < high]
+    def record(self, key: TrajectoryKey, held_from: int = 0) -> None:
+        """Record an arrival that `is_new`, from an agent that still holds what is asked.
 
-    def next_sequence(self, agent_id: str) -> int:
-        """One more than the largest sequence number seen from an agent; 0 if none was."""
-        return self._next.get(agent_id, 0)
+        Of a new account, nothing before `held_from` is missed; else what the agent holds no more
+        and has not arrived is lost.
+        """
+        account = self.accounts.get(key.agent_id)
+        if account is None or account.incarnation != key.incarnation:
+            self.lost += account.missing if account else 0
+            account = self.accounts[key.agent_id] = Account(key.incarnation, held_from)
+        self.lost += account.give_up(held_from)
+        account.record(key.sequence)
 
-    def to_metadata(self) -> dict[str, object]:
+    def accounted(self) -> dict[AgentKey, int]:
+        """Of each agent, the first trajectory that is not accounted for."""
+        return {
+            AgentKey(agent_id, account.incarnation): account.accounted
+            for agent_id, account in self.accounts.items()
+        }
+
+    def to_metadata(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        missing = {agent: [list(gap) for gap in gaps] for agent, gaps in self._missing.items()}
-        return {"duplicates": self.duplicates, "next": dict(self._next), "missing": missing}
+        return asdict(self)
 
     @classmethod
-    def from_metadata(cls, values: dict[str, object]) -> Ledger:
+    def from_metadata(cls, values: dict[str, Any]) -> Ledger:
         """The inverse of `to_metadata`; KeyError, TypeError or ValueError if it is not that."""
-        following, missing = values["next"], values["missing"]
-        if not (isinstance(following, dict) and isinstance(missing, dict)):
-            raise TypeError("ledger: expected objects 'next' and 'missing'")
-        gaps = {str(k): [(int(a), int(b)) for a, b in v] for k, v in missing.items()}
-        duplicates = int(str(values["duplicates"]))
-        return cls(duplicates, {str(k): int(v) for k, v in following.items()}, gaps)
+        if "next" in values:
+            return cls._of_0_1(values)
+        accounts = {
+            str(agent_id): Account(
+                int(one["incarnation"]), int(one["next"]), _intervals(one["gaps"])
+            )
+            for agent_id, one in values["accounts"].items()
+        }
+        return cls(int(values["duplicates"]), int(values["lost"]), accounts)
+
+    @classmethod
+    def _of_0_1(cls, values: dict[str, Any]) -> Ledger:
+        """As version 0.1 wrote it, when an agent's name was new at every start."""
+        accounts = {
+            str(agent_id): Account(0, int(following), _intervals(values["missing"][agent_id]))
+            for agent_id, following in values["next"].items()
+        }
+        return cls(int(values["duplicates"]), 0, accounts)
+
+
+def _intervals(values: Any) -> Intervals:
+    return [(int(first), int(end)) for first, end in values]

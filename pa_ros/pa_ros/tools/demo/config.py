@@ -49,7 +49,7 @@ class DemoConfig:
         arena = {"design": self.design.name, "preset": self.arena.preset, "seed": seed}
         changes: dict[str, dict[str, Any]] = {
             "sim_node": arena,
-            "agent_node": {"seed": seed, "protocol": protocol},
+            "agent_node": {"seed": seed},
             "learner_node": {
                 "seed": seed,
                 "protocol": protocol,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pa_ros.wire.codec.arena import decode_arena_info, encode_arena_info
 from pa_ros.wire.codec.experience import decode_trajectory, decode_trajectory_key, encode_trajectory
 from pa_ros.wire.codec.health import decode_diagnostics, encode_diagnostics
+from pa_ros.wire.codec.learner import decode_learner_info, encode_learner_info
 from pa_ros.wire.codec.program import (
     decode_program,
     decode_program_status,
@@ -51,6 +52,7 @@ __all__ = [
     "decode_command",
     "decode_diagnostics",
     "decode_joints",
+    "decode_learner_info",
     "decode_objects",
     "decode_observation",
     "decode_outcome",
@@ -70,6 +72,7 @@ __all__ = [
     "encode_clock",
     "encode_command",
     "encode_diagnostics",
+    "encode_learner_info",
     "encode_observation",
     "encode_outcome",
     "encode_pause",

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Trajectory
+from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Trajectory, TrajectoryKey
 from pa_ros.wire import errors
 from pa_ros.wire import interfaces as types
 from pa_ros.wire.arrays import float32_field, read_float32
-from pa_ros.wire.codec.stamp import write_stamp
+from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.codec.step import objects_and_hand
 
 MAX_TRANSITIONS = 10_000
 
 
-def encode_trajectory(trajectory: Trajectory, stamp_ns: int = 0) -> types.Trajectory:
-    """A trajectory, `stamp_ns` being the simulation time of its first row."""
+def encode_trajectory(trajectory: Trajectory) -> types.Trajectory:
+    """A trajectory."""
     message = types.Trajectory()
-    write_stamp(message.stamp, stamp_ns)
-    message.agent_id = trajectory.agent_id
-    message.sequence = trajectory.sequence
+    write_stamp(message.stamp, trajectory.stamp_ns)
+    message.agent_id, message.incarnation = trajectory.agent_id, trajectory.incarnation
+    message.sequence, message.held_from = trajectory.sequence, trajectory.held_from
+    message.run_id = trajectory.run_id
     message.policy_version = trajectory.policy_version
     message.episode = trajectory.episode
     message.first_step = trajectory.first_step
@@ -37,9 +38,9 @@ def encode_trajectory(trajectory: Trajectory, stamp_ns: int = 0) -> types.Trajec
     return message
 
 
-def decode_trajectory_key(message: types.Trajectory) -> tuple[str, int]:
-    """Agent and sequence number alone, of a trajectory that is decoded later, or not at all."""
-    return str(message.agent_id), int(message.sequence)
+def decode_trajectory_key(message: types.Trajectory) -> TrajectoryKey:
+    """The name alone, of a trajectory that is decoded later, or not at all."""
+    return TrajectoryKey(message.agent_id, message.incarnation, message.sequence)
 
 
 def decode_trajectory(
@@ -54,6 +55,9 @@ def decode_trajectory(
         raise errors.VocabularyError(field, vocabulary_digest, received)
     if not message.agent_id:
         raise errors.RangeError("trajectory.agent_id", "a name", repr(message.agent_id))
+    if message.held_from > message.sequence:
+        expected = f"at most its sequence, {message.sequence}"
+        raise errors.RangeError("trajectory.held_from", expected, message.held_from)
     length = message.transition_count
     if not 1 <= length <= MAX_TRANSITIONS:
         raise errors.RangeError("trajectory.transition_count", f"1 to {MAX_TRANSITIONS}", length)
@@ -78,4 +82,8 @@ def decode_trajectory(
         ends_episode=message.ends_episode,
         terminated=message.terminated,
         vocabulary_digest=message.vocabulary_digest,
+        run_id=message.run_id,
+        incarnation=message.incarnation,
+        held_from=message.held_from,
+        stamp_ns=read_stamp(message.stamp),
     )

@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 
-from pa_ros.core.experience import Float32, PolicySnapshot
+from pa_ros.core.experience import AgentKey, Float32, PolicySnapshot, TrajectoryKey
+from pa_ros.core.published import PublishedPolicy
 from pa_ros.wire import errors
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.interfaces import PolicyWeights, SequenceMark, Tensor
-from pa_ros.wire.records import PublishedPolicy
 
 _DTYPE = "float32"
 _ITEM = 4  # bytes
@@ -23,14 +23,16 @@ def encode_weights(policy: PublishedPolicy) -> PolicyWeights:
     snapshot = policy.snapshot
     message = PolicyWeights()
     write_stamp(message.stamp, policy.stamp_ns)
-    message.run_id = policy.run_id
+    message.run_id, message.learner_id = policy.run_id, policy.learner_id
     message.version = snapshot.version
     message.architecture = snapshot.architecture
     message.vocabulary_digest = snapshot.vocabulary_digest
     message.consumed = [
-        SequenceMark(agent_id=agent, sequence=sequence)
-        for agent, sequence in sorted(policy.consumed.items())
+        _mark(TrajectoryKey(*agent, following - 1))
+        for agent, following in sorted(policy.accounted.items())
+        if following > 0
     ]
+    message.latest = [] if policy.latest is None else [_mark(policy.latest)]
     tensors, offset = [], 0
     for name, tensor in snapshot.tensors.items():
         shape = array.array("I", tensor.shape)
@@ -53,17 +55,12 @@ def _payload(snapshot: PolicySnapshot) -> bytes:
     return b"".join(np.ascontiguousarray(tensor, dtype="<f4").tobytes() for tensor in tensors)
 
 
-def decode_weights(
-    message: PolicyWeights, architecture: str | None = None, vocabulary_digest: str | None = None
-) -> PublishedPolicy:
-    """A snapshot, refused unless it is of the architecture and vocabulary named (None: of any).
+def decode_weights(message: PolicyWeights, vocabulary_digest: str | None = None) -> PublishedPolicy:
+    """A snapshot, refused unless it is of the vocabulary named (None: of any).
 
-    Raises ArchitectureError, VocabularyError, ChecksumError, TruncatedError, DtypeError,
+    Raises VocabularyError, ChecksumError, TruncatedError, DtypeError,
     NonFiniteError.
     """
-    if architecture not in (None, message.architecture):
-        field = "policy_weights.architecture"
-        raise errors.ArchitectureError(field, architecture, message.architecture)
     if vocabulary_digest not in (None, message.vocabulary_digest):
         field, received = "policy_weights.vocabulary_digest", message.vocabulary_digest
         raise errors.VocabularyError(field, vocabulary_digest, received)
@@ -74,8 +71,18 @@ def decode_weights(
         vocabulary_digest=message.vocabulary_digest,
         tensors=tensors,
     )
-    consumed = {mark.agent_id: mark.sequence for mark in message.consumed}
-    return PublishedPolicy(snapshot, message.run_id, consumed, read_stamp(message.stamp))
+    return PublishedPolicy(
+        snapshot,
+        message.run_id,
+        message.learner_id,
+        {AgentKey(m.agent_id, m.incarnation): m.sequence + 1 for m in message.consumed},
+        next((TrajectoryKey(m.agent_id, m.incarnation, m.sequence) for m in message.latest), None),
+        read_stamp(message.stamp),
+    )
+
+
+def _mark(key: TrajectoryKey) -> SequenceMark:
+    return SequenceMark(**key._asdict())
 
 
 def _read_tensors(message: PolicyWeights) -> dict[str, Float32]:

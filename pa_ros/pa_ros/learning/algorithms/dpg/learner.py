@@ -159,6 +159,7 @@ class Learner:
             "episodes": self.counters.episodes,
             "updates": self.counters.updates,
             "missing_trajectories": self.replay.ledger.missing,
+            "lost_trajectories": self.replay.ledger.lost,
             "duplicate_trajectories": self.replay.ledger.duplicates,
             **self.engine.metrics(),
         }

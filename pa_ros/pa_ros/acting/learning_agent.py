@@ -1,0 +1,152 @@
+"""An agent that learns: it explores, and sends trajectories, as its learner asks."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+from pa_ros.acting.account import Account
+from pa_ros.acting.actor import Actor
+from pa_ros.acting.agent import Agent, Step
+from pa_ros.acting.answer import Act, Answer, Wait
+from pa_ros.acting.errors import PolicyError, StepError
+from pa_ros.acting.exploration import ExplorationNoise
+from pa_ros.acting.requests import ArenaFacts, check_arena, exploration_of, network_of
+from pa_ros.acting.trajectories import TrajectoryBuilder
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import AgentKey, Float32, Trajectory
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
+
+EARLY_POLICIES = 8  # kept of a learner that has not announced itself yet
+
+
+class LearningAgent(Agent):
+    """At each step `observe`, send the trajectory it returns, `load` what `answer` says, and `act`.
+
+    The order matters and is the same over the graph and in process: a trajectory that ends at an
+    observation is sent before the action at that observation is chosen. In evaluation episodes it
+    is greedy and silent.
+    """
+
+    def __init__(self, key: AgentKey, seed: int, first_sequence: int = 0) -> None:
+        """`seed`: of the exploration noise. `first_sequence`: of the first trajectory."""
+        super().__init__(key)
+        self.interrupted = 0  # runs of steps broken off: not as commanded, or for another learner
+        self.refusal = ""  # why it does not act for the learner that came last; empty: it does
+        self._seed, self._first_sequence = seed, first_sequence
+        self._account: Account | None = None
+        self._builder: TrajectoryBuilder | None = None
+        self._early: deque[PublishedPolicy] = deque(maxlen=EARLY_POLICIES)
+        self._past: set[str] = set()  # learners that another has come after
+
+    @property
+    def lost(self) -> int:
+        """Trajectories of this run that its learner has lost, and the agent no longer holds."""
+        return 0 if self._account is None else self._account.lost
+
+    @property
+    def unaccounted(self) -> list[Trajectory]:
+        """What was sent and may have to be sent again."""
+        return [] if self._account is None else self._account.unaccounted
+
+    def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
+        """Act for this learner in this arena, unless the learner followed has come after it.
+
+        Raises LearnerRequestError, and then does not act, if it cannot do as the learner asks.
+        """
+        current = None if self._account is None else self._account.learner
+        other = current is not None and current.learner_id != learner.learner_id
+        if current is not None and other and learner.stamp_ns < current.stamp_ns:
+            self._past.add(learner.learner_id)
+            return
+        try:
+            check_arena(learner, arena)
+            if current is None or not _goes_on(current, learner):
+                self._begin(learner)
+            elif self._account is not None and other:
+                self._account.resume(learner)
+        except PaError as error:
+            if not other:
+                self.refusal = str(error)
+            raise
+        self.refusal = ""
+        if current is not None and other:
+            self._past.add(current.learner_id)
+        early = [policy for policy in self._early if policy.learner_id == learner.learner_id]
+        self._early.clear()
+        for policy in early:
+            self.offer(policy)
+
+    def offer(self, policy: PublishedPolicy) -> None:
+        """Weights have come. Raises PolicyError if they cannot be used, or are not the learner's
+        that this agent follows."""
+        if policy.learner_id in self._past:
+            raise PolicyError(
+                f"policy: expected one of the learner that came last, got version "
+                f"{policy.snapshot.version} of {policy.learner_id!r}, which came before"
+            )
+        if self._account is None or policy.learner_id != self._account.learner.learner_id:
+            self._early.append(policy)
+        else:
+            super().offer(policy)
+
+    def observe(self, step: Step) -> Trajectory | None:
+        verdict = step.verdict
+        truncated = verdict is not None and verdict.truncated
+        super().observe(replace(step, ends_episode=step.ends_episode or truncated))
+        if self._builder is None or self._account is None or step.evaluation:
+            return None
+        if verdict is None:
+            raise StepError("step: expected a verdict, since this agent learns, got none")
+        goes_on = step.observation.step > 0 and not self._builder.at_boundary
+        if goes_on and step.commanded_by != self.key.agent_id:
+            self._builder = self._break_off(self._account.learner)
+        trajectory = self._builder.observe(step.observation, verdict, step.program)
+        return None if trajectory is None else self._account.send(trajectory)
+
+    def answer(self) -> Answer:
+        if self.refusal:
+            return Wait(f"another learner or arena: {self.refusal}")
+        if self._builder is None:
+            return Wait("a learner to announce itself")
+        if self.waiting and not self._builder.at_boundary:
+            return Act()
+        return self._answer(self._builder.sequence)
+
+    def _action(self, actor: Actor, step: Step) -> Float32:
+        if step.evaluation or self._builder is None:
+            return super()._action(actor, step)
+        action = actor.explore(step.observation, step.program)
+        self._builder.acted(action, actor.version)
+        return action
+
+    def _begin(self, learner: LearnerInfo) -> None:
+        """Another run: an account of its own, with numbers that go on, and nothing carried over."""
+        noise = ExplorationNoise(exploration_of(learner), learner.control_period, self._seed)
+        actor = Actor(network_of(learner), learner.inference, noise)
+        self._actor, self._loaded = actor, None
+        builder, step = self._break_off(learner), self._step
+        self._account = self._rule = Account(self.key, builder.sequence, learner)
+        if step is not None and step.verdict is not None and not step.evaluation:
+            builder.observe(step.observation, step.verdict, step.program)
+
+    def _break_off(self, learner: LearnerInfo) -> TrajectoryBuilder:
+        """Begin a trajectory at the next step, whatever was collected."""
+        before = self._builder
+        if before is not None and not before.at_boundary:
+            self.interrupted += 1
+        self._builder = TrajectoryBuilder(
+            self.key,
+            learner.run_id,
+            learner.trajectory_steps,
+            learner.vocabulary_digest,
+            self._first_sequence if before is None else before.sequence,
+        )
+        return self._builder
+
+
+def _goes_on(current: LearnerInfo, learner: LearnerInfo) -> bool:
+    """Whether it is the same run, and asks the same."""
+    of_the_start = ("learner_id", "first_version", "stamp_ns", "software_version")
+    same = {name: getattr(learner, name) for name in of_the_start}
+    return replace(current, **same) == learner

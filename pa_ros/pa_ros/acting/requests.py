@@ -1,0 +1,59 @@
+"""What a learner asks of an agent, and whether the agent can do so."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pa_ros.acting.config import ExplorationConfig
+from pa_ros.acting.errors import LearnerRequestError
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.published import LearnerInfo
+from pa_ros.networks.config import NetworkConfig, actor_config
+
+ALGORITHMS = ("dpg",)  # whose actors this agent can act with
+INFERENCES = ("auto", "torch")
+
+
+class ArenaFacts(NamedTuple):
+    """What an arena says of itself that its learners must know, too: fields of LearnerInfo."""
+
+    vocabulary_digest: str
+    control_period: float  # s
+    near_threshold: float  # m
+
+
+def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:
+    """Raise LearnerRequestError unless the learner is one for the agent's arena."""
+    for name, value in arena._asdict().items():
+        received = getattr(learner, name)
+        if received != value:
+            raise LearnerRequestError(
+                f"learner_info.{name}: expected {value!r}, as this arena's, got {received!r}"
+            )
+    for name, known in (("algorithm", ALGORITHMS), ("inference", INFERENCES)):
+        if getattr(learner, name) not in known:
+            raise LearnerRequestError(
+                f"learner_info.{name}: expected one of {known}, got {getattr(learner, name)!r}"
+            )
+
+
+def network_of(learner: LearnerInfo) -> NetworkConfig:
+    """The actor's network. LearnerRequestError if it cannot be built here."""
+    try:
+        network = actor_config(learner.architecture)
+    except ConfigError as error:
+        raise LearnerRequestError(f"learner_info.architecture: {error}") from error
+    if network.vocabulary.digest != learner.vocabulary_digest:
+        raise LearnerRequestError(
+            f"learner_info.architecture: expected words of {learner.vocabulary_digest}, "
+            f"got {network.vocabulary.digest}"
+        )
+    return network
+
+
+def exploration_of(learner: LearnerInfo) -> ExplorationConfig:
+    """The exploration noise. LearnerRequestError if it is not known here."""
+    try:
+        return ExplorationConfig.from_json(learner.exploration)
+    except ConfigError as error:
+        raise LearnerRequestError(f"learner_info.exploration: {error}") from error

@@ -1,0 +1,86 @@
+"""A learner as its agents know it, over the graph as in process."""
+
+from __future__ import annotations
+
+import time
+from uuid import uuid4
+
+from pa_ros import __version__
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Trajectory, TrajectoryKey
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.errors import TrajectorySizeError
+
+
+class LearningRun:
+    """Announces what is asked of agents, and answers each trajectory with weights."""
+
+    def __init__(self, learner: Learner, control_period_s: float, run_id: str = "") -> None:
+        """`control_period_s`: of the arena. `run_id`: of the run that goes on; empty: another."""
+        self.learner = learner
+        self.info = _announcement(learner, control_period_s, run_id or uuid4().hex)
+        self._latest: TrajectoryKey | None = None  # that led to the newest version
+
+    def opening(self) -> list[PublishedPolicy]:
+        """The versions that may still be asked for, oldest first."""
+        older = list(self.learner.published)[:-1]
+        ids = self.info.run_id, self.info.learner_id
+        return [*(PublishedPolicy(one, *ids, stamp_ns=time.time_ns()) for one in older),
+                self.policy()]  # fmt: skip
+
+    def consume(self, trajectory: Trajectory) -> None:
+        """Learn from a trajectory; a duplicate changes nothing.
+
+        Raises TrajectoryError or ProgramError for one that cannot be learned from. It is then
+        accounted for all the same, since no agent must wait for ever; but not with
+        SupersededAgentError. Whose weights acted doesn't matter: it may be a recording's.
+        """
+        ledger = self.learner.replay.ledger
+        ledger.check(trajectory)
+        try:
+            self._check_length(trajectory)
+            if self.learner.consume(trajectory).insert.accepted:
+                self._latest = trajectory.key
+        except PaError:
+            if ledger.is_new(trajectory.key):
+                ledger.record(trajectory.key, trajectory.held_from)
+            raise
+
+    def policy(self) -> PublishedPolicy:
+        """The newest weights, and what is accounted for by now."""
+        return PublishedPolicy(
+            self.learner.snapshot(),
+            self.info.run_id,
+            self.info.learner_id,
+            self.learner.replay.ledger.accounted(),
+            self._latest,
+            time.time_ns(),
+        )
+
+    def _check_length(self, trajectory: Trajectory) -> None:
+        longest = self.info.trajectory_steps
+        if len(trajectory) > longest:
+            raise TrajectorySizeError(
+                f"trajectory: expected at most trajectory_steps = {longest} transitions, "
+                f"got {len(trajectory)} from {trajectory.agent_id!r}"
+            )
+
+
+def _announcement(learner: Learner, control_period_s: float, run_id: str) -> LearnerInfo:
+    network, acting = learner.network, learner.config.acting
+    return LearnerInfo(
+        run_id=run_id,
+        learner_id=uuid4().hex,
+        first_version=learner.counters.version,
+        vocabulary_digest=network.vocabulary.digest,
+        architecture=network.architecture,
+        trajectory_steps=acting.schedule.trajectory_steps,
+        policy_lag=acting.schedule.policy_lag,
+        exploration=acting.exploration.to_json(),
+        inference=acting.inference,
+        control_period=control_period_s,
+        near_threshold=learner.scoring.near_threshold_m,
+        software_version=__version__,
+        stamp_ns=time.time_ns(),
+    )

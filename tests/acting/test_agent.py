@@ -1,0 +1,294 @@
+"""May this agent act, and with which weights? And experience joins only what belongs together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from learners import ARENA, DESIGN, FACTS, LEARNER, ME, NETWORK, again, published, snapshot
+
+from pa_ros.acting.agent import Agent, Step
+from pa_ros.acting.answer import Act, Load, Wait
+from pa_ros.acting.errors import LearnerRequestError, PolicyError, StepError
+from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.arena import ReachTask
+from pa_ros.core.experience import Observation, Trajectory, Verdict
+from pa_ros.core.published import LearnerInfo
+
+FAR_BEHIND = replace(LEARNER, policy_lag=10**6)  # never waited for
+
+
+class Arm:
+    """An arena that does as the agent says, unless told otherwise."""
+
+    def __init__(self, agent: Agent) -> None:
+        self.agent = agent
+        self.task = ReachTask(ARENA, DESIGN, seed=1)
+        self.sent: list[Trajectory] = []
+        self.velocity = np.zeros(6)
+
+    def show(
+        self, observation: Observation, verdict: Verdict, by: str, evaluation: bool = False
+    ) -> None:
+        step = Step(observation, self.task.program, verdict, evaluation, by)
+        trajectory = self.agent.observe(step)
+        if trajectory is not None:
+            self.sent.append(trajectory)
+        self.velocity = np.zeros(6)
+        while not isinstance(answer := self.agent.answer(), Wait):
+            if isinstance(answer, Act):
+                self.velocity = self.agent.act().astype(np.float64)
+                return
+            self.agent.load(answer.policy)
+
+    def reset(self, episode: int, evaluation: bool = False) -> None:
+        condition = "eval" if evaluation else "train"
+        self.show(*self.task.reset(episode, condition), by="", evaluation=evaluation)
+
+    def run(self, steps: int, by: str = "me", evaluation: bool = False) -> None:
+        for _ in range(steps):
+            self.show(*self.task.step(self.velocity), by=by, evaluation=evaluation)
+
+    @property
+    def spans(self) -> list[tuple[int, int, int]]:
+        """(sequence, first step, length) of the trajectories sent."""
+        return [(one.sequence, one.first_step, len(one)) for one in self.sent]
+
+
+def following(learner: LearnerInfo = FAR_BEHIND) -> LearningAgent:
+    agent = LearningAgent(ME, seed=0)
+    agent.follow(learner, FACTS)
+    agent.offer(published(learner.first_version, learner=learner))
+    return agent
+
+
+@pytest.fixture
+def arm() -> Arm:
+    return Arm(following())
+
+
+def test_trajectories_follow_one_another_without_gap(arm) -> None:
+    arm.reset(0)
+    arm.run(25)
+    assert arm.spans == [(0, 0, 10), (1, 10, 10)]
+    assert [one.stamp_ns for one in arm.sent] == [100_000_000, 1_100_000_000]
+    assert {(one.agent, one.run_id) for one in arm.sent} == {(ME, "run")}
+
+
+def test_a_reset_cuts_the_trajectory_and_nothing_crosses_it(arm) -> None:
+    arm.reset(0)
+    arm.run(7)
+    arm.reset(5)
+    arm.run(10)
+    assert arm.spans == [(0, 0, 7), (1, 0, 10)]
+    assert [one.episode for one in arm.sent] == [0, 5]
+    assert arm.sent[0].ends_episode and not arm.sent[1].ends_episode
+
+
+def test_a_change_of_program_cuts_the_trajectory_and_nothing_crosses_it(arm) -> None:
+    arm.reset(0)
+    arm.run(4)
+    before = arm.task.program
+    kinds = [block.kind for block in arm.task.episode.blocks]
+    other = next(k for k in kinds if k.color not in str(before) or k.shape not in str(before))
+    arm.task.set_program(f"NEAR(HAND, AND({other.color}, {other.shape}))")
+    arm.run(11)
+    assert arm.spans == [(0, 0, 4), (1, 5, 10)]  # 4 to 5 crosses: left out
+    assert [one.program for one in arm.sent] == [before, arm.task.program]
+
+
+def test_what_another_hand_did_is_not_experience(arm) -> None:
+    arm.reset(0)
+    arm.run(10)
+    arm.run(3)
+    arm.run(1, by="")  # the watchdog held, or the command was clamped
+    arm.run(2, by="someone")
+    arm.run(10)
+    assert arm.spans == [(0, 0, 10), (1, 16, 10)]
+    assert arm.agent.interrupted == 3
+
+
+def test_evaluation_episodes_leave_no_trace(arm) -> None:
+    arm.reset(0)
+    arm.run(20)
+    other = Arm(following())
+    other.reset(0)
+    other.run(20)
+    arm.reset(1)
+    arm.run(20)
+    other.reset(0, evaluation=True)
+    other.run(30, evaluation=True)
+    other.reset(1)
+    other.run(20)
+    assert arm.spans == other.spans
+    for a, b in zip(arm.sent, other.sent, strict=True):
+        assert np.array_equal(a.objects, b.objects)
+        assert np.array_equal(a.actions, b.actions)
+
+
+def test_evaluation_is_greedy_and_training_is_not(arm) -> None:
+    greedy = Arm(Agent(ME))
+    greedy.agent.offer(published(0))
+    for one in (arm, greedy):
+        one.reset(0, evaluation=True)
+    assert np.array_equal(arm.velocity, greedy.velocity) and greedy.velocity.any()
+    arm.reset(0)
+    greedy.reset(0)
+    assert np.abs(arm.velocity - greedy.velocity).max() > 0.05
+
+
+def test_each_trajectory_acts_with_the_version_the_protocol_names() -> None:
+    arm = Arm(following(LEARNER))
+    agent = arm.agent
+    arm.reset(0)
+    arm.run(10)
+    assert agent.version == "0"
+    arm.run(10)  # trajectory 1 acts with version 0 too
+    assert agent.waiting and isinstance(agent.answer(), Wait)
+    with pytest.raises(StepError, match="expected the answer Act.* got Wait"):
+        agent.act()
+    agent.offer(published(1, mine=1))
+    agent.offer(published(2, mine=2))  # newer, and not what trajectory 2 must act with
+    answer = agent.answer()
+    assert isinstance(answer, Load) and answer.policy.snapshot.version == 1
+    with pytest.raises(StepError, match="got Load"):
+        agent.act()
+    agent.load(answer.policy)
+    assert agent.answer() == Act() == agent.answer()  # asking changes nothing
+    agent.act()
+    assert isinstance(agent.answer(), Wait)
+    with pytest.raises(StepError, match="a step to act on"):
+        agent.act()
+    arm.run(10)
+    assert agent.version == "2"
+    assert [one.policy_version for one in arm.sent] == [0, 0, 1]
+
+
+def test_nothing_is_to_be_done_about_an_episodes_last_step(arm) -> None:
+    arm.reset(0)
+    arm.run(ARENA.episode_steps - 1)
+    assert arm.velocity.any()
+    arm.run(1)
+    assert not arm.agent.waiting and not arm.velocity.any()
+
+
+def test_a_step_that_came_before_the_learner_is_not_lost() -> None:
+    agent = LearningAgent(ME, seed=0)
+    arm = Arm(agent)
+    arm.reset(0)
+    assert agent.answer() == Wait("a learner to announce itself")
+    agent.offer(published(0, learner=FAR_BEHIND))  # the two topics are not in order
+    agent.follow(FAR_BEHIND, FACTS)
+    answer = agent.answer()
+    assert isinstance(answer, Load)
+    agent.load(answer.policy)
+    arm.velocity = agent.act().astype(np.float64)
+    arm.run(10)
+    assert arm.spans == [(0, 0, 10)]
+
+
+def test_a_resumed_learner_gets_again_what_was_in_flight() -> None:
+    arm = Arm(following(LEARNER))
+    arm.reset(0)
+    arm.run(10)
+    arm.agent.offer(published(1, mine=1))
+    arm.run(20)
+    assert [one.sequence for one in arm.agent.unaccounted] == [1, 2]
+    resumed = again(LEARNER, version=1)
+    arm.agent.offer(published(0, learner=resumed))
+    arm.agent.follow(resumed, FACTS)
+    arm.agent.offer(published(1, mine=1, learner=resumed))
+    assert [(o.sequence, o.held_from) for o in arm.agent.unaccounted] == [(1, 1), (2, 1)]
+    assert isinstance(arm.agent.answer(), Wait) and arm.agent.lost == 0
+    with pytest.raises(PolicyError, match="one of the learner that came last, got version 2"):
+        arm.agent.offer(published(2, mine=2))  # of the learner that is gone
+    arm.agent.offer(published(2, mine=2, learner=resumed))
+    assert isinstance(arm.agent.answer(), Load)
+    assert arm.agent.interrupted == 0
+
+
+def test_another_run_gets_nothing_that_was_made_for_the_one_before(arm) -> None:
+    arm.reset(0)
+    arm.run(14)
+    another = again(FAR_BEHIND, version=0, run_id="another")
+    arm.agent.follow(another, FACTS)
+    assert arm.agent.unaccounted == [] and arm.agent.interrupted == 1
+    arm.agent.offer(published(0, learner=another))
+    arm.run(12)
+    assert arm.spans == [(0, 0, 10), (1, 15, 10)]  # numbers go on, and 14 was acted by the other
+    assert [(o.run_id, o.held_from) for o in arm.sent] == [("run", 0), ("another", 1)]
+
+
+def test_the_learner_that_came_last_is_followed() -> None:
+    arm = Arm(following(LEARNER))
+    earlier = replace(LEARNER, learner_id="earlier", run_id="other", stamp_ns=0)
+    arm.agent.follow(earlier, FACTS)
+    with pytest.raises(PolicyError, match="'earlier', which came before"):
+        arm.agent.offer(published(7, learner=earlier))
+    arm.reset(0)
+    arm.run(10)
+    assert {one.run_id for one in arm.sent} == {"run"}
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("vocabulary_digest", "0" * 16, "vocabulary_digest: expected .*arena's, got '0000"),
+        ("control_period", 0.2, "control_period: expected 0.1, as this arena's, got 0.2"),
+        ("near_threshold", 0.1, "near_threshold: expected 0.2, as this arena's, got 0.1"),
+        ("algorithm", "sac", "algorithm: expected one of .*'dpg'.* got 'sac'"),
+        ("inference", "tpu", "inference: expected one of .* got 'tpu'"),
+        ("architecture", "{}", "learner_info.architecture: "),
+        ("exploration", '{"process":"white"}', "learner_info.exploration: .*process"),
+    ],
+)
+def test_an_agent_that_cannot_comply_says_why_and_does_not_act(field, value, message) -> None:
+    agent = LearningAgent(ME, seed=0)
+    with pytest.raises(LearnerRequestError, match=message):
+        agent.follow(replace(LEARNER, **{field: value}), FACTS)
+    agent.offer(published(0))
+    arm = Arm(agent)
+    arm.reset(0)
+    assert not arm.velocity.any() and field in agent.refusal
+    answer = agent.answer()
+    assert isinstance(answer, Wait) and agent.refusal in answer.reason
+    agent.follow(again(LEARNER, version=0), FACTS)  # one that it can act for
+    agent.offer(published(0, learner=again(LEARNER, version=0)))
+    assert agent.refusal == "" and isinstance(agent.answer(), Load)
+
+
+def test_an_arena_of_other_facts_stops_an_agent_that_acted(arm) -> None:
+    arm.reset(0)
+    slower = FACTS._replace(control_period=0.5)
+    with pytest.raises(LearnerRequestError, match="control_period"):
+        arm.agent.follow(FAR_BEHIND, slower)
+    arm.run(1)
+    assert isinstance(arm.agent.answer(), Wait) and not arm.velocity.any()
+    arm.agent.follow(FAR_BEHIND, FACTS)
+    arm.run(1)
+    assert arm.velocity.any()
+
+
+def test_a_newcomer_that_cannot_be_followed_changes_nothing(arm) -> None:
+    arm.reset(0)
+    with pytest.raises(LearnerRequestError, match="near_threshold"):
+        arm.agent.follow(again(FAR_BEHIND, 0, near_threshold=9.0), FACTS)
+    arm.run(10)
+    assert arm.spans == [(0, 0, 10)]
+
+
+@pytest.mark.parametrize("learning", [False, True])
+def test_weights_that_do_not_fit_are_refused_and_the_good_ones_go_on(learning) -> None:
+    agent = following() if learning else Agent(ME)
+    learner = FAR_BEHIND if learning else LEARNER
+    agent.offer(published(0, learner=learner))
+    other = NETWORK.changed(hidden=4)
+    lacking = snapshot(1)
+    lacking = replace(lacking, tensors=dict(list(lacking.tensors.items())[:-1]))
+    for bad, message in ((snapshot(1, other), "architecture"), (lacking, "missing")):
+        with pytest.raises(PolicyError, match=message):
+            agent.offer(replace(published(1, learner=learner), snapshot=bad))
+    arm = Arm(agent)
+    arm.reset(0)
+    assert arm.velocity.any() and agent.version == "0"
