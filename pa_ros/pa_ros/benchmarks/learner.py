@@ -113,17 +113,17 @@ def engine_of(learner: Learner, **changes: object) -> Engine:
 
 
 def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
-    ours = engine_of(learner, engine="auto", threads=1)
+    ours = engine_of(learner, name="auto", threads=1)
     made: dict[str, Update] = {
         OURS: ours.update,
-        EAGER: engine_of(learner, engine="torch").update,
+        EAGER: engine_of(learner, name="torch").update,
     }
     if ours.name == "fused":
-        made[TWO_THREADS] = engine_of(learner, engine="fused", threads=2).update
+        made[TWO_THREADS] = engine_of(learner, name="fused", threads=2).update
     if learner.network.family.evaluates_programs:
         made[STRAIGHTFORWARD] = _straightforward(learner).update
     if torch.cuda.is_available():
-        made[GPU] = engine_of(learner, engine="torch", device="cuda").update
+        made[GPU] = engine_of(learner, name="torch", device="cuda").update
     return [
         Contender(
             name,
