@@ -10,7 +10,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install install-dev install-bench run train test bench same-results lint sanitize clean
+.PHONY: reference install install-dev install-bench run train test bench same-results lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -36,6 +36,10 @@ run: install
 
 train: install
 	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out runs/train
+
+# What docs and parameter files say of settings, from the settings.
+reference: install
+	$(BIN)/python docs/reference.py
 
 lint: install-dev
 	$(BIN)/ruff check .

@@ -2,40 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
-from pa_ros.core.errors import ConfigError
-from pa_ros.networks.config import KINDS
+from pydantic import Field, model_validator
 
-WEIGHTS = ("topic", "checkpoint", "random")
+from pa_ros.core.settings import OneOf, Settings
+from pa_ros.networks.families import FAMILIES
 
 
-@dataclass(frozen=True)
-class AgentConfig:
+class AgentConfig(Settings):
     """One agent on the graph: greedy, or learning."""
 
-    learning: bool = False  # explore, send transitions, and follow the synchronous protocol
-    weights: str = "topic"  # where weights come from; learning needs "topic"
-    checkpoint: str = ""  # folder, for weights "checkpoint"
-    agent_id: str = ""  # empty: a new one at each start
-    seed: int = 0  # of the exploration noise, and of random weights
-    network: str = "programmable"  # of random weights
-    resend_period_s: float = 2.0  # trajectories not yet taken up are sent again
-    stuck_after_s: float = 10.0  # waiting longer than this for weights is an alarm
+    learning: bool = Field(
+        False, description="explore, send transitions, and follow the synchronous protocol"
+    )
+    weights: Literal["topic", "checkpoint", "random"] = Field(
+        "topic", description="where weights come from; learning needs topic"
+    )
+    checkpoint: str = Field("", description="folder, for weights checkpoint")
+    agent_id: str = Field("", description="empty: a new one at each start")
+    seed: int = Field(0, ge=0, description="of the exploration noise, and of random weights")
+    network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
+        "programmable", description="of random weights"
+    )
+    resend_period_s: float = Field(
+        2.0, gt=0, description="wall time; trajectories not yet taken up are sent again"
+    )
+    stuck_after_s: float = Field(
+        10.0, gt=0, description="wall time; waiting longer than this for weights is an alarm"
+    )
 
-    def __post_init__(self) -> None:
-        for name, allowed in (("weights", WEIGHTS), ("network", KINDS)):
-            if getattr(self, name) not in allowed:
-                raise ConfigError(f"{name}: expected one of {allowed}, got {getattr(self, name)!r}")
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
         if self.learning and self.weights != "topic":
-            raise ConfigError(f"weights: expected 'topic' for learning, got {self.weights!r}")
+            raise ValueError(f"weights: expected 'topic' for learning, got {self.weights!r}")
         if (self.weights == "checkpoint") != bool(self.checkpoint):
-            raise ConfigError(
+            raise ValueError(
                 "checkpoint: expected a folder if and only if weights is 'checkpoint', "
                 f"got {self.checkpoint!r} and {self.weights!r}"
             )
-        if self.seed < 0:
-            raise ConfigError(f"seed: expected at least 0, got {self.seed}")
-        for name in ("resend_period_s", "stuck_after_s"):
-            if not 0.0 < getattr(self, name) < float("inf"):
-                raise ConfigError(f"{name}: expected a positive time, got {getattr(self, name)}")
+        return self

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 import uuid
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +26,7 @@ from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
-from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.programs import judge, subscribe_programs
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
@@ -40,7 +39,7 @@ class AgentNode(Node):
 
     def __init__(self) -> None:
         super().__init__("agent_node", automatically_declare_parameters_from_overrides=True)
-        self.config = config_from_parameters(self, AgentConfig)
+        self.config = settings_from_parameters(self, AgentConfig)
         self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
         self.refusals = Refusals(self.get_logger().warning)
         self.agent = self._make_agent()
@@ -81,7 +80,7 @@ class AgentNode(Node):
         self._transitions_out = topics.TRAJECTORIES.publisher(self)
         self._status_out = topics.PROGRAM_STATUS.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
-        parameters, name = asdict(self.config), self.get_fully_qualified_name()
+        parameters, name = self.config.flat(), self.get_fully_qualified_name()
         account = origin(name, self.agent_id, self.config.seed, parameters=parameters)
         self._provenance.publish(codec.encode_provenance(account))
 

@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, Self
 
-from pa_ros.core.errors import ConfigError
-from pa_ros.learning.protocols import Protocol, protocol_named
-from pa_ros.networks.config import KINDS
+from pydantic import Field, model_validator
+
+from pa_ros.core.settings import OneOf, Settings
+from pa_ros.learning.protocols import PROTOCOLS, Protocol, protocol_named
+from pa_ros.networks.families import FAMILIES
 
 
-@dataclass(frozen=True)
-class LearnerNodeConfig:
+class LearnerNodeConfig(Settings):
     """One learner on the graph; what it learns about comes with arena_info."""
 
-    seed: int = 0
-    protocol: str = "ours"  # "ours-slow" for the preset `paper`
-    options: tuple[str, ...] = ()  # "learner.NAME=VALUE" and "network.NAME=VALUE"
-    network: str = "programmable"
-    out: str = ""  # folder of the checkpoint; empty: none is written
-    resume: bool = False  # go on from the checkpoint in `out`
-    checkpoint_every_frames: int = 50_000  # 0: only when the node stops
+    seed: int = Field(0, ge=0, description="of initial weights and of sampling")
+    protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
+        "ours", description="how to learn; ours-slow is for the preset paper"
+    )
+    options: tuple[str, ...] = Field(
+        (), description="learner.PART.NAME=VALUE or network.NAME=VALUE over the protocol"
+    )
+    network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
+        "programmable", description="family of actor and critic"
+    )
+    out: str = Field("", description="folder of the checkpoint; empty: none is written")
+    resume: bool = Field(False, description="go on from the checkpoint in out")
+    checkpoint_every_frames: int = Field(50_000, ge=0, description="0: only when the node stops")
 
-    def __post_init__(self) -> None:
-        if self.network not in KINDS:
-            raise ConfigError(f"network: expected one of {KINDS}, got {self.network!r}")
-        for name in ("seed", "checkpoint_every_frames"):
-            if getattr(self, name) < 0:
-                raise ConfigError(f"{name}: expected at least 0, got {getattr(self, name)}")
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
         if self.resume and not self.out:
-            raise ConfigError("out: expected the folder to resume from, got ''")
+            raise ValueError("out: expected the folder to resume from, got ''")
         self.settings()
+        return self
 
     def settings(self) -> Protocol:
         """How to learn; ConfigError for an unknown protocol or option."""

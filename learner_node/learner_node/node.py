@@ -15,7 +15,7 @@ from pa_ros.learning.checkpoints import find_checkpoint
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
-from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.errors import VocabularyError
@@ -37,7 +37,7 @@ class LearnerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("learner_node", automatically_declare_parameters_from_overrides=True)
-        self.config = config_from_parameters(self, LearnerNodeConfig)
+        self.config = settings_from_parameters(self, LearnerNodeConfig)
         self.refusals = Refusals(self.get_logger().warning)
         self.worker: LearnerWorker | None = None
         if self.config.resume:

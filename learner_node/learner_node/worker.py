@@ -6,7 +6,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -68,7 +68,7 @@ class LearnerWorker:
             self._config.seed,
             self._learner,
             self._arena.training_programs,
-            parameters=asdict(self._config),
+            parameters=self._config.flat(),
             design=self._arena.design,
             preset=self._arena.preset,
         )

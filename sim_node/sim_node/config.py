@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
 
 from pa_ros.arena import (
+    DESIGNS,
     ArenaConfig,
     Condition,
     Design,
@@ -12,51 +16,56 @@ from pa_ros.arena import (
     design_named,
     preset_named,
 )
-from pa_ros.core.errors import ConfigError
+from pa_ros.arena.config import PRESETS
+from pa_ros.core.settings import OneOf, Settings
 
-MODES = ("lockstep", "real_time")
-SOURCES = ("generator", "topic")
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
 
 
-@dataclass(frozen=True)
-class SimConfig:
+class SimConfig(Settings):
     """One arena on the graph."""
 
-    mode: str = "lockstep"
-    design: str = "2-L"
-    preset: str = "fast"
-    seed: int = 0
-    blocks: int = 0  # on the table; 0: as the design says
-    condition: str = "train"  # that episodes are drawn from
-    program_source: str = "generator"  # "topic": execute what comes, in a scene that stays
-    episode_steps: int = 0  # 0: the preset's; without end where programs come by topic
-    first_episode: int = 0  # number of the first training episode; a resumed run goes on
-    eval_every_episodes: int = 0  # greedy episode after every so many training episodes; 0: none
-    eval_condition: str = "eval"  # that those are drawn from
-    paused: bool = False  # from the start, until the service `pause` lets it go
-    real_time_factor: float = 1.0
-    command_timeout_s: float = 0.3  # of simulation time; then the arm holds (real time)
-    resend_period_s: float = 1.0  # an observation left unanswered is sent again (lockstep)
+    mode: Literal["lockstep", "real_time"] = Field(
+        "lockstep", description="what paces it: answers to its observations, or the clock"
+    )
+    design: Annotated[str, OneOf(lambda: DESIGNS)] = Field(
+        "2-L", description="which blocks there are, and which programs are held out"
+    )
+    preset: Annotated[str, OneOf(lambda: PRESETS)] = Field("fast", description="of the arm")
+    seed: int = Field(0, ge=0, description="of all episodes")
+    blocks: int = Field(0, ge=0, description="on the table; 0: as the design says")
+    condition: str = Field("train", description="that episodes are drawn from")
+    program_source: Literal["generator", "topic"] = Field(
+        "generator", description="topic: execute what comes, in a scene that stays"
+    )
+    episode_steps: int = Field(
+        0, ge=0, description="0: the preset's; without end where programs come by topic"
+    )
+    first_episode: int = Field(
+        0, ge=0, description="number of the first training episode; a resumed run goes on"
+    )
+    eval_every_episodes: int = Field(
+        0, ge=0, description="a greedy episode after every so many training episodes; 0: none"
+    )
+    eval_condition: str = Field("eval", description="that greedy episodes are drawn from")
+    paused: bool = Field(False, description="from the start, until the service pause lets it go")
+    real_time_factor: float = Field(
+        1.0, ge=0.01, le=100, description="simulation time per wall time, in real time"
+    )
+    command_timeout_s: float = Field(
+        0.3, gt=0, description="of simulation time; then the arm holds (real time)"
+    )
+    resend_period_s: float = Field(
+        1.0, gt=0, description="wall time; an observation left unanswered is sent again (lockstep)"
+    )
 
-    def __post_init__(self) -> None:
-        for name, allowed in (("mode", MODES), ("program_source", SOURCES)):
-            if getattr(self, name) not in allowed:
-                raise ConfigError(f"{name}: expected one of {allowed}, got {getattr(self, name)!r}")
-        for name in ("seed", "blocks", "episode_steps", "first_episode", "eval_every_episodes"):
-            if getattr(self, name) < 0:
-                raise ConfigError(f"{name}: expected at least 0, got {getattr(self, name)}")
-        if not 0.01 <= self.real_time_factor <= 100.0:
-            raise ConfigError(
-                f"real_time_factor: expected 0.01 to 100, got {self.real_time_factor}"
-            )
-        for name in ("command_timeout_s", "resend_period_s"):
-            if not 0.0 < getattr(self, name) < float("inf"):
-                raise ConfigError(f"{name}: expected a positive time, got {getattr(self, name)}")
-        # Raises for an unknown name or a number of blocks that cannot be.
+    @model_validator(mode="after")
+    def _can_be(self) -> Self:
+        """ConfigError for an unknown condition or a number of blocks that cannot be."""
         for condition in (self.condition, *self.evaluations):
             self.condition_of(condition)
         self.arena_config()
+        return self
 
     @property
     def evaluations(self) -> tuple[str, ...]:

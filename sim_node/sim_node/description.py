@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 import numpy as np
 
 from pa_ros.arena import Design, condition_named
@@ -39,7 +37,7 @@ def origin(session: Session, node: str) -> Origin:
         node,
         session.arena_id,
         session.config.seed,
-        parameters=asdict(session.config),
+        parameters=session.config.flat(),
         design=design.name,
         preset=session.arena.preset,
         shapes=vocabulary.shapes,

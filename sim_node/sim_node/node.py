@@ -15,7 +15,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
-from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.programs import judge, subscribe_programs
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
@@ -33,7 +33,7 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("sim_node", automatically_declare_parameters_from_overrides=True)
-        self.config = config_from_parameters(self, SimConfig)
+        self.config = settings_from_parameters(self, SimConfig)
         self.session = Session(self.config, arena_id=uuid.uuid4().hex[:8])
         self.watchdog = Watchdog(self.session, self.config.command_timeout_s)
         self.refusals = Refusals(self.get_logger().warning)

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import pytest
 import rclpy
+from pydantic import Field
 from rclpy.parameter import Parameter
 
+from agent_node.config import AgentConfig
+from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import Settings
 from pa_ros.ros.environment import prepare_environment
-from pa_ros.ros.parameters import config_from_parameters
+from pa_ros.ros.parameters import settings_from_parameters
+from sim_node.config import SimConfig
 
 pytestmark = pytest.mark.graph
 
 
-@dataclass(frozen=True)
-class Config:
-    number: int = 1
+class Part(Settings):
+    share: float = Field(0.25, ge=0, lt=1, description="of the whole")
+
+
+class Config(Settings):
+    number: int = Field(1, ge=1, description="how many")
     factor: float = 0.5
     name: str = "x"
     flag: bool = False
     words: tuple[str, ...] = ()
+    part: Part = Part()
 
 
 @pytest.fixture
@@ -46,30 +53,62 @@ def node_with():
 
 def test_defaults_are_declared_so_that_tools_can_list_them(node_with):
     node = node_with()
-    assert config_from_parameters(node, Config) == Config()
+    assert settings_from_parameters(node, Config) == Config()
     assert node.get_parameter("factor").value == 0.5
 
 
 def test_overrides_arrive_in_the_fields_types(node_with):
-    node = node_with("number:=7", "factor:=2", "name:='3'", "flag:=true", "words:=[a, 'b=1']")
-    config = config_from_parameters(node, Config)
-    assert config == Config(7, 2.0, "3", True, ("a", "b=1"))
+    node = node_with(
+        "number:=7", "factor:=2", "name:='3'", "flag:=true", "words:=[a, 'b=1']", "part.share:=0.5"
+    )
+    config = settings_from_parameters(node, Config)
+    assert config == Config(
+        number=7, factor=2.0, name="3", flag=True, words=("a", "b=1"), part=Part(share=0.5)
+    )
     assert isinstance(config.factor, float)
 
 
 @pytest.mark.parametrize(
     ("parameter", "shown"),
     [("number:=1.5", "1.5"), ("number:=true", "True"), ("name:=3", "3"), ("nmae:=x", "nmae"),
-     ("words:=x", "'x'")],
+     ("words:=x", "'x'"), ("number:=0", "at least 1, got 0"),
+     ("part.share:=1.0", "part.share: .*got 1.0")],
 )  # fmt: skip
 def test_wrong_types_and_unknown_names_are_refused(node_with, parameter, shown):
     with pytest.raises(ConfigError, match=shown):
-        config_from_parameters(node_with(parameter), Config)
+        settings_from_parameters(node_with(parameter), Config)
 
 
 def test_later_changes_are_rejected_with_a_reason(node_with):
     node = node_with()
-    config_from_parameters(node, Config)
+    settings_from_parameters(node, Config)
     result = node.set_parameters([Parameter("number", value=2)])[0]
     assert not result.successful and "number" in result.reason
     assert node.get_parameter("number").value == 1
+
+
+def test_parameters_are_described_with_their_ranges(node_with):
+    node = node_with("part.share:=0")
+    settings_from_parameters(node, Config)
+    number, share = (node.describe_parameter(name) for name in ("number", "part.share"))
+    assert (number.description, number.read_only) == ("how many", True)
+    assert (number.integer_range[0].from_value, number.integer_range[0].to_value) == (1, 2**63 - 1)
+    assert share.additional_constraints == "a number in [0, 1)" and share.read_only
+    assert share.floating_point_range[0].to_value == 1.0
+    assert node.get_parameter("part.share").value == 0.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "constraint"),
+    [
+        (SimConfig, "mode", "one of ['lockstep', 'real_time']"),
+        (AgentConfig, "stuck_after_s", "a positive number"),
+        (LearnerNodeConfig, "checkpoint_every_frames", "an integer of at least 0"),
+    ],
+)
+def test_each_nodes_parameters_say_what_they_mean(node_with, kind, name, constraint):
+    node = node_with()
+    settings_from_parameters(node, kind)
+    described = node.describe_parameter(name)
+    assert (described.additional_constraints, described.read_only) == (constraint, True)
+    assert described.description

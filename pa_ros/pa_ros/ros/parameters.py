@@ -1,65 +1,69 @@
-"""A node's frozen configuration from its ROS parameters, built once and then fixed."""
+"""A node's settings from its ROS parameters, built once and then fixed."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+import sys
 from typing import Any, TypeVar
 
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import Leaf, Settings
 
-Config = TypeVar("Config")
+Kind = TypeVar("Kind", bound=Settings)
 OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+LARGEST = {int: 2**63 - 1, float: sys.float_info.max}  # stands for no bound
 
 
-def config_from_parameters(node: Node, config_type: type[Config]) -> Config:
-    """Build a config dataclass, one parameter per field; every field has a plain default.
+def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
+    """Build settings, one parameter for each dotted path; every one has a default.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
-    a parameter that nothing reads is refused and not ignored. Tuples are array parameters.
-    Raises ConfigError for an unknown name, a wrong type, or what the dataclass itself refuses.
-    Later attempts to set a parameter are rejected with a reason.
+    a parameter that nothing reads is refused and not ignored. Tuples are array parameters; one
+    empty text stands for none. Parameters are then declared with what is known of them, read-only.
+    Raises ConfigError for an unknown name, or for what the settings refuse.
     """
-    given: dict[str, Parameter] = node.get_parameters_by_prefix("")
-    known = {field.name for field in fields(config_type)}  # type: ignore[arg-type]
-    unknown = [n for n in given if n not in known and not n.startswith(OF_ROS)]
+    leaves = {leaf.path: leaf for leaf in kind.leaves()}
+    given = node.get_parameters_by_prefix("")
+    unknown = [name for name in given if name not in leaves and not name.startswith(OF_ROS)]
     if unknown:
         raise ConfigError(
-            f"{node.get_name()}: expected parameters {sorted(known)}, got {sorted(unknown)}"
+            f"{node.get_name()}: expected parameters {sorted(leaves)}, got {sorted(unknown)}"
         )
-    values = {}
-    for field in fields(config_type):  # type: ignore[arg-type]
-        default = field.default
-        if field.name in given:
-            values[field.name] = _typed(field.name, given[field.name].value, default)
-        else:
-            node.declare_parameter(field.name, _plain(default))
-    config = config_type(**values)
-    node.add_on_set_parameters_callback(_reject)
-    return config
+    values = {path: _from_ros(given[path].value) for path in leaves if path in given}
+    settings = kind().changed(**values)
+    for path, leaf in leaves.items():
+        if path in given:
+            node.undeclare_parameter(path)
+        value = to_ros(settings.value(path))
+        node.declare_parameter(path, value, describe(leaf), ignore_override=True)
+    return settings
 
 
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) and value else value if value != () else [""]
-
-
-def _typed(name: str, value: Any, default: Any) -> Any:
-    """The value in the default's type; a whole number passes for a float."""
-    if isinstance(default, float) and type(value) is int:
-        return float(value)
-    if isinstance(default, tuple) and isinstance(value, (list, tuple)):
-        return tuple(item for item in value if item != "")
-    if type(value) is not type(default):
-        expected = type(default).__name__
-        raise ConfigError(f"parameter {name}: expected {expected}, got {value!r}")
-    return value
-
-
-def _reject(parameters: list[Parameter]) -> SetParametersResult:
-    names = ", ".join(parameter.name for parameter in parameters)
-    return SetParametersResult(
-        successful=False, reason=f"{names}: fixed while the node runs; restart it to change them"
+def describe(leaf: Leaf) -> ParameterDescriptor:
+    """What `ros2 param describe` tells of a setting."""
+    described = ParameterDescriptor(
+        description=leaf.description, additional_constraints=leaf.expected, read_only=True
     )
+    if leaf.minimum is None and leaf.maximum is None:
+        return described
+    largest = LARGEST[leaf.type]
+    low = -largest if leaf.minimum is None else leaf.type(leaf.minimum)
+    high = largest if leaf.maximum is None else leaf.type(leaf.maximum)
+    if leaf.type is int:
+        described.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+    else:
+        described.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return described
+
+
+def to_ros(value: Any) -> Any:
+    """A setting as a parameter's value."""
+    return list(value or ("",)) if isinstance(value, tuple) else value
+
+
+def _from_ros(value: Any) -> Any:
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    return tuple(item for item in value if item != "")
