@@ -45,6 +45,7 @@ lint: install-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/mypy tests
 
 test: lint
 	$(BIN)/python -m pytest -q -n 2 --dist loadgroup

@@ -15,7 +15,7 @@ from pa_ros.wire.definitions import installed_types
 SMALL = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16"]
 
 
-def train(out: Path, *arguments: str, frames: int = 500) -> int:
+def train(out: Path, *arguments: str | Path, frames: int = 500) -> int:
     """`pa_ros train` of small networks."""
     options = [f"--set={option}" for option in SMALL]
     fixed = ["--seed", "5", "--eval-every", "0", "--frames", str(frames)]

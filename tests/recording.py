@@ -24,7 +24,7 @@ def decoded(bag: Path) -> list[tuple[str, Any]]:
     return found
 
 
-def publisher_heard(node, topic: Topic, listeners: int = 1):
+def publisher_heard(node: Any, topic: Topic, listeners: int = 1) -> Any:
     """A publisher that someone listens to."""
     publisher = node.create_publisher(topic.type, topic.name, topic.writer)
     wait_for(lambda: publisher.get_subscription_count() >= listeners, "a listener")

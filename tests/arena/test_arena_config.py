@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -46,7 +47,7 @@ def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
         ("joint_upper", (math.pi, 6.2, 2.4, 4.5, 6.1, 1.6), "Kinova"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_value(field: str, value: object, shown: str) -> None:
+def test_bad_parameters_are_refused_with_the_value(field: str, value: Any, shown: str) -> None:
     with pytest.raises(ConfigError) as refusal:
         replace(ArenaConfig(), **{field: value})
     assert shown in str(refusal.value)
@@ -83,7 +84,7 @@ def test_designs_are_those_of_figure_2() -> None:
         {"held_out": (Kind("RED", "CUBE"),)},  # trained as well
     ],
 )
-def test_designs_that_make_no_sense_are_refused(change: dict[str, object]) -> None:
+def test_designs_that_make_no_sense_are_refused(change: dict[str, Any]) -> None:
     design = Design("d", ("CUBE", "SPHERE"), ("RED", "BLUE"), WORDS, (Kind("RED", "CUBE"),))
     with pytest.raises(ConfigError, match="design d"):
         replace(design, **change)

@@ -77,4 +77,4 @@ def test_observations_own_their_arrays(task: ReachTask) -> None:
         task.step(scripted_action(task))
     for array, copy in zip((observation.objects, observation.joint_position), kept, strict=True):
         np.testing.assert_array_equal(array, copy)
-        assert array.base is None
+        assert np.asarray(array).base is None

@@ -1,5 +1,7 @@
 """The Gymnasium environment."""
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ UNBOUNDED = "ignore:.*Box observation space (min|max)imum value is .*infinity"
 
 @pytest.mark.filterwarnings(UNBOUNDED)
 @pytest.mark.parametrize("options", [{}, {"preset": "paper", "design": "3-D", "condition": "eval"}])
-def test_gymnasium_accepts_it(options: dict[str, str]) -> None:
+def test_gymnasium_accepts_it(options: dict[str, Any]) -> None:
     check_env(gymnasium.make(ENV_ID, **options).unwrapped)
 
 

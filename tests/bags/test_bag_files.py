@@ -51,7 +51,8 @@ def written(folder: Path, count: int, size: int = 10, close: bool = True, **opti
 
 def identifiers(path: Path) -> list[int]:
     with Bag(path) as bag:
-        return [int(bag.deserialize(recorded).program_id) for recorded in bag.messages()]
+        programs = [codec.decode_program(bag.deserialize(recorded)) for recorded in bag.messages()]
+    return [int(program.program_id) for program in programs]
 
 
 def storage_file(folder: Path) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 from recorded_runs import rewritten, train
 
 from pa_ros.arena import ReachTask, design_named, preset_named
@@ -130,7 +130,7 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     with Image.open(out) as film:
         assert film.format == "GIF" and film.size == (96, 96)
         assert film.info["duration"] == 100
-        shown = film.n_frames
+        shown = len(list(ImageSequence.Iterator(film)))
         first = np.asarray(film.convert("RGB"))
         film.seek(shown - 1)
         assert (np.asarray(film.convert("RGB")) != first).any()

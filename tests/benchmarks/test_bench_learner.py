@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -126,11 +128,17 @@ def test_several_threads_are_timed_by_the_wall_where_nothing_disturbed_them() ->
 
 def test_rounds_interleave() -> None:
     heard: list[str] = []
-    contenders = [
-        Contender(name, lambda calls, name=name: heard.extend([name] * calls)) for name in "ab"
-    ]
+
+    def hear(name: str, calls: int) -> None:
+        heard.extend([name] * calls)
+
+    def one_by_one(run: Callable[[int], object], calls: int) -> None:
+        for _ in range(calls):
+            run(1)
+
+    contenders = [Contender(name, partial(hear, name)) for name in "ab"]
     for one in contenders:
-        one.run = lambda calls, run=one.run: [run(1) for _ in range(calls)]
+        one.run = partial(one_by_one, one.run)
     measure(contenders, rounds=3, slice_s=1e-5)
     assert all(len(one.slices) == 3 and one.rate > 0 for one in contenders)
     calls = {one.name: one.slices[0].calls for one in contenders}
@@ -148,7 +156,7 @@ def test_the_report(kind) -> None:
     assert report["learner.network"] == kind
     assert float(report[bench.OURS]) > float(report[bench.EAGER]) * 0.3
     assert report["learner.floor_ratio"] == pytest.approx(
-        report["learner.update_us"] / report["learner.floor_us"]
+        float(report["learner.update_us"]) / float(report["learner.floor_us"])
     )
     ratio = float(report[bench.SAMPLED]) / float(report[bench.SB3])
     assert report["learner.ratio_to_sb3_ddpg"] == pytest.approx(ratio)
@@ -161,9 +169,10 @@ def test_the_loop_beside_bare_updates() -> None:
     world = PointWorld()
     report = bench_train(NETWORK, CONFIG, PROGRAMS, world, np.ones(6), 2, 60, 0.002)
     assert world.episode == 8  # nine episodes of twenty steps: a part not counted, and two
-    low, high = report["train.frames_per_s_low"], report["train.frames_per_s_high"]
-    assert 0 < low <= report["train.frames_per_s"] <= high
-    share = report["train.frames_per_s"] / report["train.bare_updates_per_s"]
+    names = ("frames_per_s_low", "frames_per_s", "frames_per_s_high", "bare_updates_per_s")
+    low, rate, high, bare = (float(report[f"train.{name}"]) for name in names)
+    assert 0 < low <= rate <= high
+    share = rate / bare
     assert report["train.share_of_bare"] == pytest.approx(share)
 
 

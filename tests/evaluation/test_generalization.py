@@ -1,5 +1,7 @@
 """Scores under every condition: paired, kept, summarized; and the references that are blind."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -77,7 +79,7 @@ def test_agents_of_two_settings_are_not_mixed(novice: TrainedAgent, tmp_path):
         generalize({0: novice}, tmp_path, 2, ("sideways",), quiet)
     with pytest.raises(ConfigError, match="got 0"):
         Benchmark(novice.design, novice.arena, 0)
-    described = setting({4: novice}, 5)
+    described: dict[str, Any] = setting({4: novice}, 5)
     assert described["preset"] == "fast" and described["colors"][-2:] == ("A", "B")
 
 
@@ -161,7 +163,7 @@ def test_random_weights_move_the_arm_and_depend_on_the_seed(novice: TrainedAgent
         observation, _ = task.reset(0)
         still.append(policy(observation, task.program))
         assert np.abs(still[-1]).max() > 0.05
-    assert not np.array_equal(*still)
+    assert not np.array_equal(still[0], still[1])
     assert without_training(novice, 1).digest != novice.digest != without_training(novice, 2).digest
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, dpg, random_trajectory
 
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.update import Batch, UpdateValues
+from pa_ros.core.update import Batch, Engine, UpdateValues
 from pa_ros.language import ProgramError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
@@ -57,7 +59,8 @@ class Recorder:
 def test_update_to_data_ratio_is_exact(ratio) -> None:
     rng = np.random.default_rng(0)
     one = learner(updates__per_frame=ratio)
-    one.engine = recorder = Recorder(one.engine)
+    recorder = Recorder(one.engine)
+    one.engine = cast(Engine, recorder)
     frames = 0
     for sequence in range(12):
         steps = 1 + sequence % 5
@@ -72,7 +75,8 @@ def test_update_to_data_ratio_is_exact(ratio) -> None:
 def test_targets_are_copied_after_the_updates_of_an_episodes_last_trajectory() -> None:
     rng = np.random.default_rng(0)
     one = learner()
-    one.engine = recorder = Recorder(one.engine)
+    recorder = Recorder(one.engine)
+    one.engine = cast(Engine, recorder)
     for sequence, ends in enumerate([False, True, False]):
         one.consume(random_trajectory(rng, 2, sequence=sequence, ends_episode=ends))
     assert recorder.calls == ["update"] * 4 + ["copy"] + ["update"] * 2
@@ -142,7 +146,8 @@ def test_published_versions() -> None:
 def test_batches_are_gathered_from_transitions() -> None:
     rng = np.random.default_rng(0)
     one = learner(updates__reward_shift=1.0, updates__reward_scale=0.5)
-    one.engine = recorder = Recorder(one.engine)
+    recorder = Recorder(one.engine)
+    one.engine = cast(Engine, recorder)
     trajectory = random_trajectory(rng, 8, terminated=True, program=PROGRAMS[1])
     one.consume(trajectory)
     assert len(recorder.batches) == 8
@@ -170,7 +175,8 @@ def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None
         updates__reward_shift=1.0,
         replay__batch_size=64,
     )
-    one.engine = recorder = Recorder(one.engine)
+    recorder = Recorder(one.engine)
+    one.engine = cast(Engine, recorder)
     rng = np.random.default_rng(0)
     for sequence in range(6):
         one.consume(random_trajectory(rng, 10, sequence=sequence))
@@ -185,7 +191,8 @@ def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None
 def test_relabeled_rewards_are_those_of_the_next_row() -> None:
     rng = np.random.default_rng(0)
     one = learner(relabeling__rule="all-goals", relabeling__programs_per_transition=2)
-    one.engine = recorder = Recorder(one.engine)
+    recorder = Recorder(one.engine)
+    one.engine = cast(Engine, recorder)
     one.consume(random_trajectory(rng, 40))
     seen = set()
     for batch in recorder.batches:

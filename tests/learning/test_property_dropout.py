@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 from worlds import PROGRAMS, WORDS, dpg, random_trajectory
 
 from pa_ros.core.experience import COLORS, SHAPES, Float32
+from pa_ros.core.update import Engine
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
@@ -36,7 +39,7 @@ def hide(
     table = ProgramTable(ALL)
     rows = [table.add(parse(f"NEAR(HAND, {text})", ALL)) for text in programs]
     objects = np.stack([scene(*kinds)] * len(drawn))
-    following = objects + np.float32(0.5) * (np.arange(16) < 7)
+    following = objects + (0.5 * (np.arange(16) < 7)).astype(np.float32)
     program = np.tile(np.array(rows, np.int32), (len(drawn), 1))
     PropertyDropout(table, probability).hide(drawn, objects, following, program)
     assert (following[..., 7:] == objects[..., 7:]).all()
@@ -122,7 +125,8 @@ def batches(**fields: object) -> list:
         **fields,
     )
     one = Learner(NetworkConfig(vocabulary=WORDS, hidden=6, attention=4), config, PROGRAMS, seed=0)
-    one.engine = recorder = Recorder(one.engine)
+    recorder = Recorder(one.engine)
+    one.engine = cast(Engine, recorder)
     rng = np.random.default_rng(0)
     for sequence in range(4):
         one.consume(random_trajectory(rng, 10, sequence=sequence))

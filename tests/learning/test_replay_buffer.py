@@ -257,8 +257,8 @@ def test_restore_is_the_inverse() -> None:
         replay.insert(random_trajectory(rng, 5, sequence=sequence), 0)
     again = ReplayBuffer(20, WORDS.digest)
     again.restore({k: v.copy() for k, v in replay.filled().items()}, replay.to_metadata())
-    draws = [r.sample(np.random.default_rng(1), 50) for r in (replay, again)]
-    np.testing.assert_array_equal(*draws)
+    one, other = (r.sample(np.random.default_rng(1), 50) for r in (replay, again))
+    np.testing.assert_array_equal(one, other)
     for name, array in replay.arrays.items():
         np.testing.assert_array_equal(array, again.arrays[name])
     with pytest.raises(TrajectorySizeError, match="expected 10 rows, got 20"):

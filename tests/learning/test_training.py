@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -38,7 +40,7 @@ SETTINGS = dpg(
     schedule__trajectory_steps=20,
     relabeling__rule="all-goals",
 )
-CHANGING = {
+CHANGING: dict[str, Any] = {
     "actor__action_l2": 0.1,
     "actor__action_l2_decay": 0.5,
     "actor__action_l2_decay_updates": 300,
@@ -323,7 +325,6 @@ def test_no_checkpoint_and_another_format(saved, tmp_path) -> None:
 
 
 def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) -> None:
-    from pa_ros.learning import checkpoints as checkpoint
 
     learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
     restore(saved, learner)
@@ -335,7 +336,7 @@ def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) ->
             def crash(*_: object) -> None:
                 raise OSError("the disk is full")
 
-            patch.setattr(checkpoint.os, step, crash)
+            patch.setattr(os, step, crash)
             with pytest.raises(CheckpointError, match="the disk is full"):
                 save_checkpoint(saved, learner)
         assert load_policy(saved).version == before.version
@@ -356,7 +357,7 @@ def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> No
 @pytest.mark.parametrize("field", ["seed", "frames", "evaluate_every_frames"])
 def test_negative_numbers_are_refused(tmp_path, field) -> None:
     with pytest.raises(ConfigError, match="-1"):
-        TrainConfig(tmp_path, **{field: -1})
+        TrainConfig(tmp_path, **cast(dict[str, Any], {field: -1}))
 
 
 def mean_reward(actor: Actor, episodes: range) -> float:

@@ -34,9 +34,10 @@ def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fu
     return _fused.Engine(make(), make(critic=True), **settings, threads=threads)
 
 
-def program(*rows: tuple[int, int, int]) -> list[np.ndarray]:
+def program(*rows: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`op`, `a`, `b`, [1, L], of instructions."""
-    return [np.array([column], np.int32) for column in zip(*rows, strict=True)]
+    op, a, b = (np.array([column], np.int32) for column in zip(*rows, strict=True))
+    return op, a, b
 
 
 def batch(transitions: int = 4, objects: int = 3, programs: int = 2) -> dict[str, object]:

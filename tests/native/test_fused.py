@@ -247,7 +247,7 @@ def test_sizes_may_change_between_updates() -> None:
         engine.load_tensors(made.engine().tensors())
         batch = make_batch(rng, size, objects, programs, 6)
         update(engine, batch, made.config)
-        expected = expected_gradients(made.reference(), batch, made.config.action_l2)
+        expected = expected_gradients(made.reference(), batch, made.config.actor.action_l2)
         assert_close(engine.gradients(), expected, 1e-5)
 
 
@@ -272,8 +272,10 @@ def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float) -> 
         index = int(np.flatnonzero(order == 0)[0])
         for text in PROGRAMS:
             program = parse(text, VOCABULARY)
-            given = (torch.from_numpy(x).double() for x in (batch.objects[:, order], batch.arm))
-            scene = Scenes(*given, [program], torch.zeros(1, 1, dtype=torch.long), index)
+            features = torch.from_numpy(batch.objects[:, order]).double()
+            joints = torch.from_numpy(batch.arm).double()
+            rows = torch.zeros(1, 1, dtype=torch.long)
+            scene = Scenes(features, joints, [program], rows, index)
             expected = formulas(made.network, named, scene)[0, 0].detach()
             ours = actor.act(batch.objects[0][order], batch.arm[0], program, index)
             np.testing.assert_allclose(ours, expected, rtol=0, atol=2e-6)

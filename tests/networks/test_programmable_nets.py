@@ -80,9 +80,9 @@ def programs(rows: np.ndarray) -> Programs:
 
 
 def scenes(objects, arm, rows, hand_index: int) -> formulas.Scenes:
-    given = (torch.from_numpy(array).double() for array in (objects, arm))
+    features, joints = (torch.from_numpy(array).double() for array in (objects, arm))
     programs = [parse(text, WORDS) for text in TEXTS]
-    return formulas.Scenes(*given, programs, torch.from_numpy(rows), hand_index)
+    return formulas.Scenes(features, joints, programs, torch.from_numpy(rows), hand_index)
 
 
 @pytest.mark.parametrize("kind", KINDS)

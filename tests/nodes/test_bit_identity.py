@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,9 +26,9 @@ SEED, EPISODES = 11, 3
 OPTIONS = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=16", "network.hidden=32"]
 
 
-def parameters(**changes: dict[str, object]) -> dict[str, dict[str, object]]:
+def parameters(**changes: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Of three nodes that learn as `in_process` does."""
-    common = {
+    common: dict[str, dict[str, Any]] = {
         "sim_node": {"seed": SEED},
         "agent_node": {"learning": True, "seed": SEED, "agent_id": "agent"},
         "learner_node": {"seed": SEED, "options": [*OPTIONS]},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -147,10 +148,10 @@ def test_programs_are_accepted_and_refused_with_a_reason_while_the_arena_runs():
     with graph(SimNode, AgentNode, sim_node__program_source="topic", **RANDOM) as probe:
         speaker = probe.speaker(topics.PROGRAM)
 
-        def ask(program_id: str, text: str) -> dict[str, object]:
+        def ask(program_id: str, text: str) -> dict[str, Any]:
             speaker.publish(codec.encode_program(ProgramRequest(program_id, text)))
 
-            def answers() -> dict[str, object]:
+            def answers() -> dict[str, Any]:
                 found = map(codec.decode_program_status, probe.heard["program_status"])
                 return {j.node: j for j in found if j.program_id == program_id}
 

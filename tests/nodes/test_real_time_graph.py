@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from graph import graph
@@ -14,6 +16,10 @@ from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
 REAL_TIME = {"sim_node__mode": "real_time", "sim_node__real_time_factor": 5.0}
+
+
+def reached(sim: SimNode, steps: int) -> bool:
+    return sim.session.steps >= steps
 
 
 def test_the_watchdog_holds_the_arm_when_commands_stop():
@@ -31,7 +37,8 @@ def test_the_watchdog_holds_the_arm_when_commands_stop():
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
         for _ in range(4):
             answer()
-            assert probe.until(lambda seen=sim.session.steps: sim.session.steps >= seen + 2)
+            later = sim.session.steps + 2
+            assert probe.until(partial(reached, sim, later))
         assert max(abs(m.velocity[0]) for m in probe.heard["joint_states"]) > 0.3
         held = sim.watchdog.holds
         assert probe.until(lambda: sim.watchdog.holds > held + 5)

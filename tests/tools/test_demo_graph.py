@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -129,8 +130,9 @@ def sent_programs(bag: Path) -> list[str]:
 
 
 def outcome_of(satisfied: list[bool], reached: bool = True) -> Outcome:
+    nowhere: Any = None  # where it was executed does not matter
     executions = [
-        (program, None, Execution(near, 0.1, 1.0 if near else None, 2.0, "held"))
+        (program, nowhere, Execution(near, 0.1, 1.0 if near else None, 2.0, "held"))
         for program, near in zip(demo_programs(DESIGN), satisfied, strict=True)
     ]
     return Outcome(reached=reached, executions=executions)
@@ -151,11 +153,12 @@ def test_success_is_the_held_out_program_and_five_of_six(satisfied, reached, suc
 
 
 @pytest.mark.parametrize(
-    ("values", "reason"), [((-1, 20.0), "got -1"), ((0, 0.0), "got 0"), ((0, float("nan")), "nan")]
+    ("seed", "minutes", "reason"),
+    [(-1, 20.0, "got -1"), (0, 0.0, "got 0"), (0, float("nan"), "nan")],
 )
-def test_options_that_cannot_be_are_refused(values, reason, tmp_path):
+def test_options_that_cannot_be_are_refused(seed, minutes, reason, tmp_path):
     with pytest.raises(ConfigError, match=reason):
-        DemoConfig(DESIGN, ARENA, *values, tmp_path)
+        DemoConfig(DESIGN, ARENA, seed, minutes, tmp_path)
 
 
 @pytest.mark.parametrize(("preset", "protocol"), [("fast", "ours"), ("paper", "ours-slow")])

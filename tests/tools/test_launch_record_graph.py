@@ -35,8 +35,8 @@ def record(folder: Path) -> Path:
     """A short run of a graph, launched in a folder and interrupted; its bag."""
     params = folder / "params.yaml"
     params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in PARAMETERS.items()}))
-    arguments = ["launch", "--params", params, "--out", folder / "run", "--record", folder / "bag"]
-    with pa_ros(*arguments) as process:
+    folders = ("--out", folder / "run", "--record", folder / "bag")
+    with pa_ros("launch", "--params", params, *folders) as process:
         try:
             storage = folder / "bag" / "bag.mcap"
             wait_for(lambda: storage.exists() and storage.stat().st_size > 800_000, "recording")

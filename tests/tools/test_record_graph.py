@@ -4,7 +4,9 @@ import json
 import os
 import resource
 import signal
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -156,8 +158,10 @@ def test_a_recording_that_is_ended_is_readable(tmp_path, number, storage):
         assert repairing.returncode == 0 and "1 messages in 1 file(s)" in out
     with Reader(bag) as reader:
         store = installed_types()
-        texts = [store.deserialize_cdr(raw, c.msgtype).text for c, _, raw in reader.messages()]
-    assert texts == ["NEAR(HAND, RED)"]
+        found: list[Any] = [
+            store.deserialize_cdr(raw, c.msgtype) for c, _, raw in reader.messages()
+        ]
+    assert [message.text for message in found] == ["NEAR(HAND, RED)"]
     assert not (bag / ".reserve").exists()
     assert repair(bag).messages == 1
 
@@ -176,13 +180,17 @@ def test_memory_stays_bounded(tmp_path):
         publisher = publisher_heard(node, topics.TRAJECTORIES)
         for count in range(1, 301):
             publisher.publish(large)
-            wait_for(lambda count=count: bag.counts["/trajectories"] >= count - 5, "keeping up")
+            wait_for(kept_up(bag, count - 5), "keeping up")
             if count == 50:
                 before = resident_mb()
         wait_for(lambda: bag.counts["/trajectories"] == 300, "all")
         assert bag.size > 250e6
         assert resident_mb() - before < 40
     assert len(message.text) == 1_000_000
+
+
+def kept_up(recorder: Recorder, count: int) -> Callable[[], bool]:
+    return lambda: recorder.counts["/trajectories"] >= count
 
 
 def resident_mb() -> float:

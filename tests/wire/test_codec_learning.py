@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,7 +42,7 @@ def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Traj
     return Trajectory(**{**defaults, **fields})
 
 
-def same(a: object, b: object) -> bool:
+def same(a: Any, b: Any) -> bool:
     pairs = [(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a)]
     return all(np.array_equal(x, y) and type(x) is type(y) for x, y in pairs)
 

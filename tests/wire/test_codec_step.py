@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def observation(seed: int = 0, count: int = 5, **fields) -> Observation:
     return Observation(**{**defaults, **fields})
 
 
-def same(a: object, b: object) -> bool:
+def same(a: Any, b: Any) -> bool:
     pairs = [(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a)]
     return all(np.array_equal(x, y) and type(x) is type(y) for x, y in pairs)
 

@@ -7,7 +7,7 @@ they are rearranged. Float32; deterministic for given inputs, threads and instru
 from __future__ import annotations
 
 import logging
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from pa_ros.networks.parameters import (
 )
 from pa_ros.world.programs import ProgramTable
 
-Arrays = dict[str, NDArray[np.generic]]
+Arrays = dict[str, NDArray[Any]]
 Int32 = NDArray[np.int32]
 log = logging.getLogger(__name__)
 

@@ -28,7 +28,7 @@ from pa_ros.networks.parameters import (
 )
 from pa_ros.world.programs import ProgramTable
 
-Arrays = dict[str, NDArray[np.generic]]
+Arrays = dict[str, NDArray[Any]]
 
 _STEPS: Shapes = {"adam.actor.step": (), "adam.critic.step": ()}
 
