@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ class Arm:
     """An arena that does as the agent says, unless told otherwise."""
 
     def __init__(self, agent: Agent) -> None:
-        self.agent = agent
+        self.agent: Any = agent  # a LearningAgent, where the test says so
         self.task = ReachTask(ARENA, DESIGN, seed=1)
         self.sent: list[Trajectory] = []
         self.velocity = np.zeros(6)

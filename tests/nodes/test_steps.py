@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from agent_node.errors import StaleObservationError
@@ -9,7 +11,7 @@ from agent_node.steps import StepMatcher
 
 
 def test_steps_are_matched_by_stamp_in_any_order_and_old_ones_refused():
-    matcher = StepMatcher(("a", "b"))
+    matcher: Any = StepMatcher(("a", "b"))  # of any messages
     assert matcher.add("b", 10, "b10") is None
     assert matcher.add("a", 20, "a20") is None
     assert matcher.add("a", 10, "a10") == {"a": "a10", "b": "b10"}
