@@ -1,0 +1,75 @@
+"""Settings: strict, frozen, and refusals that say where, what was expected and what came."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+import pytest
+from pydantic import Field, ValidationError
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import OneOf, Settings
+
+
+class Part(Settings):
+    share: float = Field(0.5, ge=0, lt=1, description="of it, s")
+    kind: Literal["a", "b"] = "a"
+    pair: tuple[float, float] = (1.0, 2.0)
+
+
+class Whole(Settings):
+    SECTION: ClassVar[str] = "whole"
+    part: Part = Part(share=0.25)
+    name: Annotated[str, OneOf(lambda: ("x", "y"))] = "x"
+    steps: int = Field(1, ge=1, le=9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"part.share": 1.5}, "whole.part.share: expected a number in [0, 1), got 1.5"),
+        ({"part.share": True}, "whole.part.share: expected a number in [0, 1), got True"),
+        ({"part.share": "0.5"}, "whole.part.share: expected a number in [0, 1), got '0.5'"),
+        ({"part.kind": "c"}, "whole.part.kind: expected one of ['a', 'b'], got 'c'"),
+        ({"part.pair": [1, 2, 3]}, "whole.part.pair: expected 2 numbers, got [1, 2, 3]"),
+        ({"name": "z"}, "whole.name: expected one of ['x', 'y'], got 'z'"),
+        ({"steps": 2.0}, "whole.steps: expected an integer in [1, 9], got 2.0"),
+        ({"steps": 10}, "whole.steps: expected an integer in [1, 9], got 10"),
+        ({"part": 3}, "whole.part: expected the settings of this part, got 3"),
+        ({"share": 0.1}, "whole.share: expected a known name, such as part.share, got 0.1"),
+    ],
+)
+def test_a_refusal_names_the_path(changes, message) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        Whole().changed(**changes)
+    assert str(refusal.value) == message
+
+
+def test_an_int_passes_for_a_float_and_a_list_for_a_tuple() -> None:
+    part = Part(share=0, pair=[3, 4])  # type: ignore[arg-type]
+    assert (part.share, part.pair) == (0.0, (3.0, 4.0)) and isinstance(part.share, float)
+
+
+def test_changed_leaves_the_rest_and_the_original() -> None:
+    whole = Whole()
+    other = whole.changed(**{"part.kind": "b", "steps": 2})
+    assert (other.part.share, other.part.kind, other.steps) == (0.25, "b", 2)
+    assert whole == Whole() and hash(whole) == hash(Whole()) and whole != other
+    with pytest.raises(ValidationError):
+        whole.steps = 3  # type: ignore[misc]
+
+
+def test_leaves_tell_defaults_as_the_owner_has_them() -> None:
+    leaves = {leaf.path: leaf for leaf in Whole.leaves()}
+    assert list(leaves) == ["part.share", "part.kind", "part.pair", "name", "steps"]
+    assert leaves["part.share"].default == 0.25
+    assert leaves["part.share"].description == "of it, s"
+
+
+def test_json_and_back() -> None:
+    whole = Whole(steps=4)
+    assert Whole.from_json(whole.to_json()) == whole
+    assert Whole.from_json("{}") == Whole()
+    for text in ("{", "3", '{"speed": 1}', '{"steps": NaN}'):
+        with pytest.raises(ConfigError):
+            Whole.from_json(text)
