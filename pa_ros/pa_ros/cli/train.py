@@ -25,9 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--design", default="2-L", help=f"{', '.join(DESIGNS)} (%(default)s)")
     parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
     parser.add_argument(
-        "--protocol", help=f"{sorted(PROTOCOLS)} (ours, ours-slow for preset paper)"
+        "--protocol", help=f"{', '.join(PROTOCOLS)} (ours, or ours-slow for preset paper)"
     )
-    parser.add_argument("--network", default="programmable", help=f"{KINDS} (%(default)s)")
+    parser.add_argument(
+        "--network", default="programmable", help=f"{', '.join(KINDS)} (%(default)s)"
+    )
     parser.add_argument("--seed", type=int, help="(0; with --from-bag, the recorded one)")
     parser.add_argument("--frames", type=int, default=100_000, help="(%(default)s)")
     parser.add_argument("--out", type=Path, required=True, help="folder for curve and checkpoint")
