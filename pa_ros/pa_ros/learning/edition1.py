@@ -54,7 +54,7 @@ _NAMES = {  # there: here
 
 
 def read(values: dict[str, Any]) -> dict[str, Any]:
-    """A checkpoint's metadata with today's names; ConfigError if it is not 0.1's."""
+    """A checkpoint's metadata as the next format has it; ConfigError if it is not 0.1's."""
     try:
         given = json.loads(values["learner"])
         near_m = given["near_threshold"]
@@ -62,4 +62,4 @@ def read(values: dict[str, Any]) -> dict[str, Any]:
     except (ValueError, AttributeError, TypeError, KeyError) as error:
         raise ConfigError(f"learner: expected the settings of version 0.1: {error!r}") from error
     learner = DPGConfig().changed(**settings).to_json()
-    return values | {"learner": learner, "scoring": repr(Scoring(near_m))}
+    return values | {"format": FORMAT + 1, "learner": learner, "scoring": repr(Scoring(near_m))}
