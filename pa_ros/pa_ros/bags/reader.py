@@ -23,6 +23,9 @@ from pa_ros.bags.errors import (
 from pa_ros.bags.repair import custom_data, storage_files
 from pa_ros.wire.definitions import installed_types
 from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import WIRE_VERSION
+
+OF_EDITION_1 = "msgs_schema/msg/Transitions"  # Trajectory since
 
 T = TypeVar("T")
 
@@ -107,6 +110,11 @@ class Bag:
             raise ForeignBagError(
                 f"bag: {self.path}: expected one topic of type {type_name}{where}, got "
                 f"{', '.join(sorted(found))}: choose with --namespace"
+            )
+        if OF_EDITION_1 in self.types.values():
+            raise ForeignBagError(
+                f"bag: {self.path}: expected messages of edition {WIRE_VERSION}, got edition 1, "
+                "which version 0.1 records and reads"
             )
         raise ForeignBagError(
             f"bag: {self.path}: expected a topic of type {type_name}{where}, got "
