@@ -58,6 +58,16 @@ def test_poses_are_in_the_frame_of_the_hand(task: ReachTask) -> None:
             observation, _ = task.step(command)
 
 
+def test_blocks_stand_upright_turned_by_their_yaw(task: ReachTask) -> None:
+    """In the arena's own frame, at rest."""
+    for episode in range(5):
+        task.reset(episode)
+        for i, block in enumerate(task.episode.blocks):
+            quaternion = task.simulation.data.body(f"block{i}").xquat
+            expected = Rotation.from_euler("z", block.yaw).as_quat(scalar_first=True)
+            np.testing.assert_allclose(np.abs(quaternion @ expected), 1.0, atol=1e-9)
+
+
 def test_poses_belong_to_the_joint_positions_of_the_same_step(task: ReachTask) -> None:
     """MuJoCo leaves poses one physics step behind the joints unless told to catch up."""
     import mujoco

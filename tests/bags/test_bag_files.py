@@ -16,7 +16,7 @@ from recorded_runs import train
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pa_ros.bags.contents import reliable_qos, topic
+from pa_ros.bags.contents import RESERVE, reliable_qos, topic
 from pa_ros.bags.errors import BagError, BagFullError, DamagedBagError, UnfinishedBagError
 from pa_ros.bags.losses import Losses
 from pa_ros.bags.reader import Bag
@@ -125,6 +125,7 @@ def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
     with pytest.raises(UnfinishedBagError, match="record --repair"):
         Bag(bag)
     assert main(["record", "--repair", str(bag)]) == 0
+    assert not (bag / RESERVE).exists()
     assert "7 messages in 1 file(s) can be read" in capsys.readouterr().out
     assert identifiers(bag) == list(range(7))
     before = storage_file(bag).read_bytes()
@@ -295,8 +296,15 @@ def test_options_and_folders_that_cannot_be_are_refused(tmp_path):
         BagOptions("zarr")
     with pytest.raises(ConfigError, match="split_s.*-1"):
         BagOptions(split_s=-1)
+    with pytest.raises(ConfigError, match="split_s.*inf"):
+        BagOptions(split_s=float("inf"))
+    assert BagOptions(split_s=0, split_bytes=0).split_s == 0  # never
     with pytest.raises(BagError, match="exists already"):
         BagWriter(tmp_path)
+    with BagWriter(tmp_path / "twice") as twice:
+        twice.add(TOPIC)
+        with pytest.raises(BagError, match="declared twice"):
+            twice.add(TOPIC)
     bag = written(tmp_path / "bag", 1)
     with pytest.raises(BagError, match="closed already"):
         bag.write("/program", b"", START)

@@ -87,3 +87,21 @@ def test_long_lists_and_words_are_cut() -> None:
 def test_an_operator_without_operands_cannot_be_built() -> None:
     with pytest.raises(ConfigError, match=r"AND: expected a tuple of two or more operands, got \("):
         And((Word("RED"),))
+
+
+@pytest.mark.parametrize("word", ["red", "Red", "RED CUBE", "", "1RED", "RÉD", "AND", "RED"])
+def test_words_that_no_vocabulary_has_are_refused(word: str) -> None:
+    with pytest.raises(ConfigError, match="vocabulary"):
+        Vocabulary(("CUBE",), ("RED", word))
+
+
+def test_a_digest_tells_vocabularies_apart() -> None:
+    found = {
+        Vocabulary(shapes, colors).digest
+        for shapes, colors in (
+            (("CUBE", "RED"), ("BLUE",)),
+            (("CUBE",), ("RED", "BLUE")),
+            (("CUBE",), ("BLUE", "RED")),
+        )
+    }
+    assert len(found) == 3 and {len(digest) for digest in found} == {16}

@@ -11,9 +11,10 @@ from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring import training
 from pa_ros.language import ProgramError
-from pa_ros.wire.records import ProgramRequest, ResetRequest
+from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
 from sim_node.config import SimConfig
 from sim_node.description import training_programs
+from sim_node.errors import NoProgramError, StaleCommandError
 from sim_node.session import Session
 
 
@@ -129,3 +130,36 @@ def test_learners_that_cannot_be_are_refused(wrong):
 def test_the_arena_tells_the_programs_that_the_loop_trains_on(design):
     found = design_named(design)
     assert list(training_programs(found)) == training.training_programs(found)
+
+
+def answer_to(session: Session, share: float = 0.5, **fields: int) -> Command:
+    """A command of a share of the first joint's speed, to the step that stands."""
+    stands = session.frame.observation
+    values = {"episode": stands.episode, "step": stands.step, "stamp_ns": stands.stamp_ns} | fields
+    action = np.array([share, 0, 0, 0, 0, 0], np.float32)
+    return Command(**values, agent_id="me", policy_version=0, action=action)
+
+
+def test_a_command_is_a_share_of_the_speed_limits_and_counted():
+    session = Session(SimConfig(), "x")
+    session.begin()
+    (frame,) = session.apply(answer_to(session, 0.5))
+    limit = session.speed_limits[0]
+    assert frame.observation.joint_velocity[0] == pytest.approx(0.5 * limit, rel=0.05)
+    assert (session.steps, session.clamped, frame.commanded_by) == (1, 0, "me")
+    (frame,) = session.apply(answer_to(session, -1.5))
+    assert frame.observation.joint_velocity[0] == pytest.approx(-limit, rel=0.05)
+    assert (session.steps, session.clamped, frame.commanded_by) == (2, 1, "")
+
+
+@pytest.mark.parametrize("wrong", [{"episode": 1}, {"step": 1}, {"stamp_ns": 1}])
+def test_in_lockstep_only_the_step_that_stands_is_answered(wrong):
+    session = Session(SimConfig(), "x")
+    session.begin()
+    session.check(answer_to(session))
+    with pytest.raises(StaleCommandError):
+        session.check(answer_to(session, **wrong))
+    without = Session(SimConfig(program_source="topic"), "x")
+    without.begin()
+    with pytest.raises(NoProgramError):
+        without.check(answer_to(without))

@@ -17,9 +17,19 @@ def filled(clock=None) -> GraphFigures:
     figures = GraphFigures(clock or Clock())
     figures.take(
         [
-            Health("/sim_node", 0, "running", {"steps_per_s": "512.4", "refused.wire.size": "2"}),
+            Health(
+                "/sim_node",
+                0,
+                "running",
+                {"steps_per_s": "512.4", "real_time_factor": "2.46", "refused.wire.size": "2"},
+            ),
             Health("/a/agent_node", 2, "stuck", {"refused.wire.size": "1", "policy_version": "7"}),
-            Health("/learner_node", 0, "learning", {"mean_q": "-4.5", "updates_per_s": "junk"}),
+            Health(
+                "/learner_node",
+                0,
+                "learning",
+                {"mean_q": "-4.5", "updates_per_s": "junk", "frames": "33"},
+            ),
         ]
     )
     return figures
@@ -27,11 +37,13 @@ def filled(clock=None) -> GraphFigures:
 
 def test_rows_hold_the_newest_figures():
     figures = filled()
+    figures.take([Health("/other/sim_node", 0, "running", {"real_time_factor": "2.46"})])
     rows = dict(figures.rows())
     assert rows["frames/s"] == "512"
     assert rows["weights version, agent"] == "7"
     assert rows["actor loss (minus mean Q)"] == "+4.5000"
     assert rows["updates/s"] == rows["critic loss"] == "-"
+    assert rows["real-time factor"] == "2.5" and rows["frames"] == "33"
     assert rows["refused messages"] == "wire.size 3"
     assert rows["alarms"] == "/a/agent_node: stuck"
     figures.take([Health("/sim_node", 0, "running", {"steps_per_s": "7"})])
@@ -62,7 +74,7 @@ def test_without_a_terminal_there_are_plain_lines_now_and_then(monkeypatch):
             clock.now += LINE_PERIOD_S / 10
     lines = stream.getvalue().splitlines()
     assert len(lines) == 2
-    assert lines[0].startswith("frames -  frames/s 512") and "\x1b" not in stream.getvalue()
+    assert lines[0].startswith("frames 33  frames/s 512") and "\x1b" not in stream.getvalue()
 
 
 def test_on_a_terminal_there_is_a_table(monkeypatch):

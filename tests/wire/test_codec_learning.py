@@ -224,3 +224,8 @@ def test_damaged_weights_are_refused(change, error):
     change(message)
     with pytest.raises(error):
         codec.decode_weights(message)
+
+
+def test_which_object_is_the_hand_survives_the_wire():
+    sent = trajectory(hand_index=3)
+    assert same(codec.decode_trajectory(codec.encode_trajectory(sent)), sent)

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_ros.wire import codec, errors
+from pa_ros.wire.codec.services import SPEEDS
 from pa_ros.wire.interfaces import Reset, SetBool, SetSpeed, Step
 from pa_ros.wire.records import (
     ArenaDescription,
@@ -166,4 +167,6 @@ def test_absurd_speeds_are_refused(speed):
 def test_valid_requests_pass():
     assert codec.decode_steps(codec.encode_steps(7)) == 7
     assert codec.decode_speed(codec.encode_speed(0.5)) == 0.5
+    for bound in SPEEDS:
+        assert codec.decode_speed(codec.encode_speed(bound)) == bound
     assert codec.decode_pause(codec.encode_pause(True)) is True

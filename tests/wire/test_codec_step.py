@@ -155,6 +155,8 @@ def test_verdict_survives_the_wire(episode, step, stamp, program, satisfied, cut
     message = codec.encode_verdict(sent, evaluation=cut)
     assert same(codec.decode_verdict(message), sent)
     assert codec.is_evaluation(message) is cut
+    assert not codec.is_evaluation(codec.encode_verdict(sent))
+    assert codec.decode_step_mark(message) == StepMark(episode, step, cut, program)
 
 
 @pytest.mark.parametrize(
