@@ -136,7 +136,6 @@ def test_an_agent_that_cannot_do_as_the_learner_asks_says_so_and_does_not_act(ch
         probe.speaker(topics.POLICY_WEIGHTS).publish(codec.encode_weights(policy(0)))
         refused = "refused.learner.request"
         assert probe.until(lambda: probe.value("agent_node", refused) == "1")
-        print(probe.health["/agent_node"])
         assert probe.message("agent_node").startswith(f"does not act for the learner: {reason}")
         assert probe.health["/agent_node"].level == ERROR
         assert probe.count(topics.JOINT_COMMANDS) == 0

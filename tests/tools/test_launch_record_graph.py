@@ -19,7 +19,7 @@ from pa_ros.tools.domain import DomainClaim
 pytestmark = pytest.mark.graph
 PARAMETERS = {
     "/**/sim_node": {"seed": 4, "eval_every_episodes": 2},
-    "/**/agent_node": {"seed": 4, "learning": True, "weights": "topic", "options": SMALL},
+    "/**/agent_node": {"seed": 4, "learning": True, "weights": "topic"},
     "/**/learner_node": {"seed": 4, "options": SMALL},
 }
 
