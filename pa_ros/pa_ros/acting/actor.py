@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +16,16 @@ from pa_ros.core.experience import Float32, Observation, PolicySnapshot
 from pa_ros.language import Program, parse
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
-from pa_ros.networks.inference import Inference, TorchActor
 from pa_ros.networks.parameters import TensorError, Tensors, actor_shapes, check_tensors
+
+if TYPE_CHECKING:
+    from pa_ros.networks.inference import (
+        Inference,
+    )  # brings torch, which fused acting can do without
 
 log = logging.getLogger(__name__)
 
-MakeInference = Callable[[NetworkConfig, Tensors], Inference]
+MakeInference = Callable[[NetworkConfig, Tensors], "Inference"]
 
 
 class Actor:
@@ -113,6 +118,8 @@ def inference_for(network: NetworkConfig, inference: str) -> MakeInference:
     reason = "chosen" if inference == "torch" else why_not_network(network)
     log.info("actor inference: %s", f"torch ({reason})" if reason else "fused")
     if reason:
+        from pa_ros.networks.inference import TorchActor
+
         return TorchActor
     from pa_ros.native.engine import FusedActor
 
