@@ -55,7 +55,7 @@ def shared_memory_of(pid: int) -> list[str]:
 @pytest.mark.parametrize(
     ("node", "parameters", "reason"),
     [
-        ("sim_node", {"design": "9-Z"}, "expected a design of"),
+        ("sim_node", {"design": "9-Z"}, "got '9-Z'"),
         ("sim_node", {"sed": 3}, "got ['sed']"),
         ("agent_node", {"weights": "checkpoint", "checkpoint": "/no/such"}, "found none"),
         ("learner_node", {"resume": True, "out": "/no/such"}, "found none"),
