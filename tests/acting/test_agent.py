@@ -69,6 +69,14 @@ def arm() -> Arm:
     return Arm(following())
 
 
+def test_a_greedy_agent_says_which_weights_it_will_begin_with() -> None:
+    """Who waits for it to be ready must see that it is, before there is a program to act on."""
+    agent = Agent(ME)
+    assert agent.version == "none"
+    agent.offer(published(3))
+    assert agent.version == "3"
+
+
 def test_trajectories_follow_one_another_without_gap(arm) -> None:
     arm.reset(0)
     arm.run(25)

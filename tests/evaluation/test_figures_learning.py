@@ -28,6 +28,20 @@ def test_every_seed_is_drawn_also_one_that_stopped_early(tmp_path, name):
     assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size < 100_000
 
 
+def test_tables_of_0_1_are_drawn_too(tmp_path):
+    """Their settings had no parts."""
+    table = write_table(
+        tmp_path,
+        experiment_named("forgetting"),
+        {0: rows(0.1, 0.9)},
+        [summarize(0, rows(0.1, 0.9))],
+    )
+    setting = json.loads(table.with_suffix(".json").read_text())
+    setting["learner"] = {"replay_frames": 50_000}
+    table.with_suffix(".json").write_text(json.dumps(setting))
+    assert learning_figure(table).exists()
+
+
 def test_the_command_draws_what_is_there_and_names_it(tmp_path, capsys):
     curves = {0: rows(0.1, 0.95)}
     write_table(tmp_path, experiment_named("canonical-2C"), curves, [summarize(0, curves[0])])

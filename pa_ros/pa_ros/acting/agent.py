@@ -41,8 +41,9 @@ class Agent:
 
     @property
     def version(self) -> str:
-        """Of the weights in use."""
-        return "none" if self._loaded is None else str(self._loaded.snapshot.version)
+        """Of the weights in use; before the first step, of those at hand for it, or "none"."""
+        policy = self._loaded or self._rule.required(0)
+        return "none" if isinstance(policy, Wait) else str(policy.snapshot.version)
 
     def offer(self, policy: PublishedPolicy) -> None:
         """Weights have come. Raises PolicyError, and changes nothing, if they cannot be used."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def learning_figure(table: Path) -> Path:
             _curve(axes, rows, seeds, column, label, color)
     axes.axhline(SOLVED, color="grey", linestyle=":", linewidth=1)
     if switch := setting["switch_frames"]:
-        turnover = switch + setting["learner"]["replay_frames"]
+        turnover = switch + _replay_frames(setting["learner"])
         for x, text in ((switch, "programs switched"), (turnover, "replay turned over")):
             axes.axvline(x, color="#586e75", linestyle="--", linewidth=1)
             axes.text(x, 0.2, f" {text}", fontsize=8, rotation=90, va="bottom", ha="right",
@@ -100,3 +101,9 @@ def _read(table: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
         raise ValueError("expected columns seed and frames, and at least one row")
     except (OSError, ValueError, TypeError) as error:
         raise TableError(f"{table}: {error}") from error
+
+
+def _replay_frames(learner: Mapping[str, Any]) -> int:
+    """Capacity of the replay buffer; tables of 0.1 hold the learner's settings without parts."""
+    parts = learner.get("replay", {"capacity_frames": learner.get("replay_frames")})
+    return int(parts["capacity_frames"])
