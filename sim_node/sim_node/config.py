@@ -85,5 +85,5 @@ class SimConfig(Settings):
         """The preset, with the episodes' length that applies."""
         preset = preset_named(self.preset)
         if self.episode_steps:
-            return replace(preset, episode_steps=self.episode_steps)
-        return replace(preset, episode_steps=ENDLESS) if self.program_source == "topic" else preset
+            return preset.changed(episode_steps=self.episode_steps)
+        return preset.changed(episode_steps=ENDLESS) if self.program_source == "topic" else preset

@@ -52,7 +52,7 @@ def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
 )
 def test_bad_parameters_are_refused_with_the_value(field: str, value: Any, shown: str) -> None:
     with pytest.raises(ConfigError) as refusal:
-        replace(ArenaConfig(), **{field: value})
+        ArenaConfig().changed(**{field: value})
     assert shown in str(refusal.value)
 
 

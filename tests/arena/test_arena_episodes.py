@@ -1,6 +1,5 @@
 """What every condition promises, over many seeds."""
 
-from dataclasses import replace
 from itertools import combinations
 from math import hypot
 
@@ -193,7 +192,7 @@ def test_custom_vocabulary_and_number_of_blocks() -> None:
 
 def test_too_many_blocks_for_the_ring_are_refused() -> None:
     design = design_named("3-C")
-    crowded = replace(CONFIG, block_separation_m=0.9)
+    crowded = CONFIG.changed(block_separation_m=0.9)
     with pytest.raises(EpisodeError, match="4 blocks"):
         generate(crowded, design, condition_named("train", design), 0, 0)
     with pytest.raises(ConfigError, match="got 10"):

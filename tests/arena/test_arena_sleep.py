@@ -1,7 +1,5 @@
 """Sleeping of resting blocks changes nothing but the speed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -32,7 +30,7 @@ def test_all_blocks_sleep_until_touched() -> None:
 def test_awake_blocks_rest_where_sleeping_ones_lie(config: ArenaConfig) -> None:
     """The resting depths in the constants are MuJoCo's own."""
     design = Design("all", SHAPES, ("RED",), Vocabulary(SHAPES, ("RED",)), (Kind("RED", "CUBE"),))
-    task = ReachTask(replace(config, sleep=False), design, 0)
+    task = ReachTask(config.changed(sleep=False), design, 0)
     task.reset(0)
     start = task.simulation.positions
     for _ in range(50):

@@ -1,7 +1,5 @@
 """Stepping, programs, time limit, clock and refusals."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -26,7 +24,7 @@ STILL = np.zeros(6)
 
 
 def new_task(seed: int = 0, **changes: object) -> ReachTask:
-    return ReachTask(replace(FAST, **changes), design_named("2-L"), seed)  # type: ignore[arg-type]
+    return ReachTask(FAST.changed(**changes), design_named("2-L"), seed)  # type: ignore[arg-type]
 
 
 def trace(task: ReachTask, episode: int, seed: int) -> list[bytes]:

@@ -91,7 +91,7 @@ def test_an_independent_reader_sees_sequence_numbers_times_and_definitions(tmp_p
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-@pytest.mark.parametrize("limits", [{"split_s": 3.0}, {"split_bytes": 100_000}])
+@pytest.mark.parametrize("limits", [{"split_s": 3.0}, {"split_mb": 0.1}])
 def test_a_bag_is_split_by_time_and_size(tmp_path, storage, limits):
     written(tmp_path / "bag", 10, 40_000, storage=storage, **limits)
     about = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
@@ -293,12 +293,12 @@ def test_a_full_disk_leaves_a_readable_bag(tmp_path, monkeypatch):
 
 def test_options_and_folders_that_cannot_be_are_refused(tmp_path):
     with pytest.raises(ConfigError, match="zarr"):
-        BagOptions("zarr")
+        BagOptions(storage="zarr")
     with pytest.raises(ConfigError, match="split_s.*-1"):
         BagOptions(split_s=-1)
     with pytest.raises(ConfigError, match="split_s.*inf"):
         BagOptions(split_s=float("inf"))
-    assert BagOptions(split_s=0, split_bytes=0).split_s == 0  # never
+    assert BagOptions(split_s=0, split_mb=0).split_s == 0  # never
     with pytest.raises(BagError, match="exists already"):
         BagWriter(tmp_path)
     with BagWriter(tmp_path / "twice") as twice:

@@ -36,6 +36,13 @@ class Whole(Settings):
         ({"steps": 2.0}, "whole.steps: expected an integer in [1, 9], got 2.0"),
         ({"steps": 10}, "whole.steps: expected an integer in [1, 9], got 10"),
         ({"part": 3}, "whole.part: expected the settings of this part, got 3"),
+        ({"part.pair": [1]}, "whole.part.pair: expected 2 numbers, got [1]"),
+        ({"qqq": 1}, "whole.qqq: expected a known name of ['name', 'part', 'steps'], got 1"),
+        (
+            {"part.qqq": 1},
+            "whole.part.qqq: expected a known name of ['part.kind', 'part.pair', 'part.share'], "
+            "got 1",
+        ),
         ({"share": 0.1}, "whole.share: expected a known name, such as part.share, got 0.1"),
     ],
 )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -29,4 +27,4 @@ def novice() -> TrainedAgent:
     tensors["detectors.bias"][:] = 0.0
     tensors["detectors.weight"][:, :16] = CRISP * truth_matrix(design.vocabulary).T
     snapshot = PolicySnapshot(3, config.architecture, design.vocabulary.digest, tensors)
-    return TrainedAgent(snapshot, design, replace(arena, episode_steps=12))
+    return TrainedAgent(snapshot, design, arena.changed(episode_steps=12))

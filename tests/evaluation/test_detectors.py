@@ -64,7 +64,7 @@ def test_exchanged_detectors_are_found_wrong(novice: TrainedAgent):
 
 
 def test_looks_are_taken_along_the_episodes_in_which_the_agent_acts(novice: TrainedAgent):
-    longer = replace(novice, arena=replace(novice.arena, episode_steps=2 * EVERY))
+    longer = replace(novice, arena=novice.arena.changed(episode_steps=2 * EVERY))
     view = DetectorView(longer)
     looks = list(view.looks(KNOWN, 2))
     assert [(look.episode.index, look.step) for look in looks] == [

@@ -78,7 +78,7 @@ def test_agents_of_two_settings_are_not_mixed(novice: TrainedAgent, tmp_path):
     with pytest.raises(ConfigError, match="sideways"):
         generalize({0: novice}, tmp_path, 2, ("sideways",), quiet)
     with pytest.raises(ConfigError, match="got 0"):
-        Benchmark(novice.design, novice.arena, 0)
+        Benchmark(design=novice.design, arena=novice.arena, episodes=0)
     described: dict[str, Any] = setting({4: novice}, 5)
     assert described["preset"] == "fast" and described["colors"][-2:] == ("A", "B")
 
@@ -180,7 +180,7 @@ def test_tables_come_back_as_they_were_or_are_refused(tmp_path):
 
 
 def test_kept_scores_are_those_of_a_fresh_run(novice: TrainedAgent, tmp_path):
-    setup = Benchmark(novice.design, novice.arena, 2, seed=9)
+    setup = Benchmark(design=novice.design, arena=novice.arena, episodes=2, seed=9)
     kept = Scorer(setup, tmp_path).agent(novice, "eval")
     task, policy = ReachTask(novice.arena, novice.design, 9), novice.policy
     fresh = list(run_episodes(task, lambda o: policy(o, task.program), "eval", 2))

@@ -19,7 +19,7 @@ def test_a_shipped_policy_reaches_held_out_targets(name, tmp_path):
     agent = load_agent(Path(f"shipped:{name}"))
     card = read_metadata(Path(f"shipped:{name}"))["extra"]
     assert agent.design.name == name == card["design"] and "versions" in card
-    scorer = Scorer(Benchmark(agent.design, agent.arena, episodes=10), tmp_path)
+    scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=10), tmp_path)
     own = rewards(scorer.agent(agent, "eval")).mean()
     assert own > 0.5 > 0.0 > rewards(scorer.reference("random", "eval")).mean()
 

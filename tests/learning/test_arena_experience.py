@@ -53,7 +53,7 @@ def test_the_loop_runs_on_the_arena(tmp_path) -> None:
         schedule__policy_lag=0,
     )
     learner = train(
-        TrainConfig(tmp_path, seed=2, frames=300, evaluate_every_frames=100),
+        TrainConfig(out=tmp_path, seed=2, frames=300, evaluate_every_frames=100),
         network,
         settings,
         ReachTask(arena, design, seed=2),

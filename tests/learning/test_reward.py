@@ -59,7 +59,7 @@ def paid(batches: list[Batch], k: int) -> Iterator[tuple[float, float]]:
 
 
 def trained(out: Path, reward: Reward | None, settings: DPGConfig = SETTINGS) -> Learner:
-    config = TrainConfig(out, seed=1, frames=400, evaluate_every_frames=0)
+    config = TrainConfig(out=out, seed=1, frames=400, evaluate_every_frames=0)
     world = PointWorld(reward=reward)
     return train(config, NETWORK, settings, world, np.full(6, 2.0), PROGRAMS)
 

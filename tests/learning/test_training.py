@@ -63,7 +63,7 @@ def run(
     network: NetworkConfig = NETWORK,
     **fields: object,
 ) -> Learner:
-    config = TrainConfig(out, seed=3, frames=frames, **fields)  # type: ignore[arg-type]
+    config = TrainConfig(out=out, seed=3, frames=frames, **fields)  # type: ignore[arg-type]
     return train(config, network, settings, PointWorld(3), SPEED, PROGRAMS, None, resume)
 
 
@@ -357,7 +357,7 @@ def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> No
 @pytest.mark.parametrize("field", ["seed", "frames", "evaluate_every_frames"])
 def test_negative_numbers_are_refused(tmp_path, field) -> None:
     with pytest.raises(ConfigError, match="-1"):
-        TrainConfig(tmp_path, **cast(dict[str, Any], {field: -1}))
+        TrainConfig(out=tmp_path, **cast(dict[str, Any], {field: -1}))
 
 
 def mean_reward(actor: Actor, episodes: range) -> float:

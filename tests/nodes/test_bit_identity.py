@@ -61,7 +61,7 @@ def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:
     design, arena = design_named("2-L"), preset_named("fast")
     protocol = protocol_named("ours").with_options(OPTIONS)
     learner = train(
-        TrainConfig(folder, SEED, version * 100, evaluate_every_frames=0),
+        TrainConfig(out=folder, seed=SEED, frames=version * 100, evaluate_every_frames=0),
         protocol.network_config(design.vocabulary),
         protocol.learner,
         ReachTask(arena, design, SEED),

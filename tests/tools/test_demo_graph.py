@@ -87,7 +87,14 @@ def test_programs_are_executed_on_the_graph_and_recorded(tmp_path):
     """With untrained weights, and faster: the path is the same."""
     protocol = protocol_named("ours")
     network = protocol.network_config(DESIGN.vocabulary)
-    config = DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo", real_time_factor=20.0)
+    config = DemoConfig(
+        design=DESIGN,
+        arena=ARENA,
+        seed=0,
+        minutes=1.0,
+        folder=tmp_path / "demo",
+        real_time_factor=20.0,
+    )
     learner = Learner(network, protocol.learner, training_programs(DESIGN), 0)
     save_checkpoint(config.checkpoint, learner)
     programs, outcome = demo_programs(DESIGN), Outcome(reached=True)
@@ -107,14 +114,21 @@ def test_programs_are_executed_on_the_graph_and_recorded(tmp_path):
 
 @graph
 def test_the_shipped_agent_executes_in_a_folder_of_its_own(tmp_path):
-    config = DemoConfig(DESIGN, ARENA, 0, 1.0, tmp_path / "demo", real_time_factor=5.0)
+    config = DemoConfig(
+        design=DESIGN,
+        arena=ARENA,
+        seed=0,
+        minutes=1.0,
+        folder=tmp_path / "demo",
+        real_time_factor=5.0,
+    )
     shipped, outcome = config.of_shipped(), Outcome()
     with client_node("test") as node:
         phases.show_shipped(node, shipped, outcome, lambda: False)
     assert shipped.folder == config.folder / "shipped" and shipped.design.name == "3-D"
     assert outcome.executed, [e for _, _, e in outcome.executions]
     assert len(sent_programs(shipped.folder / "programs")) == 6
-    target = HeldOutTarget(-0.97, 0.88)
+    target = HeldOutTarget(random=-0.97, scripted=0.88)
     write_report(config, target, Outcome(), outcome)
     report = json.loads((config.folder / "demo.json").read_text())
     assert report["shipped.programs"] == 6 and report["shipped.held_out.satisfied"] == 1
@@ -158,12 +172,12 @@ def test_success_is_the_held_out_program_and_five_of_six(satisfied, reached, suc
 )
 def test_options_that_cannot_be_are_refused(seed, minutes, reason, tmp_path):
     with pytest.raises(ConfigError, match=reason):
-        DemoConfig(DESIGN, ARENA, seed, minutes, tmp_path)
+        DemoConfig(design=DESIGN, arena=ARENA, seed=seed, minutes=minutes, folder=tmp_path)
 
 
 @pytest.mark.parametrize(("preset", "protocol"), [("fast", "ours"), ("paper", "ours-slow")])
 def test_the_nodes_learn_as_is_usual_for_the_arm(preset, protocol, tmp_path):
-    training = DemoConfig(DESIGN, preset_named(preset), 0, 1.0, tmp_path).training()
+    training = DemoConfig(design=DESIGN, arena=preset_named(preset), folder=tmp_path).training()
     assert training["sim_node"]["preset"] == preset
     assert (
         training["learner_node"]["protocol"] == protocol

@@ -76,7 +76,7 @@ def test_pictures_are_drawn_from_a_checkpoint_and_a_tally(tmp_path):
     program = demo_programs(TWO_L)[1]
     scene = find_scene(ARENA, TWO_L, 5, program)
     draw_phi(tmp_path / "phi.png", tmp_path / "checkpoint", ARENA, TWO_L, scene, program.text)
-    target = HeldOutTarget(-0.97, 0.88)
+    target = HeldOutTarget(random=-0.97, scripted=0.88)
     tally = EpisodeTally()
     tally.episodes.append(StreamedEpisode(100, False, 0.5, True))
     tally.frames = 100

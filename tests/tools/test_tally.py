@@ -92,8 +92,8 @@ def test_success_without_score_is_not_enough():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "reason"), [((0.5, 0.5), "0.5 and 0.5"), ((-1, 1, 0), "at least 1, got 0")]
+    ("arguments", "reason"), [((0.5, 0.5, 1), "0.5 and 0.5"), ((-1, 1, 0), "at least 1, got 0")]
 )
 def test_a_target_that_means_nothing_is_refused(arguments, reason):
     with pytest.raises(ConfigError, match=reason):
-        HeldOutTarget(*arguments)
+        HeldOutTarget(**dict(zip(("random", "scripted", "episodes"), arguments, strict=True)))

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import isfinite, radians
+from math import radians
+from typing import Any, ClassVar, Self
+
+from pydantic import Field, PositiveFloat, model_validator
 
 from pa_ros.arena.constants import LINKS
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import JOINTS
+from pa_ros.core.settings import Settings
 
-Joints = tuple[float, ...]  # one number for each of the 6 joints
+Joints = tuple[float, float, float, float, float, float]
+Speeds = tuple[
+    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat
+]
 
 
-def _degrees(*values: float) -> Joints:
-    return tuple(radians(value) for value in values)
+def _degrees(a: float, b: float, c: float, d: float, e: float, f: float) -> Joints:
+    return radians(a), radians(b), radians(c), radians(d), radians(e), radians(f)
 
 
 # Hand 0.40 m from the base axis, 0.28 m above the table, pointing down.
@@ -24,46 +30,41 @@ LOWER = _degrees(-180.0, 180.0, 35.0, 139.0, 231.0, -90.0)
 UPPER = _degrees(180.0, 250.0, 140.0, 259.0, 351.0, 90.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ArenaConfig:
+class ArenaConfig(Settings):
     """The task's physics and timing. Lengths in metres, angles in radians, times in seconds."""
 
-    preset: str = "custom"
-    joint_speed_limits: Joints = (1.5,) * JOINTS  # rad/s; commands are clamped to ±these
-    near_threshold_m: float = 0.20  # hand frame's origin to block center, paper section 3
-    arm_touches_blocks: bool = True  # the arm touches the table in any case, itself never
-    start_pose: Joints = START_POSE  # the base angle is drawn uniformly in each episode
-    joint_lower: Joints = LOWER
-    joint_upper: Joints = UPPER
-    timestep_s: float = 0.01
-    control_period_s: float = 0.1  # paper, appendix
-    episode_steps: int = 100  # actions of an episode; then it is truncated (paper, appendix)
-    block_mass_kg: float = 1.0
-    block_friction: float = 1.0  # sliding
-    block_radii_m: tuple[float, float] = (0.28, 0.58)  # from the base axis, where blocks start
-    block_separation_m: float = 0.20  # between block centers at the start
-    sleep: bool = True  # MuJoCo's sleeping of resting blocks
+    SECTION: ClassVar[str] = "arena"
 
-    def __post_init__(self) -> None:
-        for name in ("joint_speed_limits", "start_pose", "joint_lower", "joint_upper"):
-            values = getattr(self, name)
-            if len(values) != JOINTS or not all(map(isfinite, values)):
-                raise ConfigError(f"arena: {name}: expected {JOINTS} finite numbers, got {values}")
-        for name in (
-            "near_threshold_m",
-            "timestep_s",
-            "control_period_s",
-            "episode_steps",
-            "block_mass_kg",
-            "block_friction",
-            "block_separation_m",
-        ):
-            value = getattr(self, name)
-            if not (isfinite(value) and value > 0):
-                raise ConfigError(f"arena: {name}: expected a positive number, got {value}")
-        self._check_speeds()
-        self._check_range()
-        self._check_ratio()
+    preset: str = Field("custom", description="what these values are called")
+    joint_speed_limits: Speeds = Field(
+        (1.5, 1.5, 1.5, 1.5, 1.5, 1.5),
+        description="rad/s of each joint; commands are clamped to ±these",
+    )
+    near_threshold_m: float = Field(
+        0.20, gt=0, description="NEAR, from the hand frame's origin to a block's center (paper)"
+    )
+    arm_touches_blocks: bool = Field(
+        True, description="the arm touches the table in any case, itself never"
+    )
+    start_pose: Joints = Field(
+        START_POSE, description="rad; the base angle is drawn uniformly in each episode"
+    )
+    joint_lower: Joints = Field(LOWER, description="rad, working range of each joint")
+    joint_upper: Joints = Field(UPPER, description="rad, working range of each joint")
+    timestep_s: float = Field(0.01, gt=0, description="of the physics")
+    control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
+    episode_steps: int = Field(
+        100, gt=0, description="actions of an episode; then it is truncated (paper)"
+    )
+    block_mass_kg: float = Field(1.0, gt=0, description="of each block")
+    block_friction: float = Field(1.0, gt=0, description="sliding")
+    block_radii_m: tuple[PositiveFloat, PositiveFloat] = Field(
+        (0.28, 0.58), description="least and greatest, from the base axis, where blocks start"
+    )
+    block_separation_m: float = Field(
+        0.20, gt=0, description="least between two blocks' centers at the start"
+    )
+    sleep: bool = Field(True, description="MuJoCo's sleeping of resting blocks")
 
     @property
     def substeps(self) -> int:
@@ -74,45 +75,45 @@ class ArenaConfig:
     def control_period_ns(self) -> int:
         return round(self.control_period_s * 1e9)
 
-    def _check_speeds(self) -> None:
-        if min(self.joint_speed_limits) <= 0:
-            raise ConfigError(
-                f"arena: joint_speed_limits: expected positive, got {self.joint_speed_limits}"
-            )
-
-    def _check_range(self) -> None:
+    @model_validator(mode="after")
+    def _ranges_hold(self) -> Self:
         lower, upper = self.block_radii_m
-        if not 0 < lower < upper:
-            raise ConfigError(f"arena: block_radii_m: expected 0 < a < b, got {self.block_radii_m}")
+        if not lower < upper:
+            raise ValueError(
+                f"block_radii_m: expected the first below the second, got {lower, upper}"
+            )
         rows = zip(self.joint_lower, self.start_pose, self.joint_upper, LINKS, strict=True)
         for joint, (low, start, high, link) in enumerate(rows, start=1):
             if not low <= start <= high:
-                raise ConfigError(
-                    f"arena: joint {joint}: start {start} is outside [{low}, {high}] rad"
+                raise ValueError(
+                    f"start_pose: joint {joint}: expected {low} to {high} rad, got {start}"
                 )
             if link.limits and not link.limits[0] <= low < high <= link.limits[1]:
-                raise ConfigError(
-                    f"arena: joint {joint}: [{low}, {high}] exceeds Kinova's {link.limits} rad"
+                raise ValueError(
+                    f"joint_lower: joint {joint}: expected a range within Kinova's {link.limits} "
+                    f"rad, got {low} to {high}"
                 )
+        return self
 
-    def _check_ratio(self) -> None:
+    @model_validator(mode="after")
+    def _whole_steps(self) -> Self:
         if abs(self.substeps * self.timestep_s - self.control_period_s) > 1e-9:
-            raise ConfigError(
-                "arena: expected control_period_s to be a multiple of timestep_s, got "
-                f"{self.control_period_s} and {self.timestep_s}"
+            raise ValueError(
+                f"control_period_s: expected a multiple of timestep_s = {self.timestep_s}, "
+                f"got {self.control_period_s}"
             )
+        return self
 
 
-PRESETS = {
+_VALUES: dict[str, dict[str, Any]] = {
     # Within the real Jaco's speeds (36°/s = 0.628 rad/s), slow enough for the script to score
     # about 0.6, which is "effectively perfect" in the paper. The arm pushes blocks.
-    "paper": ArenaConfig(preset="paper", joint_speed_limits=(0.5,) * JOINTS),
+    "paper": {"joint_speed_limits": (0.5,) * JOINTS},
     # Faster than the real arm, and the arm passes through blocks (it still touches the table):
     # the setting in which learning takes the fewest frames.
-    "fast": ArenaConfig(
-        preset="fast", joint_speed_limits=(1.5,) * JOINTS, arm_touches_blocks=False
-    ),
+    "fast": {"joint_speed_limits": (1.5,) * JOINTS, "arm_touches_blocks": False},
 }
+PRESETS = {name: ArenaConfig(preset=name, **values) for name, values in _VALUES.items()}
 
 
 def preset_named(name: str) -> ArenaConfig:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ class Stage:
         """Raises BagError if a row lacks the joints' positions."""
         if not episode.rows or np.isnan(episode.rows[0].joint_position).any():
             raise BagError(f"film: episode {episode.number}: its joint positions are not recorded")
-        config = replace(preset_named(arena.preset), episode_steps=arena.episode_steps)
+        config = preset_named(arena.preset).changed(episode_steps=arena.episode_steps)
         self.task = ReachTask(config, design_named(arena.design), arena.seed)
         first = episode.rows[0]
         kinds = [_kind(first, i) for i in range(len(first.objects)) if i != first.hand_index]

@@ -16,7 +16,7 @@ class Reenactment:
 
     def __init__(self, arena: ArenaDescription, condition: str = "train") -> None:
         """Raises ConfigError for a design or preset that is not known here."""
-        preset = replace(preset_named(arena.preset), episode_steps=arena.episode_steps)
+        preset = preset_named(arena.preset).changed(episode_steps=arena.episode_steps)
         design = replace(design_named(arena.design), n_blocks=arena.block_count)
         self.checked = 0  # transitions
         self.skipped = 0  # transitions of episodes whose beginning is not recorded

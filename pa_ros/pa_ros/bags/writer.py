@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, ClassVar
+
+from pydantic import Field
 
 from pa_ros.bags.contents import (
     RESERVE,
@@ -16,26 +18,26 @@ from pa_ros.bags.contents import (
 )
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.repair import contents_of
-from pa_ros.bags.storage import DISK_ERRORS, Storage, storage_named
+from pa_ros.bags.storage import DISK_ERRORS, STORAGES, Storage, storage_named
 from pa_ros.bags.tail import finish
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import OneOf, Settings
 
 RESERVE_BYTES = 2 << 20
 
 
-@dataclass(frozen=True)
-class BagOptions:
+class BagOptions(Settings):
     """How a bag is stored. Limits are per file; the index of a file grows with its length."""
 
-    storage: str = "mcap"
-    split_bytes: int = 1 << 30  # 0: never
-    split_s: float = 3600.0  # seconds; 0: never
+    SECTION: ClassVar[str] = "bag"
 
-    def __post_init__(self) -> None:
-        storage_named(self.storage)
-        for name in ("split_bytes", "split_s"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ConfigError(f"bag {name}: expected at least 0, got {getattr(self, name)}")
+    storage: Annotated[str, OneOf(lambda: STORAGES)] = Field("mcap", description="format")
+    split_mb: float = Field(1024.0, ge=0, description="megabytes of each file; 0: any number")
+    split_s: float = Field(3600.0, ge=0, description="seconds of each file; 0: any number")
+
+    @property
+    def split_bytes(self) -> int:
+        """Most bytes of a file; 0: any number."""
+        return int(self.split_mb * 1e6)
 
 
 class BagWriter:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -38,9 +37,9 @@ def speeds_and_thresholds(episodes: int) -> Iterable[str]:
     """Scripted reward per step by joint speed and threshold, without and with contact."""
     yield "| rad/s | 0.10 m | 0.15 m | 0.20 m | 0.20 m, arm touches blocks |\n|---|---|---|---|---|"
     for speed in (0.4, 0.5, 0.628, 1.0, 1.5):
-        free = replace(PRESETS["fast"], preset="custom", joint_speed_limits=(speed,) * JOINTS)
-        row = [replace(free, near_threshold_m=threshold) for threshold in (0.10, 0.15, 0.20)]
-        row.append(replace(free, arm_touches_blocks=True))
+        free = PRESETS["fast"].changed(preset="custom", joint_speed_limits=(speed,) * JOINTS)
+        row = [free.changed(near_threshold_m=threshold) for threshold in (0.10, 0.15, 0.20)]
+        row.append(free.changed(arm_touches_blocks=True))
         yield f"| {speed} | " + " | ".join(f"{_scripted(c, episodes):.3f}" for c in row) + " |"
 
 
@@ -51,10 +50,10 @@ def contact(episodes: int) -> Iterable[str]:
         "|---|---|---|---|"
     )
     paper = PRESETS["paper"]
-    rows = {"not touched": replace(paper, arm_touches_blocks=False)}
+    rows = {"not touched": paper.changed(arm_touches_blocks=False)}
     for mass, friction in ((0.1, 1.0), (0.5, 1.0), (1.0, 0.5), (1.0, 1.0), (2.0, 1.0)):
-        rows[f"{mass} kg, friction {friction}"] = replace(
-            paper, block_mass_kg=mass, block_friction=friction
+        rows[f"{mass} kg, friction {friction}"] = paper.changed(
+            block_mass_kg=mass, block_friction=friction
         )
     for name, config in rows.items():
         reward, moved = _clumsy(config, episodes)
@@ -78,7 +77,7 @@ def sleeping(episodes: int) -> Iterable[str]:
     yield "\n| preset | steps/s, sleeping | steps/s, awake |\n|---|---|---|"
     for preset, config in PRESETS.items():
         asleep, awake = (
-            bench_sim(5000, replace(config, sleep=sleep))["sim.steps_per_s"]
+            bench_sim(5000, config.changed(sleep=sleep))["sim.steps_per_s"]
             for sleep in (True, False)
         )
         yield f"| {preset} | {asleep:.0f} | {awake:.0f} |"
@@ -92,8 +91,8 @@ def sleep_difference(
     Returns the largest difference of any feature of Ω, and how many rewards differ. With a
     nudge, neither sleeps, and the second one's base starts turned by it.
     """
-    awake = ReachTask(replace(config, sleep=False), design_named(DESIGN), seed=0)
-    other = ReachTask(replace(config, sleep=nudge_rad == 0.0), design_named(DESIGN), seed=0)
+    awake = ReachTask(config.changed(sleep=False), design_named(DESIGN), seed=0)
+    other = ReachTask(config.changed(sleep=nudge_rad == 0.0), design_named(DESIGN), seed=0)
     largest, rewards = 0.0, 0
     for episode in range(episodes):
         _, verdict = awake.reset(episode)
@@ -114,9 +113,9 @@ def time_steps(episodes: int) -> Iterable[str]:
         "| step, ms | steps/s | hand apart after 1 s, mm | velocity's error after 0.1 s, rad/s |\n"
         "|---|---|---|---|"
     )
-    exact = replace(PRESETS["fast"], timestep_s=0.001)
+    exact = PRESETS["fast"].changed(timestep_s=0.001)
     for milliseconds in (1, 2, 5, 10, 20):
-        config = replace(PRESETS["fast"], timestep_s=milliseconds / 1000)
+        config = PRESETS["fast"].changed(timestep_s=milliseconds / 1000)
         apart, error = _compare(exact, config, episodes)
         rate = bench_sim(2000, config)["sim.steps_per_s"]
         yield f"| {milliseconds} | {rate:.0f} | {1000 * apart:.2f} | {error:.3f} |"

@@ -50,7 +50,7 @@ def bench_train(
     alternation = _Alternation(bare, slice_s)
     with TemporaryDirectory() as folder:
         settings = TrainConfig(
-            Path(folder),
+            out=Path(folder),
             frames=(rounds + 1) * frames,
             evaluate_every_frames=frames,
             checkpoint_every_frames=0,

@@ -45,7 +45,9 @@ def run(options: argparse.Namespace) -> int:
     """Demonstrate; the exit status."""
     folder = options.out or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
     design, arena = design_named(options.design), preset_named(options.preset)
-    config = DemoConfig(design, arena, options.seed, options.minutes, folder)
+    config = DemoConfig(
+        design=design, arena=arena, seed=options.seed, minutes=options.minutes, folder=folder
+    )
     print(f"ROS domain {use_domain(options.domain_id)}; everything is left in {folder}/\n")
     with signals_noted() as interrupted:
         try:

@@ -115,7 +115,9 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
     """Every condition of the design: a table, and `eval.CONDITION.…` in the report."""
     report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
     with TemporaryDirectory() as cache:
-        benchmark = Benchmark(agent.design, agent.arena, options.episodes, options.seed)
+        benchmark = Benchmark(
+            design=agent.design, arena=agent.arena, episodes=options.episodes, seed=options.seed
+        )
         scorer = Scorer(benchmark, Path(cache))
         for condition in conditions_of(agent.design):
             (row,) = summarize(condition_rows(scorer, options.seed, agent, condition))

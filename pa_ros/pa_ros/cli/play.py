@@ -41,8 +41,8 @@ def run(options: argparse.Namespace) -> int:
     from pa_ros.tools.playback import PlaybackOptions, Played, Player
 
     how = PlaybackOptions(
-        options.rate, tuple(options.topics), options.start, options.duration,
-        options.loop, options.clock, options.wait,
+        rate=options.rate, topics=tuple(options.topics), start_s=options.start,
+        duration_s=options.duration, loop=options.loop, clock=options.clock, wait_s=options.wait,
     )  # fmt: skip
     played = Played()
     with Bag(options.bag) as bag, signals_noted() as interrupted, client_node("play") as node:

@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
         return _repair(options.out)
     if options.duration is not None and not options.duration > 0:
         raise ConfigError(f"--duration: expected a positive number, got {options.duration}")
-    bag = BagOptions(options.storage, int(options.split_mb * 1e6), options.split_s)
+    bag = BagOptions(storage=options.storage, split_mb=options.split_mb, split_s=options.split_s)
     return _record(options, bag)
 
 

@@ -70,9 +70,15 @@ class Leaf:
             return f"one of {list(self.choices)}"
         if get_origin(self.type) is tuple:
             items = get_args(self.type)
-            several = NAMES[items[0]][1]
+            several = _several(items[0])
             return f"a list of {several}" if ... in items else f"{len(items)} {several}"
         return _bounded(NAMES.get(self.type, (str(self.type), ""))[0], self)
+
+
+def _several(item: Any) -> str:
+    """Plural of a list's items, which are positive if they are bounded at all."""
+    kind, *bounds = get_args(item) or (item,)
+    return f"positive {NAMES[kind][1]}" if bounds else NAMES[kind][1]
 
 
 def _bounded(noun: str, leaf: Leaf) -> str:
@@ -176,7 +182,7 @@ class Settings(BaseModel):
         if found["type"] == "extra_forbidden":
             return f"{where}: expected {_alternatives(path, leaves)}, got {found['input']!r}"
         expected = leaves[path].expected if path in leaves else "the settings of this part"
-        if found["type"] == "missing":
+        if found["type"] == "missing" and isinstance(found["loc"][-1], str):
             return f"{where}: expected {expected}, got nothing"
         got = _given(values, path, found["input"])
         return f"{where}: expected {expected}, got {got!r}"
@@ -192,7 +198,8 @@ def _leaves(kind: type[Settings], at: Settings | None, prefix: str) -> Iterator[
         default = getattr(at, name) if at is not None else field.get_default()
         part = field.annotation
         if isinstance(part, type) and issubclass(part, Settings):
-            yield from _leaves(part, default, f"{prefix}{name}.")
+            inside = default if isinstance(default, part) else None
+            yield from _leaves(part, inside, f"{prefix}{name}.")
             continue
         bound = {key: getattr(m, key) for m in field.metadata for key in ("ge", "gt", "le", "lt")
                  if getattr(m, key, None) is not None}  # fmt: skip
@@ -244,5 +251,15 @@ def _alternatives(path: str, leaves: Mapping[str, Leaf]) -> str:
     """Known names near a path that is none, for an error."""
     name = path.rpartition(".")[2]
     same = [known for known in leaves if known.rpartition(".")[2] == name]
-    near = same or difflib.get_close_matches(path, leaves, 3) or sorted(leaves)
+    near = same or difflib.get_close_matches(path, leaves, 3) or _beside(path, leaves)
     return f"a known name, such as {near[0]}" if len(near) == 1 else f"a known name of {near}"
+
+
+def _beside(path: str, leaves: Mapping[str, Leaf]) -> list[str]:
+    """All names of the part that a path leads to; the names of parts where it leads to none."""
+    inside = path.rpartition(".")[0]
+    while inside and not any(known.startswith(f"{inside}.") for known in leaves):
+        inside = inside.rpartition(".")[0]
+    depth = inside.count(".") + 1 if inside else 0
+    near = [known.split(".") for known in leaves if not inside or known.startswith(f"{inside}.")]
+    return sorted({".".join(names[: depth + 1]) for names in near})

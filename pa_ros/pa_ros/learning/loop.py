@@ -11,20 +11,20 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
+from pydantic import Field
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Step
 from pa_ros.acting.answer import Act, Load
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import AgentKey, Float64, Observation, Trajectory, Verdict
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.settings import Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
@@ -72,27 +72,27 @@ class Log(Protocol):
         """After the learner took a trajectory in, with what came of it; on its thread."""
 
 
-@dataclass(frozen=True)
-class TrainConfig:
+class TrainConfig(Settings):
     """One training run. `design` and `preset` name the environment that the caller builds."""
 
-    out: Path
-    seed: int = 0
-    frames: int = 100_000
-    design: str = "2-L"
-    preset: str = "fast"
-    condition: str = "train"
-    agent_id: str = "agent"
-    evaluate_every_frames: int = 10_000  # 0: never; also a row of progress.csv
-    checkpoint_every_frames: int = 50_000  # 0: only at the end
-    overlap: bool = True  # act while the learner updates, where policy_lag allows; same result
+    SECTION: ClassVar[str] = "train"
 
-    def __post_init__(self) -> None:
-        for name in ("seed", "evaluate_every_frames", "checkpoint_every_frames"):
-            if getattr(self, name) < 0:
-                raise ConfigError(f"train {name}: expected at least 0, got {getattr(self, name)}")
-        if self.frames < 1:
-            raise ConfigError(f"train frames: expected at least 1, got {self.frames}")
+    out: Path = Field(description="folder for curve and checkpoint")
+    seed: int = Field(0, ge=0, description="of episodes, exploration and weights")
+    frames: int = Field(100_000, ge=1, description="control steps to train for, whole episodes")
+    design: str = Field("2-L", description="of the environment")
+    preset: str = Field("fast", description="of the environment")
+    condition: str = Field("train", description="that episodes are drawn from")
+    agent_id: str = Field("agent", description="of the one agent")
+    evaluate_every_frames: int = Field(
+        10_000, ge=0, description="frames between evaluations, rows of progress.csv; 0: never"
+    )
+    checkpoint_every_frames: int = Field(
+        50_000, ge=0, description="frames between checkpoints; 0: only at the end"
+    )
+    overlap: bool = Field(
+        True, description="act while the learner updates, where policy_lag allows; same result"
+    )
 
 
 def train(

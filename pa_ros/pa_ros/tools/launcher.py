@@ -10,26 +10,32 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
-from pa_ros.core.errors import ConfigError, PaError
+from pydantic import Field
+
+from pa_ros.core.errors import PaError
+from pa_ros.core.settings import Settings
 from pa_ros.ros.process import PARENT, ros_arguments
 
 TAIL_LINES = 15
 POLL_S = 0.02
 
 
-@dataclass(frozen=True)
-class Patience:
+class Patience(Settings):
     """How long to wait after each signal before the next, harder one."""
 
-    interrupt_s: float = 10.0  # after SIGINT; a learner may be writing its checkpoint
-    terminate_s: float = 3.0  # after SIGTERM; rclpy's handler can leave a process hung
-    kill_s: float = 5.0  # after SIGKILL, for the kernel to take the process down
+    SECTION: ClassVar[str] = "launch"
 
-    def __post_init__(self) -> None:
-        for name in ("interrupt_s", "terminate_s", "kill_s"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ConfigError(f"launch {name}: expected at least 0, got {getattr(self, name)}")
+    interrupt_s: float = Field(
+        10.0, ge=0, description="after SIGINT; a learner may be writing its checkpoint"
+    )
+    terminate_s: float = Field(
+        3.0, ge=0, description="after SIGTERM; rclpy's handler can leave a process hung"
+    )
+    kill_s: float = Field(
+        5.0, ge=0, description="after SIGKILL, for the kernel to take the process down"
+    )
 
 
 class ChildError(PaError):

@@ -6,15 +6,16 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
+from pydantic import Field
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from pa_ros.bags.errors import BagError, ForeignBagError
 from pa_ros.bags.reader import Bag, Recorded
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import Settings
 from pa_ros.ros import topics
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire import codec
@@ -35,24 +36,22 @@ class PlaybackError(BagError):
     code = "playback"
 
 
-@dataclass(frozen=True)
-class PlaybackOptions:
+class PlaybackOptions(Settings):
     """What of a bag is played, and how fast."""
 
-    rate: float = 1.0  # times the recorded speed; 0: as fast as it is taken
-    topics: tuple[str, ...] = ()  # full names, or their last parts; empty: all
-    start_s: float = 0.0  # after the bag's first message
-    duration_s: float = 0.0  # of recorded time; 0: to the end
-    loop: bool = False  # until stopped
-    clock: bool = False  # publish /clock from the recorded times
-    wait_s: float = DISCOVERY_S  # for someone who listens to each topic
+    SECTION: ClassVar[str] = "playback"
 
-    def __post_init__(self) -> None:
-        for name in ("rate", "start_s", "duration_s", "wait_s"):
-            if not 0.0 <= getattr(self, name) < float("inf"):
-                raise ConfigError(
-                    f"playback {name}: expected at least 0, got {getattr(self, name)}"
-                )
+    rate: float = Field(
+        1.0, ge=0, description="times the recorded speed; 0: as fast as it is taken"
+    )
+    topics: tuple[str, ...] = Field((), description="full names, or their last parts; none: all")
+    start_s: float = Field(0.0, ge=0, description="seconds after the bag's first message")
+    duration_s: float = Field(0.0, ge=0, description="seconds of recorded time; 0: to the end")
+    loop: bool = Field(False, description="again and again, until stopped")
+    clock: bool = Field(False, description="publish /clock by the recorded times")
+    wait_s: float = Field(
+        DISCOVERY_S, ge=0, description="seconds, at most, for someone to listen to each topic"
+    )
 
 
 @dataclass

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
+
+from pydantic import Field
 
 from pa_ros import __version__
 from pa_ros.arena import ArenaConfig, Design, ReachTask, conditions_for
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation
+from pa_ros.core.settings import Settings
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.blind import BLIND, blind_policy
 from pa_ros.evaluation.scoring.evaluate import reference_scores, run_episodes
@@ -22,18 +25,15 @@ EPISODES_SEED = 2_000_003  # apart from training's episodes and from those score
 MakePolicy = Callable[[], Callable[[Observation], Float64]]
 
 
-@dataclass(frozen=True)
-class Benchmark:
+class Benchmark(Settings):
     """The same episodes 0 … `episodes` − 1 of every condition of a design, in one arena."""
+
+    SECTION: ClassVar[str] = "benchmark"
 
     design: Design
     arena: ArenaConfig
-    episodes: int = 100
-    seed: int = EPISODES_SEED
-
-    def __post_init__(self) -> None:
-        if self.episodes < 1:
-            raise ConfigError(f"benchmark episodes: expected at least 1, got {self.episodes}")
+    episodes: int = Field(100, ge=1, description="in each condition")
+    seed: int = Field(EPISODES_SEED, ge=0, description="of the episodes")
 
     @property
     def digest(self) -> str:

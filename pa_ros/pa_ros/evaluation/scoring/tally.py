@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import ClassVar, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Verdict
+from pa_ros.core.settings import Settings
 from pa_ros.evaluation.scoring.rewards import normalized
 
 
@@ -69,24 +71,25 @@ class EpisodeTally:
         return edges[1:].tolist(), kinds[0], kinds[1]
 
 
-@dataclass(frozen=True)
-class HeldOutTarget:
+class HeldOutTarget(Settings):
     """When held-out programs count as learned: over the last `episodes` of them."""
 
-    random: float  # reward per step of the lower reference, on the same condition
-    scripted: float  # of the upper one
-    episodes: int = 40
-    normalized: float = 0.9
-    success: float = 0.95  # share that ends satisfied
+    SECTION: ClassVar[str] = "target"
 
-    def __post_init__(self) -> None:
-        if self.episodes < 1:
-            raise ConfigError(f"target episodes: expected at least 1, got {self.episodes}")
+    random: float = Field(description="reward per step of the lower reference, same condition")
+    scripted: float = Field(description="of the upper one")
+    episodes: int = Field(40, ge=1, description="watched")
+    normalized: float = Field(0.9, description="score to reach")
+    success: float = Field(0.95, ge=0, le=1, description="share that ends satisfied")
+
+    @model_validator(mode="after")
+    def _references_differ(self) -> Self:
         if not self.random < self.scripted:
-            raise ConfigError(
-                f"target: expected the random reference below the scripted one, got {self.random} "
-                f"and {self.scripted}"
+            raise ValueError(
+                f"random: expected less than the scripted reference, got {self.random} and "
+                f"{self.scripted}"
             )
+        return self
 
     def score(self, tally: EpisodeTally) -> tuple[float, float]:
         """Normalized score and success rate of the latest held-out episodes; NaN before any."""

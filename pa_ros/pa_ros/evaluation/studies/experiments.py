@@ -222,7 +222,7 @@ def summarize(
 def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> tuple[float, float]:
     """Normalized scores, held out and in training, of a run's last checkpoint on fresh episodes."""
     agent = load_agent(folder)
-    scorer = Scorer(Benchmark(agent.design, agent.arena, episodes), cache)
+    scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
 
     def score(condition: str) -> float:
         low, high, own = (

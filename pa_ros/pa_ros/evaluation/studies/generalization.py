@@ -71,7 +71,8 @@ def generalize(
     `report` gets a line for each seed and condition. Raises ConfigError unless all agents share
     design and arena, or for an unknown condition.
     """
-    benchmark = Benchmark(*_one_setting(agents.values()), episodes)
+    design, arena = _one_setting(agents.values())
+    benchmark = Benchmark(design=design, arena=arena, episodes=episodes)
     scorer = Scorer(benchmark, cache)
     names = tuple(conditions) or conditions_of(benchmark.design)
     rows: list[Row] = []

@@ -2,36 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
+
+from pydantic import Field, model_validator
 
 from pa_ros.arena import ArenaConfig, Design, design_named
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import Settings
 from pa_ros.learning.protocols import usual_protocol
 from pa_ros.tools.demo.scenes import FEWER, FULL
 from pa_ros.tools.launch_params import Parameters, load_parameters, merged, packaged
 
 
-@dataclass(frozen=True)
-class DemoConfig:
+class DemoConfig(Settings):
     """One demonstration."""
+
+    SECTION: ClassVar[str] = "demo"
 
     design: Design
     arena: ArenaConfig
-    seed: int
-    minutes: float
-    folder: Path  # new or empty; everything is left in it
-    real_time_factor: float = 2.0  # while programs are executed
-    policy: str = ""  # checkpoint that executes programs; empty: what was learned here
+    folder: Path = Field(description="new or empty; everything is left in it")
+    seed: int = Field(0, ge=0, description="of learning; scenes to execute in have another")
+    minutes: float = Field(20.0, gt=0, description="give up learning after these")
+    real_time_factor: float = Field(2.0, gt=0, description="while programs are executed")
+    policy: str = Field("", description="that executes programs; empty: what was learned here")
 
-    def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise ConfigError(f"demo --seed: expected at least 0, got {self.seed}")
-        if not 0 < self.minutes < float("inf"):
-            raise ConfigError(f"demo --minutes: expected a positive number, got {self.minutes}")
+    @model_validator(mode="after")
+    def _has_its_folder(self) -> Self:
         if self.folder.exists() and (not self.folder.is_dir() or any(self.folder.iterdir())):
-            raise ConfigError(f"demo --out: expected a new or empty folder, got {self.folder}")
+            raise ValueError(f"folder: expected a new or empty one, got {self.folder}")
+        return self
 
     @property
     def scene_seed(self) -> int:
@@ -75,4 +75,4 @@ class DemoConfig:
     def of_shipped(self) -> DemoConfig:
         """The same for the policy that comes with the package, in a folder of its own."""
         design, folder = design_named("3-D"), self.folder / "shipped"
-        return replace(self, design=design, folder=folder, policy=f"shipped:{design.name}")
+        return self.changed(design=design, folder=folder, policy=f"shipped:{design.name}")

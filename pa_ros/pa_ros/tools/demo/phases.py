@@ -112,7 +112,7 @@ def _measure_target(config: DemoConfig) -> HeldOutTarget:
         f"On those episodes random motion gets {random:+.2f} (score 0), a script that knows the\n"
         f"answer {scripted:+.2f} (score 1).\n"
     )
-    return HeldOutTarget(random, scripted)
+    return HeldOutTarget(random=random, scripted=scripted)
 
 
 def _learn(
