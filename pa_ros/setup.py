@@ -6,7 +6,7 @@ NAME = "pa_ros"
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version="0.2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["config/*.yaml", "ros/*.xml", "**/*.so"]},
     data_files=[

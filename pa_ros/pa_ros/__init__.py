@@ -1,3 +1,3 @@
 """Programmable Agents (Denil et al. 2017): arms that execute declarative programs."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
