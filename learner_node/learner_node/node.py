@@ -12,6 +12,7 @@ from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.learning.checkpoints import find_checkpoint
+from pa_ros.learning.folder import refuse_used
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
@@ -42,6 +43,8 @@ class LearnerNode(Node):
         self.worker: LearnerWorker | None = None
         if self.config.resume:
             find_checkpoint(Path(self.config.out) / "checkpoint")
+        elif self.config.out:
+            refuse_used(Path(self.config.out))
         self._failure: BaseException | None = None
         self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)

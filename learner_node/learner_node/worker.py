@@ -16,8 +16,9 @@ from pa_ros.core.experience import Trajectory
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary
 from pa_ros.learning.algorithms.dpg.learner import Learner
-from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
-from pa_ros.learning.errors import CheckpointError, FolderInUseError
+from pa_ros.learning.checkpoints import restore, save_checkpoint
+from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
+from pa_ros.learning.folder import claim
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin
@@ -40,7 +41,7 @@ class LearnerWorker:
         self.failure: BaseException | None = None  # a bug; the node must not go on
         self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
-        self._folder = _claimed(config.out)
+        self._folder = _claimed(config)
         self._learner = _make_learner(config, arena, self.vocabulary)
         extra = restore(Path(config.out) / "checkpoint", self._learner) if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
@@ -130,11 +131,11 @@ class LearnerWorker:
             self._sinks.refuse("checkpoint", error)
 
 
-def _claimed(out: str) -> IO[bytes] | None:
+def _claimed(config: LearnerNodeConfig) -> IO[bytes] | None:
     """The folder, kept from other runs; None where nothing can be written: saving will say so."""
     try:
-        return claim(Path(out)) if out else None
-    except FolderInUseError:
+        return claim(Path(config.out), config.resume) if config.out else None
+    except (FolderInUseError, FolderUsedError):
         raise
     except CheckpointError:
         return None

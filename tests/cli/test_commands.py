@@ -30,6 +30,9 @@ def test_program_check_knows_a_designs_words(capsys):
 def test_train_then_eval(tmp_path, capsys):
     run = ["train", "--out", str(tmp_path), "--seed", "1", "--eval-every", "0"]
     assert main([*run, "--frames", "200"]) == 0
+    assert main([*run, "--frames", "300"]) == 2
+    refusal = capsys.readouterr().err.splitlines()[-1]
+    assert "holds a checkpoint: resume it (--resume" in refusal
     assert main([*run, "--frames", "400", "--resume"]) == 0
     report = tmp_path / "eval.json"
     arguments = ["eval", "--checkpoint", str(tmp_path), "--episodes", "3", "--json", str(report)]

@@ -21,14 +21,14 @@ from pa_ros.core.experience import Trajectory
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import ConsumeReport, Learner
 from pa_ros.learning.checkpoints import (
-    claim,
     find_checkpoint,
     load_policy,
     read_metadata,
     restore,
     save_checkpoint,
 )
-from pa_ros.learning.errors import CheckpointError, FolderInUseError
+from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
+from pa_ros.learning.folder import claim
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 
@@ -205,8 +205,18 @@ def test_another_curve_is_refused(tmp_path) -> None:
         run(tmp_path, 80, resume=True, evaluate_every_frames=20)
 
 
-def test_a_new_run_starts_its_curve_anew(tmp_path) -> None:
+def test_a_folder_that_holds_a_run_is_resumed_or_refused(tmp_path) -> None:
     run(tmp_path, 60, evaluate_every_frames=20)
+    kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(FolderUsedError, match=r"expected a folder without a run.*--resume"):
+        run(tmp_path, 40, evaluate_every_frames=20)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
+    assert run(tmp_path, 80, resume=True).counters.frames == 80
+
+
+def test_a_run_cut_off_before_its_first_checkpoint_starts_its_curve_anew(tmp_path) -> None:
+    run(tmp_path, 60, evaluate_every_frames=20)
+    shutil.rmtree(tmp_path / "checkpoint")
     run(tmp_path, 40, evaluate_every_frames=20)
     assert len((tmp_path / "progress.csv").read_text().splitlines()) == 3
 

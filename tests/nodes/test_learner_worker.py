@@ -15,7 +15,7 @@ from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Trajectory
 from pa_ros.core.published import PublishedPolicy
-from pa_ros.learning.errors import FolderInUseError
+from pa_ros.learning.errors import FolderInUseError, FolderUsedError
 
 OPTIONS = ("learner.replay.warmup_frames=0", "learner.replay.batch_size=4", "network.hidden=8",
            "network.attention=4")  # fmt: skip
@@ -149,7 +149,9 @@ def test_a_folder_that_another_run_writes_into_is_refused(tmp_path: Path):
     with pytest.raises(FolderInUseError, match="another run writes into"):
         Bench(out=str(tmp_path))
     bench.worker.close()
-    Bench(out=str(tmp_path)).worker.close()
+    with pytest.raises(FolderUsedError, match="expected a folder without a run"):
+        Bench(out=str(tmp_path))
+    Bench(out=str(tmp_path), resume=True).worker.close()
 
 
 def test_a_checkpoint_that_cannot_be_written_is_refused_and_learning_goes_on(tmp_path: Path):

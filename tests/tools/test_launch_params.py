@@ -5,10 +5,13 @@ import yaml
 
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
+from pa_ros.learning.errors import FolderUsedError
 from pa_ros.tools.launch_params import (
     chosen,
+    learning_into,
     load_parameters,
     merged,
+    new_folder,
     packaged,
     packaged_names,
     write_parameters,
@@ -110,3 +113,22 @@ def test_a_list_used_twice_is_written_twice_since_rcl_refuses_aliases(tmp_path):
     write_parameters(path, {name: {"options": options} for name in ("agent_node", "learner_node")})
     assert path.read_text().count("learner.replay.batch_size=32") == 2
     assert "&" not in path.read_text()
+
+
+def test_each_launch_has_a_folder_of_its_own_and_learns_into_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folders = [new_folder("launch") for _ in range(3)]
+    assert len(set(folders)) == 3 and all(folder.is_dir() for folder in folders)
+    training = load_parameters(packaged("train_2l"))
+    assert learning_into(folders[0], training)["learner_node"]["out"] == str(folders[0].resolve())
+    chosen_by_hand = {"learner_node": {"out": ""}}
+    assert learning_into(folders[0], chosen_by_hand) == chosen_by_hand
+
+
+def test_a_launch_over_an_earlier_ones_work_is_refused_before_anything_starts(tmp_path):
+    (tmp_path / "checkpoint").mkdir()
+    (tmp_path / "checkpoint" / "LATEST").write_text("version-000000001")
+    with pytest.raises(FolderUsedError, match="expected a folder without a run"):
+        learning_into(tmp_path, {"learner_node": {}})
+    resumed = {"learner_node": {"resume": True}}
+    assert learning_into(tmp_path, resumed)["learner_node"]["out"] == str(tmp_path)

@@ -18,6 +18,7 @@ from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint
+from pa_ros.learning.folder import claim
 from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.codec import weights_checksum
@@ -32,14 +33,14 @@ def run(options: argparse.Namespace) -> int:
     if options.resume or options.record:
         raise ConfigError("--from-bag: expected neither --resume nor --record with it")
     with ExitStack() as stack:
+        stack.enter_context(claim(options.out))
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
         bags = [Experience(bag, options.namespace) for bag in opened]
         learner, about = _learner(options, bags[0])
         started = time.monotonic()
         found = learn(bags, learner, _Progress(learner))
-    save_checkpoint(
-        options.out / "checkpoint", learner, {"wall_s": time.monotonic() - started, **about}
-    )
+        extra = {"wall_s": time.monotonic() - started, **about}
+        save_checkpoint(options.out / "checkpoint", learner, extra)
     _conclude(found, learner, options.out)
     return 0
 

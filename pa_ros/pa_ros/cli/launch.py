@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import refuse_occupied, signals_noted, start_nodes, watch
-from pa_ros.tools.launch_params import chosen, load_parameters, packaged_names
+from pa_ros.tools.launch_params import (
+    chosen,
+    learning_into,
+    load_parameters,
+    new_folder,
+    packaged_names,
+)
 from pa_ros.tools.launcher import ChildError, Supervisor
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record import RECORDER, start_recorded, start_recorder
@@ -28,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
     parser.add_argument(
         "--out", type=Path, metavar="DIR",
-        help="where parameters and logs go (default: runs/launch-<time>)",
+        help="where parameters, logs and, if the file names no place, what is learned go "
+        "(default: a new runs/launch-<time>)",
     )  # fmt: skip
     parser.add_argument("--record", type=Path, metavar="BAG", help="record the graph into a bag")
     parser.epilog = "Ctrl-C stops all nodes; exit status 1 if one ended by itself"
@@ -36,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Launch, and show figures until a signal comes or a node ends by itself."""
-    parameters = load_parameters(chosen(options.params))
-    folder = options.out or Path("runs") / f"launch-{time.strftime('%Y%m%d-%H%M%S')}"
+    folder = options.out or new_folder("launch")
+    parameters = learning_into(folder, load_parameters(chosen(options.params)))
     figures = GraphFigures()
     with signals_noted() as interrupted, client_node("launcher", options.namespace) as node:
         refuse_occupied(node, parameters)

@@ -7,13 +7,12 @@ atomically. So a crash at any moment leaves a whole checkpoint. Nothing is ever 
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import shutil
 from dataclasses import asdict
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from pa_ros.language import parse
 from pa_ros.learning import edition1
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Counters, Learner
-from pa_ros.learning.errors import CheckpointError, FolderInUseError
+from pa_ros.learning.errors import CheckpointError
 from pa_ros.networks.config import NetworkConfig
 
 FORMAT = 2
@@ -38,27 +37,6 @@ SHIPPED_PREFIX = "shipped:"
 FREE_TO_CHANGE = ("engine.name", "engine.device", "engine.threads")
 
 Arrays = dict[str, NDArray[Any]]
-
-
-def claim(folder: Path) -> IO[bytes]:
-    """Take a run's folder for oneself, until what is returned is closed or the process ends.
-
-    Raises FolderInUseError if another run has it: two would overwrite each other's checkpoints;
-    CheckpointError if nothing can be written there.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / ".lock").open("wb")
-    except OSError as error:
-        raise CheckpointError(f"{folder}: {error}") from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        lock.close()
-        raise FolderInUseError(
-            f"{folder}: expected a folder for this run alone, got one that another run writes into"
-        ) from error
-    return lock
 
 
 def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None = None) -> Path:

@@ -51,3 +51,9 @@ class FolderInUseError(CheckpointError):
     """A run's folder that another run writes into."""
 
     code = "learning.in_use"
+
+
+class FolderUsedError(CheckpointError):
+    """A run's folder that would be begun anew, over what an earlier run left in it."""
+
+    code = "learning.folder_used"

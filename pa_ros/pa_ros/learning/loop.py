@@ -27,8 +27,9 @@ from pa_ros.core.published import PublishedPolicy
 from pa_ros.core.settings import Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
-from pa_ros.learning.checkpoints import claim, restore, save_checkpoint
+from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.folder import claim
 from pa_ros.learning.progress import Progress
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
@@ -111,9 +112,10 @@ def train(
     `max_speed` is [6] rad/s: a velocity command is the action times it. Leaves progress.csv and
     `checkpoint/` under `config.out`. With `resume`, goes on from the checkpoint there (raises
     CheckpointError if there is none that fits), and ends where an unbroken run would have. Raises
-    FolderInUseError if another run writes into `config.out`.
+    FolderInUseError if another run writes into `config.out`, FolderUsedError if it holds a run that
+    is not to be resumed.
     """
-    with claim(config.out):
+    with claim(config.out, resume):
         learner = Learner(
             network, learner_config, training_programs, config.seed, environment.scoring
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 import yaml
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.learning.folder import refuse_used
 
 CONFIG = Path(__file__).parents[1] / "config"
 NODES = ("sim_node", "agent_node", "learner_node")
@@ -68,6 +71,35 @@ def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> 
     if absent:
         raise ConfigError(f"parameters: expected nodes of {list(parameters)}, got {sorted(absent)}")
     return {name: values | dict(changes.get(name, {})) for name, values in parameters.items()}
+
+
+def new_folder(kind: str) -> Path:
+    """A folder runs/KIND-TIME that is not there yet; it is made, so that no other has it."""
+    stem = Path("runs") / f"{kind}-{time.strftime('%Y%m%d-%H%M%S')}"
+    for number in itertools.count(1):
+        folder = stem if number == 1 else Path(f"{stem}-{number}")
+        try:
+            folder.mkdir(parents=True)
+            return folder
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise ConfigError(f"launch: {folder}: {error}") from error
+    raise AssertionError("numbers do not end")
+
+
+def learning_into(folder: Path, parameters: Parameters) -> Parameters:
+    """Parameters whose learner, unless told where, writes into the launch's own folder.
+
+    Raises FolderUsedError if that holds a run that is not to be resumed.
+    """
+    learner = parameters.get("learner_node")
+    if learner is None:
+        return parameters
+    out = learner.get("out", str(folder.resolve()))
+    if isinstance(out, str) and out and learner.get("resume") is not True:
+        refuse_used(Path(out))
+    return merged(parameters, {"learner_node": {"out": out}})
 
 
 def write_parameters(path: Path, parameters: Parameters, namespace: str = "") -> None:

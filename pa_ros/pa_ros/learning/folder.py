@@ -1,0 +1,51 @@
+"""A run's folder: taken by one run at a time, and never begun anew over another's work."""
+
+from __future__ import annotations
+
+import fcntl
+from pathlib import Path
+from typing import IO
+
+from pa_ros.learning.checkpoints import LATEST
+from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
+
+CHECKPOINT = "checkpoint"
+
+
+def refuse_used(folder: Path) -> None:
+    """Raise FolderUsedError if the folder holds a run's checkpoint."""
+    root = folder / CHECKPOINT
+    if (root / LATEST).exists() or any(root.glob("version-*")):
+        raise FolderUsedError(
+            f"{folder}: expected a folder without a run, got one that holds a checkpoint: resume "
+            "it (--resume, or the learner's parameter resume), or name another folder"
+        )
+
+
+def claim(folder: Path, resume: bool = False) -> IO[bytes]:
+    """Take a run's folder for oneself, until what is returned is closed or the process ends.
+
+    Raises FolderInUseError if another run has it: two would overwrite each other's checkpoints;
+    FolderUsedError if it holds a run that is not to be resumed; CheckpointError if nothing can be
+    written there.
+    """
+    if not resume:
+        refuse_used(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / ".lock").open("wb")
+    except OSError as error:
+        raise CheckpointError(f"{folder}: {error}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not resume:  # another may have come and gone meanwhile
+            refuse_used(folder)
+    except OSError as error:
+        lock.close()
+        raise FolderInUseError(
+            f"{folder}: expected a folder for this run alone, got one that another run writes into"
+        ) from error
+    except FolderUsedError:
+        lock.close()
+        raise
+    return lock
