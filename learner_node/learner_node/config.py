@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Self
 
 from pydantic import Field, model_validator
 
-from pa_ros.core.settings import OneOf, Settings
-from pa_ros.learning.protocols import PROTOCOLS, Protocol, protocol_named
-from pa_ros.networks.families import FAMILIES
+from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
 
 
-class LearnerNodeConfig(Settings):
+class LearnerNodeConfig(LearningChoice):
     """One learner on the graph; what it learns about comes with arena_info."""
 
     seed: int = Field(0, ge=0, description="of initial weights and of sampling")
-    protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
-        "ours", description="how to learn; ours-slow is for the preset paper"
-    )
     options: tuple[str, ...] = Field(
         (), description="learner.PART.NAME=VALUE or network.NAME=VALUE over the protocol"
-    )
-    network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
-        "programmable", description="family of actor and critic"
     )
     out: str = Field("", description="folder of the checkpoint; empty: none is written")
     resume: bool = Field(False, description="go on from the checkpoint in out")

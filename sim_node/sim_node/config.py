@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
 from pa_ros.arena import (
-    DESIGNS,
+    ArenaChoice,
     ArenaConfig,
     Condition,
     Design,
@@ -16,22 +16,16 @@ from pa_ros.arena import (
     design_named,
     preset_named,
 )
-from pa_ros.arena.config import PRESETS
-from pa_ros.core.settings import OneOf, Settings
 
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
 
 
-class SimConfig(Settings):
+class SimConfig(ArenaChoice):
     """One arena on the graph."""
 
     mode: Literal["lockstep", "real_time"] = Field(
         "lockstep", description="what paces it: answers to its observations, or the clock"
     )
-    design: Annotated[str, OneOf(lambda: DESIGNS)] = Field(
-        "2-L", description="which blocks there are, and which programs are held out"
-    )
-    preset: Annotated[str, OneOf(lambda: PRESETS)] = Field("fast", description="of the arm")
     seed: int = Field(0, ge=0, description="of all episodes")
     blocks: int = Field(0, ge=0, description="on the table; 0: as the design says")
     condition: str = Field("train", description="that episodes are drawn from")

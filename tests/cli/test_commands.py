@@ -57,6 +57,21 @@ def test_train_then_eval(tmp_path, capsys):
         (["eval", "--checkpoint", "nowhere/at/all"], "nowhere/at/all"),
         (["train", "--out", "unused", "--frames", "-5"], "-5"),
         (["train", "--out", "unused", "--protocol", "theirs"], "theirs"),
+        (["train", "--out", "unused", "--frames", "ten"], "--frames: expected an integer of at"),
+        (["train", "--out", "unused", "--seed", "-1"], "--seed: expected an integer of at least"),
+        (["train", "--out", "unused", "--network", "x"], "one of ['programmable', "),
+        (["train", "--out", "unused", "--eval-every", "-1"], "--eval-every: expected an integer"),
+        (
+            ["train", "--out", "unused", "--set", "learner.updates.discount=abc"],
+            "learner.updates.discount: expected a number in [0, 1), got 'abc'",
+        ),
+        (["train", "--out", "unused", "--set", "learner.updates.discount=nan"], "got 'nan'"),
+        (["train", "--out", "unused", "--set", "learner.updates.discount=NaN"], "got nan"),
+        (["play", "nowhere", "--rate", "nan"], "--rate: expected a number of at least 0, got nan"),
+        (["record", "unused", "--storage", "zarr"], "--storage: expected one of ['mcap', "),
+        (["send", "RED", "--timeout", "0"], "--timeout: expected a positive number, got 0"),
+        (["demo", "--minutes", "0"], "--minutes: expected a positive number, got 0"),
+        (["experiment", "programmable-2L", "--seeds", "0"], "--seeds: expected an integer"),
         (
             ["train", "--out", "unused", "--set", "learner.speed=1"],
             "learner.speed: expected a known name",
@@ -73,6 +88,7 @@ def test_bad_input_is_refused_with_status_2_and_what_came(
     assert main(arguments) == 2
     error = capsys.readouterr().err
     assert error.startswith(f"pa_ros {arguments[0]}: ") and said in error
+    assert error.count("\n") == 1
     assert not list(tmp_path.iterdir()), "a refused command leaves nothing"
 
 

@@ -1,5 +1,6 @@
 """Simulated arena: arm, table, blocks, episodes, programs' verifier and reference policies."""
 
+from pa_ros.arena.choice import ArenaChoice
 from pa_ros.arena.conditions import Condition, condition_named, conditions_for
 from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
@@ -13,6 +14,7 @@ __all__ = [
     "DESIGNS",
     "ENV_ID",
     "PRESETS",
+    "ArenaChoice",
     "ArenaConfig",
     "Block",
     "CommandError",

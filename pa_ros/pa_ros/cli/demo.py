@@ -7,7 +7,8 @@ import sys
 import time
 from pathlib import Path
 
-from pa_ros.arena import design_named, preset_named
+from pa_ros.arena import ArenaChoice, design_named, preset_named
+from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.errors import PaError
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.phases import demonstrate
@@ -19,19 +20,15 @@ EXIT_FAILED, EXIT_INTERRUPTED = 1, 130
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros demo`."""
-    parser.add_argument("--design", default="2-L", help="2-L or 3-D (%(default)s)")
-    parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="(%(default)s)")
-    parser.add_argument(
-        "--minutes", type=float, default=20.0, help="give up learning after these (%(default)s)"
-    )
+    add_settings(parser, ArenaChoice, "design", "preset")
+    add_settings(parser, DemoConfig, "seed", "minutes")
     parser.add_argument(
         "--no-shipped",
         dest="shipped",
         action="store_false",
         help="begin with learning: leave out the shipped agent's programs",
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="(default: runs/demo-<time>)")
+    add_setting(parser, DemoConfig, "folder", "--out", "runs/demo-<time>", "DIR")
     parser.add_argument(
         "--domain-id", type=int, metavar="N", help="ROS domain (default: an unused one)"
     )
@@ -43,11 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Demonstrate; the exit status."""
-    folder = options.out or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
+    folder = options.folder or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
     design, arena = design_named(options.design), preset_named(options.preset)
-    config = DemoConfig(
-        design=design, arena=arena, seed=options.seed, minutes=options.minutes, folder=folder
-    )
+    config = settings_from(options, DemoConfig, design=design, arena=arena, folder=folder)
     print(f"ROS domain {use_domain(options.domain_id)}; everything is left in {folder}/\n")
     with signals_noted() as interrupted:
         try:

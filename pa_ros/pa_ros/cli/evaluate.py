@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pa_ros.arena import DESIGNS, ArenaConfig, Design, design_named, preset_named
+from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
+from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, write_report
 from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
@@ -16,6 +17,7 @@ from pa_ros.evaluation.scoring.evaluate import (
     REFERENCES,
     AgentPolicy,
     Evaluation,
+    EvaluationConfig,
     by_program,
     evaluate,
 )
@@ -35,29 +37,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--checkpoint", type=Path, help="folder that a training run left")
     source.add_argument("--policy", choices=REFERENCES, help="a reference policy")
-    parser.add_argument(
-        "--design", help=f"{', '.join(DESIGNS)} (default: the checkpoint's, or 2-L)"
-    )
-    parser.add_argument(
-        "--preset", help="arena: fast or paper (default: the checkpoint's, or fast)"
-    )
+    for name in ("design", "preset"):
+        default = f"the checkpoint's, or {EvaluationConfig.leaf(name).default}"
+        add_setting(parser, EvaluationConfig, name, otherwise=default)
     parser.add_argument(
         "--condition",
-        default="eval",
+        default=EvaluationConfig.leaf("condition").default,
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
         "`all` for all of them (%(default)s)",
     )
-    parser.add_argument("--episodes", type=int, default=100, metavar="N", help="(%(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes (%(default)s)")
+    add_settings(parser, EvaluationConfig, "episodes", "seed")
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
 
 
 def run(options: argparse.Namespace) -> int:
     """Evaluate, print one row per program (or per condition) and the figures."""
-    if options.episodes < 1:
-        raise ConfigError(f"eval --episodes: expected at least 1, got {options.episodes}")
-    if options.seed < 0:
-        raise ConfigError(f"eval --seed: expected at least 0, got {options.seed}")
     if options.condition in (ALL, RANDOM_WEIGHTS) and not options.checkpoint:
         raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
     if options.checkpoint:
@@ -66,8 +60,8 @@ def run(options: argparse.Namespace) -> int:
             return _all_conditions(agent, options)
         report = _agent_report(agent, options)
     else:
-        design = design_named(options.design or "2-L")
-        arena = preset_named(options.preset or "fast")
+        chosen = settings_from(options, EvaluationConfig)
+        design, arena = design_named(chosen.design), preset_named(chosen.preset)
         report = _report(options, design, arena, options.policy, options.condition)
     write_report(options.json, report)
     return 0

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pa_ros.cli.options import add_setting, add_settings
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import write_report
 
@@ -21,20 +22,23 @@ STUDIES = ("generalization", "detectors", "equalities")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros experiment`."""
+    from pa_ros.arena import ArenaChoice
     from pa_ros.evaluation.studies.experiments import EXPERIMENTS
+    from pa_ros.evaluation.studies.seeds import SeedsConfig
+    from pa_ros.learning.loop import TrainConfig
+    from pa_ros.learning.protocols import LearningChoice
 
     parser.add_argument("name", help=", ".join([*EXPERIMENTS, *STUDIES, "variants", "summary"]))
-    parser.add_argument("--seeds", type=int, default=3, metavar="N", help="(%(default)s)")
-    parser.add_argument("--first-seed", type=int, default=0, metavar="S", help="(%(default)s)")
-    parser.add_argument("--frames", type=int, help="of each seed (default: the experiment's)")
-    parser.add_argument("--protocol", help="or paper (ours; ours-slow for preset paper)")
-    parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
+    add_settings(parser, SeedsConfig, "seeds", "first_seed", "jobs")
+    add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
+    usual = "ours; ours-slow for preset paper"
+    add_setting(parser, LearningChoice, "protocol", otherwise=usual)
+    add_setting(parser, ArenaChoice, "preset")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
         help="change the protocol, as in pa_ros train; with --tag",
     )  # fmt: skip
     parser.add_argument("--tag", default="", help="names what --set changed, in the tables' names")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="seeds at a time")
     parser.add_argument("--runs", type=Path, default=Path("runs/experiments"), help="raw runs")
     parser.add_argument(
         "--results", type=Path, default=Path("docs/results"), help="folder for the tables"
@@ -52,11 +56,6 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.name == "variants":
         return _compare(options.results)
-    if options.seeds < 1 or options.first_seed < 0 or options.jobs < 1:
-        raise ConfigError(
-            "experiment: expected --seeds and --jobs of at least 1 and --first-seed of at least "
-            f"0, got {options.seeds}, {options.jobs} and {options.first_seed}"
-        )
     if bool(options.options) != bool(options.tag):
         raise ConfigError("experiment: expected --set and --tag together, got one of them")
     logging.basicConfig(level=logging.WARNING, format="%(message)s")

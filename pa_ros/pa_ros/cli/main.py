@@ -46,11 +46,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns its exit status (2: the input was refused)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = next((a for a in arguments if a in COMMANDS), None)
-    options = build_parser(chosen).parse_args(arguments)
     try:
+        options = build_parser(chosen).parse_args(arguments)
         return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
     except PaError as error:
-        print(f"pa_ros {options.command}: {error}", file=sys.stderr)
+        print(f"pa_ros {chosen}: {error}", file=sys.stderr)
         return EXIT_REFUSED
     except KeyboardInterrupt:
         return 130

@@ -8,29 +8,18 @@ import time
 from pathlib import Path
 
 from pa_ros.bags.reader import Bag
+from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.report import write_report
 from pa_ros.provenance.software import device, versions
+from pa_ros.tools.playback import PlaybackOptions, Played, Player
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros play`."""
     parser.add_argument("bag", type=Path, metavar="BAG")
-    parser.add_argument(
-        "--rate", type=float, default=1.0, metavar="R",
-        help="times the recorded speed; 0: as fast as it is taken (%(default)s)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--topics", nargs="+", default=[], metavar="NAME",
-        help="full names, or their last parts (default: all)",
-    )  # fmt: skip
-    parser.add_argument("--start", type=float, default=0.0, metavar="S", help="skip the first S s")
-    parser.add_argument("--duration", type=float, default=0.0, metavar="S", help="(to the end)")
-    parser.add_argument("--loop", action="store_true", help="again and again, until Ctrl-C")
-    parser.add_argument("--clock", action="store_true", help="publish /clock by recorded times")
-    parser.add_argument(
-        "--wait", type=float, default=3.5, metavar="S",
-        help="at most, for someone to listen to each topic (%(default)s)",
-    )  # fmt: skip
+    add_settings(parser, PlaybackOptions, "rate", "topics", "loop", "clock")
+    for name in ("start", "duration", "wait"):
+        add_setting(parser, PlaybackOptions, f"{name}_s", f"--{name}", metavar="S")
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
 
 
@@ -38,12 +27,8 @@ def run(options: argparse.Namespace) -> int:
     """Play until the end or a signal."""
     from pa_ros.tools.client import client_node
     from pa_ros.tools.graph import signals_noted
-    from pa_ros.tools.playback import PlaybackOptions, Played, Player
 
-    how = PlaybackOptions(
-        rate=options.rate, topics=tuple(options.topics), start_s=options.start,
-        duration_s=options.duration, loop=options.loop, clock=options.clock, wait_s=options.wait,
-    )  # fmt: skip
+    how = settings_from(options, PlaybackOptions)
     played = Played()
     with Bag(options.bag) as bag, signals_noted() as interrupted, client_node("play") as node:
         player = Player(bag, node, how)

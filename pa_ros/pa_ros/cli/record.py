@@ -8,10 +8,9 @@ import time
 from pathlib import Path
 
 from pa_ros.bags.repair import repair
-from pa_ros.bags.storage import STORAGES
-from pa_ros.bags.writer import BagOptions
-from pa_ros.core.errors import ConfigError
+from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.report import write_report
+from pa_ros.tools.record import BAG_TOPICS, Recorder, RecordingOptions, topics_named
 
 EXIT_FAILED = 1
 REFRESH_S = 0.5
@@ -23,18 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repair", action="store_true", help="make the bag OUT, whose recorder was killed, whole"
     )
-    parser.add_argument(
-        "--topics", nargs="+", default=[], metavar="NAME", help="(default: all of pa_ros)"
-    )
-    parser.add_argument("--namespace", default="", help="of the arena to record (default: none)")
-    parser.add_argument("--storage", default="mcap", help=f"{sorted(STORAGES)} (%(default)s)")
-    parser.add_argument(
-        "--split-mb", type=float, default=1024, metavar="MB", help="per file; 0: any (%(default)s)"
-    )
-    parser.add_argument(
-        "--split-s", type=float, default=3600, metavar="S", help="per file; 0: any (%(default)s)"
-    )
-    parser.add_argument("--duration", type=float, metavar="S", help="stop after this time")
+    add_settings(parser, RecordingOptions, "topics", "namespace", "storage", "split_mb", "split_s")
+    add_setting(parser, RecordingOptions, "duration_s", "--duration")
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
     parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if the disk was full"
 
@@ -43,10 +32,7 @@ def run(options: argparse.Namespace) -> int:
     """Record until a signal comes, the time is up, or the disk is full."""
     if options.repair:
         return _repair(options.out)
-    if options.duration is not None and not options.duration > 0:
-        raise ConfigError(f"--duration: expected a positive number, got {options.duration}")
-    bag = BagOptions(storage=options.storage, split_mb=options.split_mb, split_s=options.split_s)
-    return _record(options, bag)
+    return _record(options, settings_from(options, RecordingOptions))
 
 
 def _repair(folder: Path) -> int:
@@ -57,22 +43,22 @@ def _repair(folder: Path) -> int:
     return 0
 
 
-def _record(options: argparse.Namespace, bag: BagOptions) -> int:
+def _record(options: argparse.Namespace, how: RecordingOptions) -> int:
     from pa_ros.ros.process import die_with_parent
     from pa_ros.tools.client import client_node
     from pa_ros.tools.graph import signals_noted
     from pa_ros.tools.monitor import Display
-    from pa_ros.tools.record import BAG_TOPICS, Recorder, topics_named
     from pa_ros.tools.recording_figures import RecordingFigures
 
     die_with_parent()
-    with signals_noted() as interrupted, client_node("record", options.namespace) as node:
-        chosen = topics_named(node, options.topics) if options.topics else BAG_TOPICS
-        with Recorder(options.out, node, chosen, bag) as recorder:
+    limit_s = how.duration_s or None
+    with signals_noted() as interrupted, client_node("record", how.namespace) as node:
+        chosen = topics_named(node, how.topics) if how.topics else BAG_TOPICS
+        with Recorder(options.out, node, chosen, how) as recorder:
             print(f"recording into {options.out} (Ctrl-C closes it)", flush=True)
             figures = RecordingFigures(recorder.counts, lambda: (recorder.counts, recorder.lost))
             with Display("Recording (Ctrl-C closes the bag)", figures.rows, figures.line) as shown:
-                while not (interrupted() or recorder.failure or figures.late(options.duration)):
+                while not (interrupted() or recorder.failure or figures.late(limit_s)):
                     time.sleep(REFRESH_S)
                     figures.size = recorder.size
                     shown.refresh()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 
-from pa_ros.core.errors import ConfigError
+from pa_ros.cli.options import add_setting, settings_from
 from pa_ros.tools.client import client_node
 from pa_ros.tools.execution import Execution
-from pa_ros.tools.send import Answers, ProgramSender, SendTimeoutError
+from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError
 
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 
@@ -16,11 +16,8 @@ EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros send`."""
     parser.add_argument("text", help='a program: "NEAR(HAND, AND(RED, CUBE))"')
-    parser.add_argument("--wait", action="store_true", help="then wait for the verdict")
-    parser.add_argument(
-        "--timeout", type=float, default=30.0, metavar="S",
-        help="seconds to wait for the answers, and again for the verdict (%(default)s)",
-    )  # fmt: skip
+    add_setting(parser, SendOptions, "wait")
+    add_setting(parser, SendOptions, "timeout_s", "--timeout", metavar="S")
     parser.add_argument("--namespace", default="", help="of the arena (default: none)")
     parser.epilog = (
         "exit status: 0 accepted (with --wait: satisfied), 1 not satisfied, 2 refused, 3 timed out"
@@ -29,20 +26,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Send, print each node's answer, wait for the verdict if asked to."""
-    if not options.timeout > 0:
-        raise ConfigError(f"--timeout: expected a positive number, got {options.timeout}")
+    how = settings_from(options, SendOptions)
     with client_node("send", options.namespace) as node:
         sender = ProgramSender(node)
         try:
             try:
-                answers = sender.send(options.text, options.timeout)
+                answers = sender.send(options.text, how.timeout_s)
             finally:
                 print_answers(sender.answers)
             if answers.refused:
                 return EXIT_REFUSED
-            if not options.wait:
+            if not how.wait:
                 return 0
-            execution = sender.wait(options.timeout)
+            execution = sender.wait(how.timeout_s)
         except SendTimeoutError as error:
             print(f"timed out: {error}", file=sys.stderr)
             return EXIT_TIMED_OUT

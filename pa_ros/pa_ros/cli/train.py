@@ -9,30 +9,25 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import DESIGNS, ArenaConfig, Design, ReachTask, design_named, preset_named
+from pa_ros.arena import ArenaChoice, ArenaConfig, Design, ReachTask, design_named, preset_named
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
+from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.evaluation.scoring.training import TrainingScores, training_programs
 from pa_ros.learning.loop import TrainConfig, train
-from pa_ros.learning.protocols import PROTOCOLS, protocol_named, usual_protocol
-from pa_ros.networks.config import KINDS
+from pa_ros.learning.protocols import LearningChoice, protocol_named, usual_protocol
 
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
-    parser.add_argument("--design", default="2-L", help=f"{', '.join(DESIGNS)} (%(default)s)")
-    parser.add_argument("--preset", default="fast", help="arena: fast or paper (%(default)s)")
-    parser.add_argument(
-        "--protocol", help=f"{', '.join(PROTOCOLS)} (ours, or ours-slow for preset paper)"
-    )
-    parser.add_argument(
-        "--network", default="programmable", help=f"{', '.join(KINDS)} (%(default)s)"
-    )
-    parser.add_argument("--seed", type=int, help="(0; with --from-bag, the recorded one)")
-    parser.add_argument("--frames", type=int, default=100_000, help="(%(default)s)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for curve and checkpoint")
+    add_settings(parser, ArenaChoice, "design", "preset")
+    usual = "ours, or ours-slow for preset paper"
+    add_setting(parser, LearningChoice, "protocol", otherwise=usual)
+    add_setting(parser, LearningChoice, "network")
+    add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
+    add_settings(parser, TrainConfig, "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
     parser.add_argument("--record", type=Path, metavar="BAG", help="record the run into a bag")
     parser.add_argument(
@@ -42,9 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--namespace", help="with --from-bag: of the arena, if several were recorded"
     )
-    parser.add_argument("--eval-every", type=int, default=10_000, metavar="FRAMES")
+    add_setting(parser, TrainConfig, "evaluate_every_frames", "--eval-every")
     parser.add_argument("--eval-episodes", type=int, default=20, metavar="N")
-    parser.add_argument("--checkpoint-every", type=int, default=50_000, metavar="FRAMES")
+    add_setting(parser, TrainConfig, "checkpoint_every_frames", "--checkpoint-every")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.PART.NAME=VALUE", dest="options",
         help="replace a setting of learner or network (network.NAME=VALUE); repeatable",
@@ -57,19 +52,10 @@ def run(options: argparse.Namespace) -> int:
     options.protocol = options.protocol or usual_protocol(options.preset)
     if options.from_bag:
         return from_bag.run(options)
-    seed = options.seed or 0
     design, arena = design_named(options.design), preset_named(options.preset)
     protocol = protocol_named(options.protocol).with_options(options.options)
-    config = TrainConfig(
-        out=options.out,
-        seed=seed,
-        frames=options.frames,
-        design=design.name,
-        preset=arena.preset,
-        evaluate_every_frames=options.eval_every,
-        checkpoint_every_frames=options.checkpoint_every,
-    )
-    programs = training_programs(design)
+    config = settings_from(options, TrainConfig)
+    programs, seed = training_programs(design), config.seed
     with _run_log(options, arena, design, seed, programs) as run_log:
         train(
             config,

@@ -15,9 +15,16 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from pydantic_core import ValidationError as CoreError
 
@@ -132,6 +139,22 @@ class Settings(BaseModel):
     def paths(cls) -> tuple[str, ...]:
         """Dotted paths of the leaves."""
         return tuple(leaf.path for leaf in cls.leaves())
+
+    @classmethod
+    def leaf(cls, path: str) -> Leaf:
+        """What is known of one setting; KeyError for a path that is none."""
+        return {leaf.path: leaf for leaf in cls.leaves()}[path]
+
+    @classmethod
+    def read(cls, path: str, text: str) -> Any:
+        """One setting's value from text; ValueError if the setting refuses it."""
+        *parts, name = path.split(".")
+        kind: Any = cls
+        for part in parts:
+            kind = kind.model_fields[part].annotation
+        field = kind.model_fields[name]
+        checked: Any = Annotated[field.annotation, field]
+        return TypeAdapter(checked, config=ConfigDict(allow_inf_nan=False)).validate_strings(text)
 
     def fields(self) -> dict[str, Any]:
         """Values by name, parts as they are."""

@@ -6,15 +6,30 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import OneOf, Settings
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import FAMILIES
 
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 _PATHS = {"learner": DPGConfig.paths(), "network": NetworkConfig.paths()}
+
+
+class LearningChoice(Settings):
+    """How to learn and with which networks, by name."""
+
+    protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
+        "ours", description="how to learn; ours-slow is for the preset paper"
+    )
+    network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
+        "programmable", description="family of actor and critic"
+    )
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import rclpy
+from pydantic import Field
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
@@ -60,6 +61,14 @@ READY_S: Final = 30.0
 FLUSH_S: Final = 1.0  # what a SIGKILL can cost
 _TURN: Final = 500  # messages of one topic per turn, so that none starves
 _RECENT: Final = 1000  # messages remembered, to know one that two readers delivered
+
+
+class RecordingOptions(BagOptions):
+    """What to record, into what."""
+
+    topics: tuple[str, ...] = Field((), description="by name; none: all of pa_ros")
+    namespace: str = Field("", description="of the arena to record")
+    duration_s: float = Field(0.0, ge=0, description="seconds; then stop; 0: until stopped")
 
 
 class Recorder:

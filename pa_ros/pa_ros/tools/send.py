@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
 
+from pydantic import Field
 from rclpy.node import Node
 
 from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.settings import Settings
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
 from pa_ros.tools.execution import Execution, ExecutionWatch
@@ -23,6 +25,15 @@ SETTLE_S = 1.0  # in which nodes on one machine find each other
 _serial = count()
 
 Spin = Callable[[Callable[[], bool], float], bool]
+
+
+class SendOptions(Settings):
+    """How to send."""
+
+    timeout_s: float = Field(
+        30.0, gt=0, description="seconds to wait for the answers, and again for the verdict"
+    )
+    wait: bool = Field(False, description="then wait for the verdict")
 
 
 class SendTimeoutError(PaError):

@@ -7,8 +7,16 @@ from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
+from pydantic import Field
 
-from pa_ros.arena import ArenaConfig, Design, ReachTask, random_policy, scripted_action
+from pa_ros.arena import (
+    ArenaChoice,
+    ArenaConfig,
+    Design,
+    ReachTask,
+    random_policy,
+    scripted_action,
+)
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.evaluation.scoring.intervals import Interval, mean_interval, normalized_interval
 from pa_ros.evaluation.scoring.rewards import EpisodeScore, rewards
@@ -16,6 +24,14 @@ from pa_ros.evaluation.scoring.rewards import EpisodeScore, rewards
 # From what an agent sees, and the program's text, to joint velocities in rad/s [6].
 AgentPolicy = Callable[[Observation, str], Float64]
 REFERENCES = ("scripted", "random")
+
+
+class EvaluationConfig(ArenaChoice):
+    """What to score on."""
+
+    condition: str = Field("eval", description="that episodes are drawn from")
+    episodes: int = Field(100, ge=1, description="how many")
+    seed: int = Field(0, ge=0, description="of the episodes")
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,10 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import Field
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from pa_ros.core.settings import Settings
 from pa_ros.evaluation.studies.experiments import (
     Experiment,
     SeedSummary,
@@ -22,6 +24,14 @@ from pa_ros.evaluation.studies.experiments import (
 )
 
 REFRESH_S = 1.0
+
+
+class SeedsConfig(Settings):
+    """Which seeds of an experiment."""
+
+    seeds: int = Field(3, ge=1, description="how many")
+    first_seed: int = Field(0, ge=0, description="and the following")
+    jobs: int = Field(1, ge=1, description="seeds at a time")
 
 
 def train_seeds(experiment: Experiment, seeds: Sequence[int], folder: Path, jobs: int) -> None:

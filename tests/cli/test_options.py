@@ -1,0 +1,68 @@
+"""Options that follow from settings."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from pydantic import Field
+
+from pa_ros.cli.options import add_setting, add_settings, settings_from
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import Settings
+
+
+class Some(Settings):
+    out: Path = Field(description="folder")
+    steps: int = Field(5, ge=1, description="how many, 100 % of them")
+    rate: float = Field(0.5, gt=0, description="how fast")
+    kind: Literal["a", "b"] = Field("b", description="which")
+    names: tuple[str, ...] = Field((), description="of whom")
+    loop: bool = Field(False, description="again")
+
+
+@pytest.fixture
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser()
+    add_settings(made, Some, "out", "kind", "names", "loop")
+    add_setting(made, Some, "steps", "--count", otherwise="the other's")
+    add_setting(made, Some, "rate")
+    return made
+
+
+def test_what_is_not_given_has_the_settings_default(parser: argparse.ArgumentParser) -> None:
+    assert settings_from(parser.parse_args(["--out", "x"]), Some) == Some(out=Path("x"))
+
+
+def test_what_is_given_has_the_settings_type(parser: argparse.ArgumentParser) -> None:
+    given = "--out x --count 7 --rate 2 --kind a --names p q --loop".split()
+    asked = settings_from(parser.parse_args(given), Some, out=Path("y"))
+    assert asked == Some(out=Path("y"), steps=7, rate=2.0, kind="a", names=("p", "q"), loop=True)
+
+
+def test_help_tells_meaning_choices_and_default(parser: argparse.ArgumentParser) -> None:
+    shown = " ".join(parser.format_help().split())
+    assert "--count N how many, 100 % of them (the other's)" in shown
+    assert "--rate X how fast (0.5)" in shown
+    assert "which; one of a, b (b)" in shown
+    assert "--out PATH folder --" in shown.replace("folder  ", "folder ")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--count", "0"], "--count: expected an integer of at least 1, got 0"),
+        (["--count", "1.5"], "--count: expected an integer of at least 1, got 1.5"),
+        (["--rate", "inf"], "--rate: expected a positive number, got inf"),
+        (["--rate", ""], "--rate: expected a positive number, got ''"),
+        (["--kind", "c"], "--kind: expected one of ['a', 'b'], got c"),
+    ],
+)
+def test_a_refusal_names_the_option(
+    parser: argparse.ArgumentParser, given: list[str], message: str
+) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        parser.parse_args(["--out", "x", *given])
+    assert str(refusal.value) == message
