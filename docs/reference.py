@@ -24,6 +24,18 @@ NODES: dict[str, type[Settings]] = {
     "agent_node": AgentConfig,
     "learner_node": LearnerNodeConfig,
 }
+# By what the nodes are started for: what each node's file says differently from the defaults.
+PURPOSES: dict[str, dict[str, dict[str, object]]] = {
+    "learn": {
+        "sim_node": {},
+        "agent_node": {"learning": True},
+        "learner_node": {"out": "runs/learn"},
+    },
+    "execute": {
+        "sim_node": {"mode": "real_time", "program_source": "topic", "design": "3-D", "seed": 2},
+        "agent_node": {"weights": "checkpoint", "checkpoint": "shipped:3-D"},
+    },
+}
 TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "learner": ("docs/learning.md", DPGConfig),
     "network": ("docs/learning.md", NetworkConfig),
@@ -31,15 +43,19 @@ TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
 }
 
 
-def parameters_yaml(node: str) -> str:
-    """A parameter file with every default, each under what it means."""
+def parameters_yaml(node: str, purpose: str) -> str:
+    """A parameter file with every parameter, each under what it means."""
+    changed = PURPOSES[purpose][node]
     lines = [
-        f"# Parameters of {node} with their defaults, written by `make reference`.",
+        f"# Parameters of {node} to {purpose}, with the others' files {purpose}.yaml.",
+        "# Written by `make reference`; every parameter is here, with its default"
+        f"{' except for ' + ', '.join(changed) if changed else ''}.",
         f"/**/{node}:",
         "  ros__parameters:",
     ]
     for leaf in NODES[node].leaves():
-        default = list(leaf.default or ("",)) if isinstance(leaf.default, tuple) else leaf.default
+        default = changed.get(leaf.path, leaf.default)
+        default = list(default or ("",)) if isinstance(default, tuple) else default
         value = yaml.safe_dump(default, default_flow_style=True, width=1000).partition("\n")[0]
         lines += [f"    # {leaf.description}", f"    {leaf.path}: {value}"]
     return "\n".join(lines) + "\n"
@@ -61,7 +77,11 @@ def _row(leaf: Leaf) -> str:
 
 def files() -> dict[Path, str]:
     """Every file that says something of settings, as it has to be."""
-    written = {ROOT / n / "config" / f"{n}.yaml": parameters_yaml(n) for n in NODES}
+    written = {
+        ROOT / node / "config" / f"{purpose}.yaml": parameters_yaml(node, purpose)
+        for purpose, nodes in PURPOSES.items()
+        for node in nodes
+    }
     for marker, (name, kind) in TABLES.items():
         path = ROOT / name
         text = written.get(path) or path.read_text()

@@ -60,6 +60,9 @@ class AgentNode(Node):
         self._make_publishers()
         self._make_subscriptions()
         HealthReporter(self, self.refusals, self._collect)
+        source = self.config.checkpoint or self.config.weights
+        doing = "explores and learns" if self.config.learning else "executes programs"
+        self.get_logger().info(f"agent {self.agent_id}: {doing}, with weights from {source}")
         if self.config.learning:
             steady_timer(self, self.config.resend_period_s, self._send_again)
 
@@ -267,13 +270,15 @@ class AgentNode(Node):
         agent, answer = self.agent, self.agent.answer()
         if isinstance(agent, LearningAgent) and agent.refusal:
             return ERROR, f"does not act for the learner: {agent.refusal}"
+        if self._arena is None:
+            return WARN, f"waits for an arena ({topics.ARENA_INFO.name})"
         if agent.version == "none":
             return WARN, f"no weights yet{_reason(answer)}"
         stuck = now - self._progress_at > self.config.stuck_after_s
         if isinstance(agent, LearningAgent) and agent.waiting and stuck:
             return ERROR, f"policy version stuck at {agent.version}{_reason(answer)}"
         if now - self._heard_at > 1.0:
-            return WARN, "no observations come"
+            return WARN, f"waits for observations ({topics.OBJECT_FEATURES.name})"
         return OK, "acting"
 
 

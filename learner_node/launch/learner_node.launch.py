@@ -10,8 +10,8 @@ from launch_ros.actions import Node
 
 
 def generate_launch_description() -> LaunchDescription:
-    """One node; `params:=FILE` and `namespace:=NAME` replace the defaults."""
-    params = str(Path(get_package_share_directory("learner_node")) / "config" / "learner_node.yaml")
+    """One node; `params:=FILE` (default: learn.yaml of its share folder) and `namespace:=NAME`."""
+    params = str(Path(get_package_share_directory("learner_node")) / "config" / "learn.yaml")
     return LaunchDescription(
         [
             DeclareLaunchArgument("params", default_value=params),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
@@ -48,14 +49,14 @@ class LearnerNode(Node):
         self._failure: BaseException | None = None
         self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
-        self._rate = (time.monotonic(), 0.0, 0.0)  # since when, frames and updates then
+        self._rate = self._told = (time.monotonic(), 0.0, 0.0)  # when; frames and updates then
         self._weights = topics.POLICY_WEIGHTS.publisher(self)
         self._announcement = topics.LEARNER_INFO.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
         info = topics.ARENA_INFO
         info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
         topics.TRAJECTORIES.subscribe(self, self._take)
-        HealthReporter(self, self.refusals, self._collect)
+        HealthReporter(self, self.refusals, self._collect, self._progress)
         steady_timer(self, WATCH_S, self._watch)
 
     def close(self) -> None:
@@ -81,6 +82,13 @@ class LearnerNode(Node):
         origin = self.worker.origin(self.get_fully_qualified_name())
         self._provenance.publish(codec.encode_provenance(origin))
         self._announcement.publish(codec.encode_learner_info(self.worker.run.info))
+        self.get_logger().info(
+            f"run {self.worker.run.info.run_id}: design {arena.design}, arm {arena.preset}, "
+            f"protocol {self.config.protocol}, {self.worker.engine} updates; "
+            f"checkpoints in {self.config.out or 'none (parameter out)'}"
+        )
+        metrics = self.worker.metrics
+        self._rate = self._told = (time.monotonic(), metrics["frames"], metrics["updates"])
         self.worker.start()
         early, self._early = self._early, []
         for message in early:
@@ -109,7 +117,7 @@ class LearnerNode(Node):
     def _collect(self) -> tuple[int, str, dict[str, str]]:
         worker = self.worker
         if worker is None:
-            return WARN, "no arena has described itself yet", {}
+            return WARN, "waits for an arena (arena_info)", {}
         metrics, now = worker.metrics, time.monotonic()
         since, frames, updates = self._rate
         self._rate = (now, metrics["frames"], metrics["updates"])
@@ -125,4 +133,23 @@ class LearnerNode(Node):
         }
         if metrics["missing_trajectories"]:
             return WARN, "trajectories are missing", values
+        if not metrics["frames"]:
+            return OK, f"waits for an agent that learns ({topics.TRAJECTORIES.name})", values
         return OK, "learning", values
+
+    def _progress(self) -> str:
+        """A line of how far it is; empty before the first frame."""
+        worker = self.worker
+        if worker is None or not worker.metrics["frames"]:
+            return ""
+        metrics, now = worker.metrics, time.monotonic()
+        since, frames, updates = self._told
+        self._told = (now, metrics["frames"], metrics["updates"])
+        frames_per_s = (metrics["frames"] - frames) / max(now - since, 1e-9)
+        updates_per_s = (metrics["updates"] - updates) / max(now - since, 1e-9)
+        return (
+            f"frames {metrics['frames']:,.0f} ({frames_per_s:.0f}/s), "
+            f"updates {metrics['updates']:,.0f} ({updates_per_s:.0f}/s), "
+            f"weights version {metrics['version']:.0f}, "
+            f"critic loss {metrics.get('critic_loss', math.nan):.5f}"
+        )

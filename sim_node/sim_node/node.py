@@ -48,6 +48,10 @@ class SimNode(Node):
         self._make_subscriptions()
         self._make_services()
         self._health = HealthReporter(self, self.refusals, self._collect)
+        self.get_logger().info(
+            f"arena {self.session.arena_id}: design {self.config.design}, arm "
+            f"{self.config.preset}, {self.config.mode}, programs from {self.config.program_source}"
+        )
         self.session.begin()  # sent as soon as someone listens
         period = self.session.arena.control_period_s / self.config.real_time_factor
         if self._real_time:
@@ -236,5 +240,14 @@ class SimNode(Node):
             if rewards:
                 values[f"{name}.reward_per_step"] = f"{sum(rewards) / len(rewards):.4f}"
                 values[f"{name}.episodes"] = str(len(rewards))
-        waiting = not self._real_time and rate == 0.0 and not self.paused
-        return (WARN, "no command comes", values) if waiting else (OK, "running", values)
+        return *self._state(rate), values
+
+    def _state(self, rate: float) -> tuple[int, str]:
+        """Level and message: what the arena is doing, or waits for, at so many steps a second."""
+        if self.paused:
+            return OK, f"paused: waits for the service {topics.PAUSE[0]}"
+        if self.session.program is None:
+            return OK, f"waits for a program ({topics.PROGRAM.name})"
+        if not self._real_time and rate == 0.0:
+            return WARN, f"waits for an agent's command ({topics.JOINT_COMMANDS.name})"
+        return OK, "running"

@@ -1,4 +1,4 @@
-"""The parameter files that the nodes come with say every parameter and its default."""
+"""The parameter files that the nodes come with say every parameter, and are what they say."""
 
 from __future__ import annotations
 
@@ -13,19 +13,24 @@ sys.path.append(str(Path(__file__).parents[2] / "docs"))
 import reference  # noqa: E402  (a script beside the docs)
 
 
-@pytest.mark.parametrize("path", reference.files(), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", reference.files(), ids=lambda path: "/".join(path.parts[-3:]))
 def test_docs_and_parameter_files_say_what_the_settings_are(path):
     """`make reference` writes them."""
     assert path.read_text() == reference.files()[path]
 
 
-@pytest.mark.parametrize("node", reference.NODES)
-def test_a_parameter_file_is_read_as_the_defaults(node):
-    content = yaml.safe_load(reference.parameters_yaml(node))[f"/**/{node}"]["ros__parameters"]
-    kind = reference.NODES[node]
+FILES = [(purpose, node) for purpose, nodes in reference.PURPOSES.items() for node in nodes]
+
+
+@pytest.mark.parametrize(("purpose", "node"), FILES)
+def test_a_parameter_file_is_read_as_the_defaults_but_for_what_it_names(purpose, node):
+    text = reference.parameters_yaml(node, purpose)
+    content = yaml.safe_load(text)[f"/**/{node}"]["ros__parameters"]
+    kind, changed = reference.NODES[node], reference.PURPOSES[purpose][node]
     assert set(content) == set(kind.paths())
     given = {path: () if value == [""] else value for path, value in content.items()}
-    assert kind().changed(**given) == kind()
+    assert kind().changed(**given) == kind().changed(**changed)
+    assert all(path in text.partition("/**")[0] for path in changed)
 
 
 @pytest.mark.parametrize("node", ["sim_node", "agent_node"])

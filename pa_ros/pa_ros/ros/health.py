@@ -1,4 +1,4 @@
-"""What a node says of itself in /diagnostics, once a second."""
+"""What a node says of itself: in /diagnostics once a second, in its log when that changes."""
 
 from __future__ import annotations
 
@@ -13,27 +13,53 @@ from pa_ros.wire import codec
 from pa_ros.wire.records import Health
 
 PERIOD_S = 1.0
+PROGRESS_S = 5.0
 OK, WARN, ERROR = 0, 1, 2
 
 
 class HealthReporter:
-    """Publishes `collect()` under the node's full name, with the counts of its refusals."""
+    """Publishes `collect()` under the node's full name, with the counts of its refusals.
+
+    The log gets a line when what the node does, or waits for, has changed; and every `progress_s`
+    a line of `progress()`, where there is one.
+    """
 
     def __init__(
         self,
         node: Node,
         refusals: Refusals,
         collect: Callable[[], tuple[int, str, dict[str, str]]],
-        period_s: float = PERIOD_S,
+        progress: Callable[[], str] | None = None,
+        progress_s: float = PROGRESS_S,
     ) -> None:
         self._node, self._refusals, self._collect = node, refusals, collect
+        self._said: tuple[int, str] | None = None
         self._publisher = DIAGNOSTICS.publisher(node)
-        steady_timer(node, period_s, self.publish)
+        steady_timer(node, PERIOD_S, self.publish)
+        if progress is not None:
+            steady_timer(node, progress_s, lambda: self._progress(progress))
 
     def publish(self) -> None:
         """Publish now, besides the once a second."""
         level, message, values = self._collect()
+        self._say(level, message)
         values = {**values, "refused": str(self._refusals.total), **self._refusals.values()}
         entry = Health(self._node.get_fully_qualified_name(), level, message, values)
         stamp_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(codec.encode_diagnostics([entry], stamp_ns))
+
+    def _say(self, level: int, message: str) -> None:
+        """Log what has changed since it was logged last."""
+        if (level, message) == self._said:
+            return
+        self._said = level, message
+        log = self._node.get_logger()
+        if level == ERROR:
+            log.error(message)
+        else:
+            log.info(message)  # to wait is no fault of a node that has just started
+
+    def _progress(self, progress: Callable[[], str]) -> None:
+        line = progress()
+        if line:
+            self._node.get_logger().info(line)
