@@ -263,6 +263,25 @@ def test_an_older_definition_is_named_and_not_misread(tmp_path, capsys):
     assert "recorded with another edition" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["bag", "info"],
+        ["bag", "export", "--out", "out"],
+        ["verify"],
+        ["train", "--out", "out", "--from-bag"],
+    ],
+)
+def test_a_recording_of_version_0_1_is_refused(command, tmp_path, capsys, monkeypatch):
+    """A run of 100 frames that version 0.1 recorded, but for its weights."""
+    monkeypatch.chdir(tmp_path)
+    assert main([*command, str(Path(__file__).with_name("version-0.1"))]) == 2
+    error = capsys.readouterr().err
+    assert "expected messages of edition 2, got edition 1, which version 0.1 records" in error
+    assert error.count("\n") == 1
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
 def test_half_a_recorded_run_is_told_of_after_repair(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("pa_ros.bags.run_log.FLUSH_S", 0.0)
     assert train(tmp_path, "--record", tmp_path / "bag", frames=300) == 0

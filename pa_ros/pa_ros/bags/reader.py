@@ -96,6 +96,14 @@ class Bag:
         """Text of the topic's message definition; empty if the bag has none."""
         return str(self._connections[topic].msgdef.data)
 
+    def check_edition(self) -> None:
+        """Raises ForeignBagError for a recording of version 0.1."""
+        if OF_EDITION_1 in self.types.values():
+            raise ForeignBagError(
+                f"bag: {self.path}: expected messages of edition {WIRE_VERSION}, got edition 1, "
+                "which version 0.1 records and reads"
+            )
+
     def topic_of(self, type_name: str, namespace: str | None = None) -> str:
         """The one topic of a type, below a namespace if one is given.
 
@@ -111,11 +119,7 @@ class Bag:
                 f"bag: {self.path}: expected one topic of type {type_name}{where}, got "
                 f"{', '.join(sorted(found))}: choose with --namespace"
             )
-        if OF_EDITION_1 in self.types.values():
-            raise ForeignBagError(
-                f"bag: {self.path}: expected messages of edition {WIRE_VERSION}, got edition 1, "
-                "which version 0.1 records and reads"
-            )
+        self.check_edition()
         raise ForeignBagError(
             f"bag: {self.path}: expected a topic of type {type_name}{where}, got "
             f"{', '.join(sorted(self.types)) or 'no topics'}"

@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Do one of the actions."""
     with Bag(options.bag) as bag:
+        bag.check_edition()
         return {"info": _info, "export": _export, "film": _film}[options.action](bag, options)
 
 
