@@ -52,11 +52,11 @@ test: lint
 
 # The fused engine's own tests: plain, with AddressSanitizer and UBSan, and with ThreadSanitizer.
 sanitize: sanitize-none sanitize-address,undefined sanitize-thread
-sanitize-%:
-	cmake -S pa_ros/native -B build/sanitize/$* -DPA_ROS_PYTHON=OFF -DPA_ROS_NATIVE_TESTS=ON \
+sanitize-%: install-dev
+	$(BIN)/cmake -S pa_ros/native -B build/sanitize/$* -DPA_ROS_PYTHON=OFF -DPA_ROS_NATIVE_TESTS=ON \
 	  -DPA_ROS_SANITIZE=$(filter-out none,$*)
-	cmake --build build/sanitize/$* --parallel 2
-	ctest --test-dir build/sanitize/$* --output-on-failure
+	$(BIN)/cmake --build build/sanitize/$* --parallel 2
+	$(BIN)/ctest --test-dir build/sanitize/$* --output-on-failure
 
 bench: install
 	$(BIN)/pa_ros bench codec
