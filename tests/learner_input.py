@@ -6,17 +6,16 @@ import numpy as np
 
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
-from pa_ros.arena import design_named
-from pa_ros.core.experience import Trajectory
-from pa_ros.evaluation.scoring.training import training_programs
+from pa_ros.arena import design_named, training_programs
 from pa_ros.wire.records import ArenaDescription, Mode
+from pa_ros.world import Trajectory
 
 DESIGN = design_named("2-L")
 ARENA = ArenaDescription(
     mode=Mode.LOCKSTEP, design="2-L", preset="fast", seed=0, block_count=4,
     shapes=DESIGN.vocabulary.shapes, colors=DESIGN.vocabulary.colors,
     vocabulary_digest=DESIGN.vocabulary.digest,
-    training_programs=tuple(training_programs(DESIGN)), joint_names=tuple("abcdef"),
+    training_programs=training_programs(DESIGN), joint_names=tuple("abcdef"),
     joint_lower=(-1.0,) * 6, joint_upper=(1.0,) * 6, speed_limits=(1.0,) * 6,
     control_period=0.1, near_threshold=0.2, episode_steps=100,
 )  # fmt: skip
@@ -32,7 +31,7 @@ def trajectory(sequence: int, agent: str = "a", length: int = 10) -> Trajectory:
     objects[:, 0, :3] = 0.0
     return Trajectory(
         agent_id=agent, sequence=sequence, policy_version=0, episode=sequence, first_step=0,
-        program="NEAR(HAND, AND(RED, CUBE))", hand_index=0, objects=objects,
+        program=training_programs(DESIGN)[0], hand_index=0, objects=objects,
         arm=rng.normal(size=(length + 1, 18)).astype(np.float32),
         actions=rng.uniform(-1, 1, (length, 6)).astype(np.float32),
         rewards=np.full(length, -1.0, np.float32), ends_episode=True, terminated=False,

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import Float64, Observation, Trajectory, Verdict
-from pa_ros.language import Vocabulary
+from pa_ros.core.experience import Float64, Observation, Verdict
+from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.world import Reward, Scoring, Sparse
+from pa_ros.world import Reward, Scoring, Sparse, Trajectory
 
 WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
-PROGRAMS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))")
+PROGRAMS = tuple(
+    parse(f"NEAR(HAND, AND({words}))", WORDS) for words in ("RED, CUBE", "BLUE, SPHERE")
+)
 KINDS = ((7, 11), (8, 13))  # one-hots of a red cube and a blue sphere
 NEAR_M = 0.25
 

@@ -138,7 +138,7 @@ class AgentNode(Node):
         if observation.stamp_ns == self._handled:
             self._answer_again()
             return
-        program = self._book.text_of(observation.program_id)
+        program = self._book.program_of(observation.program_id)
         if program is None:
             self._unread = parts
             self._recall(observation.program_id)

@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from typing import TypeVar
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language import Vocabulary, parse
+from pa_ros.language import Program, Vocabulary, parse
 from pa_ros.wire.records import ArenaDescription, ProgramJudgement, ProgramRequest
 
 REMEMBERED = 256
+T = TypeVar("T")
 
 
 class ProgramBook:
-    """Canonical texts by id, the newest REMEMBERED of them."""
+    """Programs by id, the newest REMEMBERED of them."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
-        self._texts: OrderedDict[str, str] = OrderedDict()
+        self._programs: OrderedDict[str, Program] = OrderedDict()
 
     def accept(self, request: ProgramRequest) -> str:
         """Remember a program; its canonical text. Raises ProgramError if it isn't one."""
-        text = str(parse(request.text, self.vocabulary))
-        _remember(self._texts, request.program_id, text)
-        return text
+        program = parse(request.text, self.vocabulary)
+        _remember(self._programs, request.program_id, program)
+        return str(program)
 
-    def text_of(self, program_id: str) -> str | None:
-        """The text that an id stands for; None if it has not been heard of, or is empty."""
-        return self._texts.get(program_id)
+    def program_of(self, program_id: str) -> Program | None:
+        """What an id stands for; None if it has not been heard of, or is empty."""
+        return self._programs.get(program_id)
 
 
 class HeardByOthers:
@@ -46,11 +48,11 @@ class HeardByOthers:
         return None if text is None else ProgramRequest(program_id, text)
 
 
-def _remember(texts: OrderedDict[str, str], program_id: str, text: str) -> None:
-    texts[program_id] = text
-    texts.move_to_end(program_id)
-    while len(texts) > REMEMBERED:
-        texts.popitem(last=False)
+def _remember(programs: OrderedDict[str, T], program_id: str, program: T) -> None:
+    programs[program_id] = program
+    programs.move_to_end(program_id)
+    while len(programs) > REMEMBERED:
+        programs.popitem(last=False)
 
 
 def vocabulary_of(arena: ArenaDescription) -> Vocabulary:

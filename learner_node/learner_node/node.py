@@ -103,7 +103,7 @@ class LearnerNode(Node):
                 )
             self._early.append(message)
             return
-        trajectory = codec.decode_trajectory(message, self.worker.vocabulary.digest)
+        trajectory = codec.decode_trajectory(message, self.worker.vocabulary)
         self.worker.submit(trajectory)
 
     def _publish(self, policy: PublishedPolicy) -> None:

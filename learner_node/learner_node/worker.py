@@ -12,7 +12,6 @@ from typing import IO
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Trajectory
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary
 from pa_ros.learning.algorithms.dpg.learner import Learner
@@ -22,7 +21,7 @@ from pa_ros.learning.folder import claim
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin
-from pa_ros.world import Scoring
+from pa_ros.world import Scoring, Trajectory
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from pa_ros.arena import Design, condition_named
-from pa_ros.arena.conditions import program_text
-from pa_ros.language import parse
+from pa_ros.arena import training_programs
 from pa_ros.provenance import origins
 from pa_ros.provenance.origins import JOINT_NAMES
 from pa_ros.wire.records import ArenaDescription, Mode, Origin
 from sim_node.session import Session
 
-__all__ = ["JOINT_NAMES", "describe", "origin", "training_programs"]
-
-
-def training_programs(design: Design) -> tuple[str, ...]:
-    """Canonical texts of the programs that training episodes draw from, target by target."""
-    condition, unused = condition_named("train", design), np.random.default_rng(0)
-    texts = (program_text(condition, design, kind, unused)[0] for kind in design.train)
-    return tuple(str(parse(text, design.vocabulary)) for text in texts)
+__all__ = ["JOINT_NAMES", "describe", "origin"]
 
 
 def describe(session: Session) -> ArenaDescription:

@@ -24,7 +24,7 @@ from pa_ros.wire.records import Outcome, ProgramRequest
 from sim_node.config import SimConfig
 from sim_node.description import JOINT_NAMES, describe, origin
 from sim_node.errors import LockstepError, NotPausedError, PausedError
-from sim_node.session import Frame, Session
+from sim_node.session import Frame, Ordered, Session
 from sim_node.watchdog import Watchdog
 
 
@@ -39,7 +39,7 @@ class SimNode(Node):
         self.refusals = Refusals(self.get_logger().warning)
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
-        self._announced: ProgramRequest | None = None
+        self._announced: Ordered | None = None
         self._sent_at = -math.inf
         self._listened = False
         self._rate = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
@@ -145,7 +145,8 @@ class SimNode(Node):
         program = self.session.program
         if program is not self._announced and program is not None:
             if program.program_id.startswith(f"{self.session.arena_id}/"):
-                self._program.publish(codec.encode_program(program))
+                request = ProgramRequest(program.program_id, str(program.program))
+                self._program.publish(codec.encode_program(request))
         self._announced = program
 
     def _on_program(self, request: ProgramRequest) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pa_ros.arena import Episode, ReachTask, generate
 from pa_ros.core.experience import JOINTS, Float64, Observation, Verdict
-from pa_ros.language import parse, require_target
+from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
 from sim_node.config import SimConfig
@@ -30,6 +30,14 @@ class Frame:
     commanded_by: str  # the agent whose command, exactly, led here; empty: none's
 
 
+@dataclass(frozen=True, slots=True)
+class Ordered:
+    """A program that was asked for, by the id under which it is announced."""
+
+    program_id: str
+    program: Program
+
+
 class Session:
     """What runs next, under which program, and how it went. `frame` is where the arena stands.
 
@@ -37,7 +45,7 @@ class Session:
     """
 
     frame: Frame
-    program: ProgramRequest | None  # in force, with its canonical text
+    program: Ordered | None  # in force
 
     def __init__(self, config: SimConfig, arena_id: str) -> None:
         self.config = config
@@ -51,7 +59,7 @@ class Session:
         every = config.eval_every_episodes
         self._next = {False: config.first_episode, True: config.first_episode // (every or 1)}
         self._evaluation_due = False
-        self._user: ProgramRequest | None = None  # the newest program that someone sent
+        self._user: Ordered | None = None  # the newest program that someone sent
         self._episode_rewards: list[float] = []
 
     @property
@@ -93,8 +101,8 @@ class Session:
             self._stand(program, self.frame.evaluation)
         else:
             self.program = program
-            self.task.set_program(program.text, program.program_id)
-        return program.text
+            self.task.set_program(program.program, program.program_id)
+        return str(program.program)
 
     def check(self, command: Command) -> None:
         """Raise StaleCommandError unless it answers the step that stands, NoProgramError if
@@ -131,36 +139,41 @@ class Session:
             self.rewards[evaluation].append(float(np.mean(self._episode_rewards)))
             yield self.begin()
 
-    def _stand(self, program: ProgramRequest | None, evaluation: bool) -> None:
+    def _stand(self, program: Ordered | None, evaluation: bool) -> None:
         """Make the task's present step the frame, under a program."""
         assert self.task.episode is not None
         self.program = program
-        text = program.text if program else self.task.episode.program
+        executed = program.program if program else self.task.episode.program
         program_id = program.program_id if program else None
-        observation, verdict = self.task.set_program(text, program_id)
+        observation, verdict = self.task.set_program(executed, program_id)
         self.frame = Frame(*self._masked(observation, verdict), evaluation, "")
 
     def _masked(self, observation: Observation, verdict: Verdict) -> tuple[Observation, Verdict]:
         """Without a program in force there is nothing to satisfy."""
         if self.program is not None:
             return observation, verdict
-        none = replace(verdict, program_id="", reward=-1.0, satisfied=False, distance=inf)
+        reward = float(self.task.scoring.reward(False, inf))
+        none = replace(verdict, program_id="", reward=reward, satisfied=False, distance=inf)
         return replace(observation, program_id=""), none
 
-    def _program_of(self, episode: Episode, evaluation: bool, wanted: str) -> ProgramRequest | None:
+    def _program_of(self, episode: Episode, evaluation: bool, wanted: str) -> Ordered | None:
         """The program that an episode begins with."""
         if wanted:
             self._user = self._checked(ProgramRequest(program_id_of(wanted), wanted), episode)
             return self._user
         if self.config.program_source == "generator":
             kind = "eval" if evaluation else "train"
-            return ProgramRequest(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
+            return Ordered(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
         try:
-            return self._user and self._checked(self._user, episode)
+            return self._user and self._naming(self._user, episode)
         except ProgramError:  # accepted in another scene; here it names nothing
             return None
 
-    def _checked(self, request: ProgramRequest, episode: Episode) -> ProgramRequest:
+    def _checked(self, request: ProgramRequest, episode: Episode) -> Ordered:
         program = parse(request.text, self.task.design.vocabulary)
-        require_target(program, [block.kind.words for block in episode.blocks], None)
-        return ProgramRequest(request.program_id, str(program))
+        return self._naming(Ordered(request.program_id, program), episode)
+
+    def _naming(self, ordered: Ordered, episode: Episode) -> Ordered:
+        """The same; NamesNothingError if it names no block of the episode."""
+        require_target(ordered.program, [block.kind.words for block in episode.blocks], None)
+        return ordered

@@ -11,8 +11,8 @@ from worlds import random_trajectory
 
 from pa_ros.acting.account import Account, Newest
 from pa_ros.acting.answer import Wait
-from pa_ros.core.experience import Trajectory
 from pa_ros.core.published import LearnerInfo
+from pa_ros.world import Trajectory
 
 
 def account(learner: LearnerInfo = LEARNER, begins: int = 0) -> Account:

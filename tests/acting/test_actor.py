@@ -12,7 +12,7 @@ from worlds import PROGRAMS, WORDS, PointWorld, dpg
 from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
-from pa_ros.language import ProgramError, Vocabulary
+from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
@@ -72,9 +72,8 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     given = snapshot()
     one.load(given)
     observation, _ = PointWorld().reset(0)
-    program = one.parse(PROGRAMS[0])
     plain = TorchActor(NETWORK, given.tensors)
-    expected = plain.act(observation.objects, observation.arm, program, 0)
+    expected = plain.act(observation.objects, observation.arm, PROGRAMS[0], 0)
     np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
     other.load(given)
     np.testing.assert_array_equal(
@@ -105,7 +104,7 @@ def test_other_refusals() -> None:
         actor.act(observation, PROGRAMS[0])
     actor.load(snapshot())
     with pytest.raises(ProgramError):
-        actor.act(observation, "NEAR(HAND, GREEN)")
+        actor.act(observation, parse("NEAR(HAND, GREEN)", Vocabulary(("CUBE",), ("GREEN",))))
     with pytest.raises(PolicyError, match="greedy actor"):
         actor.explore(observation, PROGRAMS[0])
     with pytest.raises(PolicyError, match="architecture"):

@@ -14,8 +14,10 @@ from pa_ros.acting.answer import Act, Load, Wait
 from pa_ros.acting.errors import LearnerRequestError, PolicyError, StepError
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.arena import ReachTask
-from pa_ros.core.experience import Observation, Trajectory, Verdict
+from pa_ros.core.experience import Observation, Verdict
 from pa_ros.core.published import LearnerInfo
+from pa_ros.language import parse
+from pa_ros.world import Trajectory
 
 FAR_BEHIND = replace(LEARNER, policy_lag=10**6)  # never waited for
 
@@ -100,8 +102,9 @@ def test_a_change_of_program_cuts_the_trajectory_and_nothing_crosses_it(arm) -> 
     arm.run(4)
     before = arm.task.program
     kinds = [block.kind for block in arm.task.episode.blocks]
-    other = next(k for k in kinds if k.color not in str(before) or k.shape not in str(before))
-    arm.task.set_program(f"NEAR(HAND, AND({other.color}, {other.shape}))")
+    other = next(kind for kind in kinds if set(kind) != set(before.words))
+    text = f"NEAR(HAND, AND({other.color}, {other.shape}))"
+    arm.task.set_program(parse(text, DESIGN.vocabulary))
     arm.run(11)
     assert arm.spans == [(0, 0, 4), (1, 5, 10)]  # 4 to 5 crosses: left out
     assert [one.program for one in arm.sent] == [before, arm.task.program]

@@ -7,7 +7,7 @@ from pa_ros.arena import EpisodeError, condition_named, design_named, generate, 
 from pa_ros.arena.conditions import DEPTHS
 from pa_ros.arena.deep_programs import DeepPrograms
 from pa_ros.arena.designs import Design, Kind
-from pa_ros.language import And, Expression, Not, Or, Program, Vocabulary, Word, parse, satisfying
+from pa_ros.language import And, Expression, Not, Or, Program, Vocabulary, Word, satisfying
 from pa_ros.language.syntax import walk
 
 FAST, THREE_D = preset_named("fast"), design_named("3-D")
@@ -34,8 +34,8 @@ def test_programs_are_deep_and_no_part_is_idle(deep: int) -> None:
     for index in range(25):
         episode = generate(FAST, THREE_D, condition_named(f"depth-{deep}", THREE_D), 0, index)
         assert len(episode.blocks) == 4
-        program = parse(episode.program, THREE_D.vocabulary)
-        texts.add(episode.program)
+        program = episode.program
+        texts.add(str(program))
         assert depth(program.target) == deep
         assert named(program.target) not in trained
         for node in walk(program.target):

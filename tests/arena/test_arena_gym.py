@@ -48,7 +48,7 @@ def test_the_same_kind_is_always_at_the_same_place() -> None:
         goal = flat[-9:]
         words = env.design.vocabulary.words
         named = {words[i] for i in np.flatnonzero(goal)}
-        assert env.task.episode.program in {
+        assert str(env.task.episode.program) in {
             f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in pool if set(kind) == named
         }
 

@@ -19,6 +19,7 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.core.experience import Observation, Verdict
+from pa_ros.language import Program, parse
 from pa_ros.provenance.origins import JOINT_NAMES, describe
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
@@ -37,7 +38,7 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "bag"
 
 
-def acted() -> list[tuple[Observation, Verdict, Command | None, str, bool]]:
+def acted() -> list[tuple[Observation, Verdict, Command | None, Program, bool]]:
     """Two short episodes: training 7, evaluation 7; with the commands that led on."""
     task, rng, found = ReachTask(ARENA, DESIGN, 3), np.random.default_rng(0), []
     for evaluation in (False, True):
@@ -67,11 +68,11 @@ def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 bag.add(topic(store, name, kind, [reliable_qos(100)]))
             bag.write(name, to_cdr(store, message), next(clock))
 
-        about = describe(ARENA, DESIGN, 3, ["NEAR(HAND, RED)"], "x")
+        about = describe(ARENA, DESIGN, 3, [parse("NEAR(HAND, RED)", DESIGN.vocabulary)], "x")
         write("/arena_info", codec.encode_arena_info(about))
         for i, (observation, verdict, command, program, evaluation) in enumerate(acted()):
             if observation.step == 0:
-                request = ProgramRequest(observation.program_id, program)
+                request = ProgramRequest(observation.program_id, str(program))
                 write("/program", codec.encode_program(request))
             features, joints = codec.encode_observation(observation, JOINT_NAMES, evaluation)
             parts = [
@@ -96,7 +97,7 @@ def test_steps_are_put_together_as_they_were(stepped):
     ]  # fmt: skip
     rows = [row for episode in found for row in episode.rows]
     for row, (observation, verdict, command, program, _) in zip(rows, acted(), strict=True):
-        assert (row.step, row.program) == (observation.step, program)
+        assert (row.step, row.program) == (observation.step, str(program))
         np.testing.assert_array_equal(row.objects, observation.objects)
         np.testing.assert_array_equal(row.joint_position, observation.joint_position)
         np.testing.assert_array_equal(row.joint_velocity, observation.joint_velocity)
@@ -148,7 +149,7 @@ def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
     assert float(table[0]["reward_per_step"]) == pytest.approx(np.mean(rewards))
     with np.load(tmp_path / "out" / "eval-000007.npz") as arrays:  # pickles are refused
         assert arrays["objects"].shape == (STEPS + 1, 5, 16)
-        assert arrays["program"][0] == steps[-1][3]
+        assert arrays["program"][0] == str(steps[-1][3])
         np.testing.assert_array_equal(arrays["step"], np.arange(STEPS + 1))
         expected = [o.stamp_ns / 1e9 for o, *_ in steps[STEPS + 1 :]]
         np.testing.assert_allclose(arrays["stamp_s"], expected)

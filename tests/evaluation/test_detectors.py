@@ -59,8 +59,8 @@ def test_exchanged_detectors_are_found_wrong(novice: TrainedAgent):
     assert rows["CUBE"].right == 1.0
     best, worst = extremes(looks)
     assert best.margin > 0.99 and worst.margin < -0.5
-    assert {"red", "blue"} & set(named(worst, wrong.design).split())
-    assert named(best, wrong.design).split()[0] == "green"
+    assert {"red", "blue"} & set(named(worst).split())
+    assert named(best).split()[0] == "green"
 
 
 def test_looks_are_taken_along_the_episodes_in_which_the_agent_acts(novice: TrainedAgent):

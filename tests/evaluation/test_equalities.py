@@ -16,7 +16,7 @@ def pairs(law: Law, condition: str, count: int = 15):
     drawn_from = condition_named(condition, THREE_D)
     for index in range(count):
         episode = generate(preset_named("fast"), THREE_D, drawn_from, 1, index)
-        program = parse(episode.program, THREE_D.vocabulary)
+        program = episode.program
         kinds = [block.kind for block in episode.blocks]
         named = satisfying(program, [kind.words for kind in kinds], None)
         target = kinds[named.index(True)]

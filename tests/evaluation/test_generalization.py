@@ -22,6 +22,7 @@ from pa_ros.evaluation.studies.generalization import (
     setting,
     summarize,
 )
+from pa_ros.language import parse
 
 ISSUE = (
     "train random eval only-color only-shape not-color not-shape blocks-2 blocks-3 blocks-5 "
@@ -129,7 +130,8 @@ def test_blind_references_reach_blocks_whatever_the_program(preset: str):
         counts, actions = [], []
         for episode in range(8):
             observation, verdict = task.reset(episode, "eval")
-            task.set_program("NEAR(HAND, NOT(RED))" if episode % 2 else task.program)
+            not_red = parse("NEAR(HAND, NOT(RED))", task.design.vocabulary)
+            task.set_program(not_red if episode % 2 else task.program)
             actions.append(policy(observation))
             while not verdict.truncated:
                 observation, verdict = task.step(policy(observation))

@@ -55,5 +55,5 @@ def test_an_agent_is_asked_with_what_it_sees_and_rows_are_per_program():
     assert {episode for episode, _ in asked} == set(range(6))
     rows = by_program(evaluation)
     assert sum(row.episodes for row in rows) == 6
-    assert {row.program for row in rows} == {program for _, program in asked}
+    assert {row.program for row in rows} == {str(program) for _, program in asked}
     assert "NEAR(HAND, AND(BLUE, SPHERE))" not in {row.program for row in rows}

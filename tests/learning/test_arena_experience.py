@@ -6,24 +6,18 @@ import numpy as np
 import pytest
 from worlds import dpg
 
-from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
-from pa_ros.language import parse
+from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action, training_programs
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.relabeling.all_goals import Relabeler
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring
 
 
-def texts(design_name: str) -> list[str]:
-    design = design_named(design_name)
-    return [f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in design.train]
-
-
 @pytest.mark.parametrize("design_name", ["2-L", "3-D"])
 def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
     """Each training program is set in turn at every step of scripted episodes."""
     design, arena = design_named(design_name), preset_named("fast")
-    programs = [parse(text, design.vocabulary) for text in texts(design_name)]
+    programs = training_programs(design)
     relabeler = Relabeler(programs, design.vocabulary, Scoring(arena.near_threshold_m))
     task = ReachTask(arena, design, seed=1)
     seen = set()
@@ -35,7 +29,7 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
             own = task.program
             satisfied, _, _ = relabeler.marks(observation.objects[None], observation.hand_index)
             for j in named:
-                _, verdict = task.set_program(str(programs[j]))
+                _, verdict = task.set_program(programs[j])
                 assert verdict.satisfied == bool(int(satisfied[0]) >> j & 1), (episode, t, j)
                 seen.add(verdict.satisfied)
             task.set_program(own)
@@ -58,12 +52,12 @@ def test_the_loop_runs_on_the_arena(tmp_path) -> None:
         settings,
         ReachTask(arena, design, seed=2),
         np.array(arena.joint_speed_limits),
-        texts("2-L"),
+        training_programs(design),
         evaluate=lambda actor: {"version": float(actor.version)},
     )
     counters = learner.counters
     assert (counters.frames, counters.episodes, counters.updates) == (300, 3, 200)
     assert learner.replay.rows == 303
-    assert set(learner.table.texts) == set(texts("2-L"))
+    assert set(learner.table.programs) == set(training_programs(design))
     rows = (tmp_path / "progress.csv").read_text().splitlines()
     assert [row.split(",")[-1] for row in rows] == ["version", "1.0", "2.0", "3.0"]

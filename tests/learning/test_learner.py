@@ -11,7 +11,7 @@ from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, dpg, random_trajecto
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, Engine, UpdateValues
-from pa_ros.language import ProgramError
+from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.errors import NonFiniteError
@@ -113,7 +113,13 @@ def test_a_refused_trajectory_changes_nothing() -> None:
     with pytest.raises(NonFiniteError):
         one.consume(random_trajectory(rng, sequence=1, rewards=np.full(5, np.nan, np.float32)))
     with pytest.raises(ProgramError):
-        one.consume(random_trajectory(rng, sequence=1, program="NEAR(HAND, AND(RED, CUBIC))"))
+        one.consume(
+            random_trajectory(
+                rng,
+                sequence=1,
+                program=parse("NEAR(HAND, CUBIC)", Vocabulary(("CUBIC",), ("RED",))),
+            )
+        )
     assert (one.counters.version, len(one.table), one.replay.to_metadata()) == before
 
 
@@ -122,7 +128,9 @@ def test_canonical_networks_refuse_other_programs() -> None:
     rng = np.random.default_rng(0)
     assert one.consume(random_trajectory(rng)).updates == 5
     with pytest.raises(UnsupportedProgramError):
-        one.consume(random_trajectory(rng, sequence=1, program="NEAR(HAND, NOT(RED))"))
+        one.consume(
+            random_trajectory(rng, sequence=1, program=parse("NEAR(HAND, NOT(RED))", WORDS))
+        )
 
 
 def test_published_versions() -> None:

@@ -17,7 +17,6 @@ from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Trajectory
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import ConsumeReport, Learner
 from pa_ros.learning.checkpoints import (
@@ -31,6 +30,7 @@ from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsed
 from pa_ros.learning.folder import claim
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.world import Trajectory
 
 NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
 SETTINGS = dpg(

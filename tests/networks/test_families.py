@@ -26,7 +26,7 @@ NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4, canonical_hidde
 def test_modules_take_what_they_are_told_and_have_the_tensors_of_the_table(name) -> None:
     network = NETWORK.changed(kind=name)
     table = ProgramTable(WORDS)
-    rows = [table.add(parse(text, WORDS)) for text in PROGRAMS]
+    rows = [table.add(program) for program in PROGRAMS]
     codes = [torch.from_numpy(code)[torch.tensor([rows])] for code in network.family.codes(table)]
     objects, arm = torch.rand(1, 3, 16), torch.rand(1, 18)
     for critic, module in enumerate(network.family.modules()):

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from waiting import DEADLINE_S
 
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.core.experience import PolicySnapshot
-from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named

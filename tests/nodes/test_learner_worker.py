@@ -13,9 +13,11 @@ from waiting import wait_for
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, Trajectory
+from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.errors import FolderInUseError, FolderUsedError
+from pa_ros.world import Trajectory
 
 OPTIONS = ("learner.replay.warmup_frames=0", "learner.replay.batch_size=4", "network.hidden=8",
            "network.attention=4")  # fmt: skip
@@ -118,7 +120,9 @@ def test_agents_are_counted_apart(bench):
 
 
 def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
-    bad = replace(trajectory(0), program="NEAR(HAND, PINK)")
+    bad = replace(
+        trajectory(0), program=parse("NEAR(HAND, PINK)", Vocabulary(("CUBE",), ("PINK",)))
+    )
     answer = bench.submit(bad)
     assert [error.code for error in bench.refused] == ["program.unknown_word"]
     assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})

@@ -10,6 +10,7 @@ import pytest
 from graph import graph
 
 from agent_node.node import AgentNode
+from pa_ros.language import Program, Word
 from pa_ros.ros import topics
 from pa_ros.wire import codec
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
@@ -79,7 +80,7 @@ def test_a_reset_is_acknowledged_with_its_episode_or_fails_with_a_cause():
         assert not wrong.success and "^" in wrong.reason
         asked = probe.call(topics.RESET, codec.encode_reset(ResetRequest(43, "NEAR(HAND,RED)")))
         assert asked.success and asked.episode == 43
-        assert probe.nodes[0].session.program.text == "NEAR(HAND, RED)"
+        assert probe.nodes[0].session.task.program == Program(Word("RED"))
 
 
 def _command(**fields) -> Command:

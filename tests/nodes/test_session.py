@@ -9,11 +9,9 @@ from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scoring import training
 from pa_ros.language import ProgramError
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
 from sim_node.config import SimConfig
-from sim_node.description import training_programs
 from sim_node.errors import NoProgramError, StaleCommandError
 from sim_node.session import Session
 
@@ -52,7 +50,7 @@ def test_training_episodes_are_those_of_the_task_itself():
     expected, _ = task.reset(1)
     assert session.frame.observation.episode == 1 and not session.frame.evaluation
     assert np.array_equal(session.frame.observation.objects, expected.objects)
-    assert session.program.text == task.program
+    assert session.program.program == task.program
 
 
 def test_a_persons_program_lasts_until_the_generators_next_episode():
@@ -124,12 +122,6 @@ def test_agents_that_cannot_be_are_refused(wrong):
 def test_learners_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):
         LearnerNodeConfig(**wrong)
-
-
-@pytest.mark.parametrize("design", ["2-C", "2-L", "3-C", "3-D"])
-def test_the_arena_tells_the_programs_that_the_loop_trains_on(design):
-    found = design_named(design)
-    assert list(training_programs(found)) == training.training_programs(found)
 
 
 def answer_to(session: Session, share: float = 0.5, **fields: int) -> Command:

@@ -107,7 +107,7 @@ def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms():
         speaker.publish(codec.encode_weights(policy(0)))
         probe.speaker(topics.LEARNER_INFO).publish(codec.encode_learner_info(LEARNER))
         assert probe.until(lambda: "stuck at 0" in probe.message("agent_node"))
-        trajectories = [codec.decode_trajectory(m) for m in probe.heard["trajectories"]]
+        trajectories = [codec.decode_trajectory(m, WORDS) for m in probe.heard["trajectories"]]
         assert {s.sequence for s in trajectories} == {0, 1}  # lag 1: one more than the weights
         assert len(trajectories) > 2  # sent again: perhaps nobody heard them
         assert probe.value("agent_node", "policy_version") == "0"

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget, StreamedEpisode
-from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint
@@ -28,10 +27,10 @@ TWO_L = design_named("2-L")
 def test_one_program_was_trained_and_five_were_not(name):
     design = design_named(name)
     trained = training_programs(design)
-    canonical = [str(parse(p.text, design.vocabulary)) for p in demo_programs(design)]
-    assert [text in trained for text in canonical] == [True] + [False] * 5
+    programs = [parse(p.text, design.vocabulary) for p in demo_programs(design)]
+    assert [program in trained for program in programs] == [True] + [False] * 5
     held_out = design.held_out[0]
-    assert canonical[1] == f"NEAR(HAND, AND({held_out.color}, {held_out.shape}))"
+    assert str(programs[1]) == f"NEAR(HAND, AND({held_out.color}, {held_out.shape}))"
 
 
 def test_for_2_l_they_are_those_of_the_issue():
@@ -58,7 +57,7 @@ def test_scenes_name_the_right_number_of_blocks_out_of_reach(name):
         task = ReachTask(ARENA, design, 5)
         # What sim_node's Reset service does with the scene's condition and number.
         task.reset(scene.episode.index, scene.condition)
-        _, verdict = task.set_program(program.text)
+        _, verdict = task.set_program(parse(program.text, design.vocabulary))
         assert len(task.verifier.targets) == program.targets
         assert verdict.distance == scene.distance >= FARTHER_M
 

@@ -14,11 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pa_ros.core.experience import AgentKey, PolicySnapshot, Trajectory, TrajectoryKey
+from pa_ros.core.experience import AgentKey, PolicySnapshot, TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.wire import codec, errors
+from pa_ros.world import Trajectory
 
 DIGEST = "0123456789abcdef"
+WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
 
 
 def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Trajectory:
@@ -29,7 +32,7 @@ def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Traj
         policy_version=3,
         episode=9,
         first_step=20,
-        program="NEAR(HAND, RED)",
+        program=parse("NEAR(HAND, RED)", WORDS),
         hand_index=0,
         objects=rng.normal(size=(length + 1, count, 16)).astype(np.float32),
         arm=rng.normal(size=(length + 1, 18)).astype(np.float32),
@@ -37,7 +40,7 @@ def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Traj
         rewards=rng.choice([-1.0, 1.0], length).astype(np.float32),
         ends_episode=True,
         terminated=False,
-        vocabulary_digest=DIGEST,
+        vocabulary_digest=WORDS.digest,
     )
     return Trajectory(**{**defaults, **fields})
 
@@ -70,7 +73,7 @@ def test_trajectory_survives_the_wire(seed, length, count, number, ends, termina
         ends_episode=ends,
         terminated=terminated,
     )
-    received = codec.decode_trajectory(codec.encode_trajectory(sent), DIGEST)
+    received = codec.decode_trajectory(codec.encode_trajectory(sent), WORDS)
     assert same(received, sent)
     assert codec.decode_trajectory_key(codec.encode_trajectory(sent)) == sent.key
     assert received.objects.flags.owndata or received.objects.base.flags.owndata
@@ -82,6 +85,7 @@ def test_trajectory_survives_the_wire(seed, length, count, number, ends, termina
         ("vocabulary_digest", "another", errors.VocabularyError),
         ("agent_id", "", errors.RangeError),
         ("held_from", 10**6, errors.RangeError),
+        ("program", "NEAR(HAND, PINK)", ProgramError),
         ("transition_count", 0, errors.RangeError),
         ("transition_count", 2, errors.SizeError),
         ("transition_count", 2**32 - 1, errors.RangeError),
@@ -100,7 +104,15 @@ def test_malformed_transitions_are_refused(field, value, error):
     message = codec.encode_trajectory(trajectory())
     setattr(message, field, value)
     with pytest.raises(error):
-        codec.decode_trajectory(message, DIGEST)
+        codec.decode_trajectory(message, WORDS)
+
+
+def test_a_program_that_does_not_parse_is_refused_with_its_place():
+    message = codec.encode_trajectory(trajectory())
+    message.program = "NEAR(HAND, AND(RED, PINK))"
+    with pytest.raises(ProgramError) as refusal:
+        codec.decode_trajectory(message, WORDS)
+    assert refusal.value.position == message.program.index("PINK")
 
 
 LATEST = TrajectoryKey("agent-2", 3, 5)
@@ -228,4 +240,4 @@ def test_damaged_weights_are_refused(change, error):
 
 def test_which_object_is_the_hand_survives_the_wire():
     sent = trajectory(hand_index=3)
-    assert same(codec.decode_trajectory(codec.encode_trajectory(sent)), sent)
+    assert same(codec.decode_trajectory(codec.encode_trajectory(sent), WORDS), sent)

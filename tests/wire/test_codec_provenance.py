@@ -4,9 +4,12 @@ import dataclasses
 
 import pytest
 
+from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import codec
 from pa_ros.wire.errors import RangeError, VersionError
 from pa_ros.wire.records import LearnerOrigin, Origin
+
+WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
 
 ORIGIN = Origin(
     node="/arena1/learner_node",
@@ -21,7 +24,12 @@ ORIGIN = Origin(
     colors=("RED", "BLUE"),
     vocabulary_digest="0123456789abcdef",
     stamp_ns=1_234_567_890_123_456_789,
-    learner=LearnerOrigin(7, '{"hidden":150}', '{"batch_size":64}', ("NEAR(HAND, RED)",)),
+    learner=LearnerOrigin(
+        7,
+        '{"hidden":150}',
+        '{"batch_size":64}',
+        (parse("NEAR(HAND, RED)", WORDS),),
+    ),
 )
 
 

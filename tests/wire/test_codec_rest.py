@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import codec, errors
 from pa_ros.wire.codec.services import SPEEDS
 from pa_ros.wire.interfaces import Reset, SetBool, SetSpeed, Step
@@ -34,7 +35,7 @@ ARENA = ArenaDescription(
     shapes=("CUBE", "SPHERE"),
     colors=("RED", "BLUE"),
     vocabulary_digest="0" * 16,
-    training_programs=("NEAR(HAND, RED)",),
+    training_programs=(parse("NEAR(HAND, RED)", Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))),),
     joint_names=("a", "b", "c", "d", "e", "f"),
     joint_lower=(-math.inf, -1.0, -1.0, -1.0, -1.0, -1.0),
     joint_upper=(math.inf, 1.0, 1.0, 1.0, 1.0, 1.0),

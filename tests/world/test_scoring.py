@@ -13,7 +13,6 @@ from hypothesis.extra.numpy import arrays
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
 from pa_ros.world import Scoring, Sparse
-from pa_ros.world.scoring import hand_distances
 
 
 def scene(*positions: tuple[float, float, float]) -> Float32:
@@ -35,9 +34,10 @@ NAMED = np.array([False, True, False])
     ],
 )
 def test_exactly_the_threshold_is_near(x: float, satisfied: bool) -> None:
-    score = Scoring(0.25)(NAMED, scene((x, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    assert score.measure == float(x)
-    assert (score.satisfied, score.reward) == (satisfied, 1.0 if satisfied else -1.0)
+    objects, scoring = scene((x, 0.0, 0.0), (0.0, 0.0, 0.0)), Scoring(0.25)
+    for score in (scoring(NAMED, objects), scoring.of_targets((1,), objects)):
+        assert score.measure == float(x)
+        assert (score.satisfied, score.reward) == (satisfied, 1.0 if satisfied else -1.0)
 
 
 def test_the_nearest_object_named_counts_and_none_is_never_near() -> None:
@@ -67,13 +67,15 @@ def test_many_states_and_programs_are_scored_as_each_alone(
         assert alone.measure == together.measure[t, p] == least
         assert alone.satisfied == together.satisfied[t, p] == (least <= 0.5)
         assert alone.reward == together.reward[t, p]
-        np.testing.assert_array_equal(hand_distances(objects[t]), distances)
+        assert scoring.of_targets(named[p].nonzero()[0].tolist(), objects[t]) == alone
 
 
 def test_another_reward_is_paid() -> None:
     scoring = Scoring(0.2, Sparse(2.0, -0.5))
-    assert scoring(NAMED, scene((0.1, 0, 0), (0, 0, 0))).reward == 2.0
-    assert scoring(NAMED, scene((nextafter(0.3, 1), 0, 0), (0, 0, 0))).reward == -0.5
+    for x, reward in ((0.1, 2.0), (nextafter(0.3, 1), -0.5)):
+        objects = scene((x, 0, 0), (0, 0, 0))
+        assert scoring(NAMED, objects).reward == reward
+        assert scoring.of_targets((1,), objects).reward == reward
 
 
 @pytest.mark.parametrize("threshold", [0.0, -0.1, inf, float("nan")])

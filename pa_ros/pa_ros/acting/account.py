@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pa_ros.acting.answer import Wait
-from pa_ros.core.experience import AgentKey, Trajectory
+from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.world import Trajectory
 
 
 class Newest:

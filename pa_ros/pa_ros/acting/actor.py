@@ -13,7 +13,7 @@ from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
-from pa_ros.language import Program, parse
+from pa_ros.language import Program
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.parameters import TensorError, Tensors, actor_shapes, check_tensors
@@ -91,25 +91,20 @@ class Actor:
         self._inference = self._make_inference(self.network, snapshot.tensors)
         self._version = snapshot.version
 
-    def act(self, observation: Observation, program: str) -> Float32:
-        """The greedy action, [6] in [-1, 1]; ProgramError if the text is not a program."""
+    def act(self, observation: Observation, program: Program) -> Float32:
+        """The greedy action, [6] in [-1, 1]; ProgramError if it is of another vocabulary."""
         if self._inference is None:
             raise PolicyError("policy: expected weights before acting, got none")
-        parsed = self.parse(program)
         return self._inference.act(
-            observation.objects, observation.arm, parsed, observation.hand_index
+            observation.objects, observation.arm, program, observation.hand_index
         )
 
-    def explore(self, observation: Observation, program: str) -> Float32:
+    def explore(self, observation: Observation, program: Program) -> Float32:
         """The action with this episode's exploration noise, clipped to [-1, 1], [6]."""
         if self._noise is None:
             raise PolicyError("policy: expected exploration noise, got a greedy actor")
         noisy = self.act(observation, program) + self._noise.sample(observation.episode)
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
-
-    def parse(self, program: str) -> Program:
-        """The program of a text in this actor's vocabulary."""
-        return parse(program, self.network.vocabulary)
 
 
 @lru_cache(maxsize=16)

@@ -8,8 +8,10 @@ from pa_ros.acting.account import Account, Newest
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.answer import Act, Answer, Load, Wait
 from pa_ros.acting.errors import StepError
-from pa_ros.core.experience import AgentKey, Float32, Observation, Trajectory, Verdict
+from pa_ros.core.experience import AgentKey, Float32, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.language import Program
+from pa_ros.world import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +19,7 @@ class Step:
     """One control step."""
 
     observation: Observation
-    program: str  # canonical text of the observation's program id
+    program: Program  # that the observation's program id stands for
     verdict: Verdict | None = None  # None: a greedy agent needs none
     evaluation: bool = False  # to be acted on greedily, and no experience
     commanded_by: str = ""  # whose command, unaltered, led here

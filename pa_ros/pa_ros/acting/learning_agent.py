@@ -14,8 +14,9 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.requests import ArenaFacts, check_arena, exploration_of, network_of
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, Float32, Trajectory
+from pa_ros.core.experience import AgentKey, Float32
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.world import Trajectory
 
 EARLY_POLICIES = 8  # kept of a learner that has not announced itself yet
 

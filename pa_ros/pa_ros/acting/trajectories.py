@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pa_ros.acting.errors import StepError
-from pa_ros.core.experience import AgentKey, Float32, Observation, Trajectory, Verdict
+from pa_ros.core.experience import AgentKey, Float32, Observation, Verdict
+from pa_ros.language import Program
+from pa_ros.world import Trajectory
 
 
 @dataclass
 class _Run:
     """Steps of one episode under one program and one policy version, not yet sent."""
 
-    program: str
+    program: Program
     first: Observation
     last: Observation
     version: int = 0  # of the policy, once it has acted
@@ -58,12 +60,12 @@ class TrajectoryBuilder:
         return self._run is None or not self._run.actions
 
     def observe(
-        self, observation: Observation, verdict: Verdict, program: str
+        self, observation: Observation, verdict: Verdict, program: Program
     ) -> Trajectory | None:
         """Take in a step; return the trajectory that it completed, if it did.
 
-        `program` is the canonical text that the observation's program id stands for. Raises
-        StepError if the verdict is of another step than the observation.
+        `program` is what the observation's program id stands for. Raises StepError if the verdict
+        is of another step than the observation.
         """
         _check_same_step(observation, verdict)
         run = self._run
@@ -101,7 +103,7 @@ class TrajectoryBuilder:
         run.actions.append(np.array(action, np.float32))
         self._acted = True
 
-    def _continues(self, run: _Run, observation: Observation, program: str) -> bool:
+    def _continues(self, run: _Run, observation: Observation, program: Program) -> bool:
         last = run.last
         return (
             self._acted
@@ -113,7 +115,7 @@ class TrajectoryBuilder:
             and observation.objects.shape == last.objects.shape
         )
 
-    def _begin(self, observation: Observation, program: str) -> None:
+    def _begin(self, observation: Observation, program: Program) -> None:
         self._run = _Run(program, observation, observation)
         self._run.append(observation)
         self._acted = False

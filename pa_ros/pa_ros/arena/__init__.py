@@ -1,7 +1,7 @@
 """Simulated arena: arm, table, blocks, episodes, programs' verifier and reference policies."""
 
 from pa_ros.arena.choice import ArenaChoice
-from pa_ros.arena.conditions import Condition, condition_named, conditions_for
+from pa_ros.arena.conditions import Condition, condition_named, conditions_for, training_programs
 from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
 from pa_ros.arena.episodes import Block, Episode, generate
@@ -35,6 +35,7 @@ __all__ = [
     "preset_named",
     "random_policy",
     "scripted_action",
+    "training_programs",
 ]
 
 register()

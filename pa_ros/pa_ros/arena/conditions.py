@@ -14,6 +14,7 @@ import numpy as np
 from pa_ros.arena.deep_programs import DeepPrograms
 from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.core.errors import ConfigError
+from pa_ros.language import Program, parse
 
 DEPTHS = (3, 4, 5, 6)  # of the conditions with longer programs; in training they are 2 deep
 
@@ -53,13 +54,18 @@ class Condition:
             )
 
 
-def program_text(
+def training_programs(design: Design) -> tuple[Program, ...]:
+    """The programs that training episodes draw from, target by target."""
+    return tuple(_program(design, kind.color, kind.shape) for kind in design.train)
+
+
+def program_for(
     condition: Condition, design: Design, target: Kind, rng: np.random.Generator
-) -> tuple[str, tuple[Kind, ...]]:
+) -> tuple[Program, tuple[Kind, ...]]:
     """Program for a target, and the blocks that must be present for it to mean something."""
     if condition.depth:
         others = min(condition.n_blocks - 1, len(design.pool) // 2)
-        return str(DeepPrograms(design, condition.depth).draw(target, others, rng)), ()
+        return DeepPrograms(design, condition.depth).draw(target, others, rng), ()
     required: list[Kind] = []
     terms: list[str] = []
     for axis, term in (("color", condition.color), ("shape", condition.shape)):
@@ -77,8 +83,12 @@ def program_text(
                 terms.append(novel(known, tuple(word for word in words if word not in known)))
             case Term.ANY:
                 pass
+    return _program(design, *terms), tuple(required)
+
+
+def _program(design: Design, *terms: str) -> Program:
     text = terms[0] if len(terms) == 1 else f"AND({', '.join(terms)})"
-    return f"NEAR(HAND, {text})", tuple(required)
+    return parse(f"NEAR(HAND, {text})", design.vocabulary)
 
 
 def novel(known: tuple[str, ...], spare: tuple[str, ...]) -> str:

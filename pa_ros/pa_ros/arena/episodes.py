@@ -7,11 +7,11 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from pa_ros.arena.conditions import Condition, program_text
+from pa_ros.arena.conditions import Condition, program_for
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.errors import EpisodeError
-from pa_ros.language import parse, satisfying
+from pa_ros.language import Program, satisfying
 
 RANDOM_STREAM = 0  # docs/DESIGN.md: streams of random numbers
 PLACEMENT_TRIES = 1000
@@ -35,7 +35,7 @@ class Episode:
     condition: str
     blocks: tuple[Block, ...]
     arm_start: Joints  # rad
-    program: str  # canonical text
+    program: Program
 
 
 def generate(
@@ -50,8 +50,7 @@ def generate(
     rng = np.random.default_rng([seed, RANDOM_STREAM, index])
     base = float(rng.uniform(-pi, pi))
     target = condition.targets[int(rng.integers(len(condition.targets)))]
-    text, required = program_text(condition, design, target, rng)
-    program = parse(text, design.vocabulary)
+    program, required = program_for(condition, design, target, rng)
     named = satisfying(program, [kind.words for kind in condition.pool], None)
     unnamed = [kind for kind, is_named in zip(condition.pool, named, strict=True) if not is_named]
     chosen = [target, *required, *_distractors(condition, design, unnamed, list(required), rng)]
@@ -60,7 +59,7 @@ def generate(
         Block(chosen[i], x, y, float(rng.uniform(-pi, pi)))
         for i, (x, y) in zip(order, _places(config, len(chosen), rng), strict=True)
     )
-    return Episode(index, condition.name, blocks, (base, *config.start_pose[1:]), str(program))
+    return Episode(index, condition.name, blocks, (base, *config.start_pose[1:]), program)
 
 
 def _distractors(

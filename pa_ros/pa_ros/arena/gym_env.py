@@ -112,7 +112,7 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
 
     def _info(self, verdict: Verdict) -> dict[str, Any]:
         return {
-            "program": self.task.program,
+            "program": str(self.task.program),
             "distance": verdict.distance,
             "is_success": verdict.satisfied,
         }

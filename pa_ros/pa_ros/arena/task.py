@@ -13,7 +13,7 @@ from pa_ros.arena.features import HAND_INDEX
 from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.verifier import Verifier
 from pa_ros.core.experience import Float64, Observation, Verdict
-from pa_ros.language import parse
+from pa_ros.language import Program
 from pa_ros.world import Reward, Scoring, Sparse
 
 
@@ -67,12 +67,12 @@ class ReachTask:
         return self._observe()
 
     def set_program(
-        self, program: str, program_id: str | None = None
+        self, program: Program, program_id: str | None = None
     ) -> tuple[Observation, Verdict]:
         """Score by another program from now on; returns the present step under it.
 
-        Raises ProgramError if the text is wrong or names no block that is present; then nothing
-        changes. The id defaults to one that this episode has not used.
+        Raises NamesNothingError if it names no block that is present; then nothing changes. The id
+        defaults to one that this episode has not used.
         """
         episode = self.episode
         self.verifier = self._verifier(episode, program)
@@ -81,9 +81,9 @@ class ReachTask:
         return self._observe()
 
     @property
-    def program(self) -> str:
-        """Canonical text of the program that the verifier scores by now."""
-        return str(self.verifier.program)
+    def program(self) -> Program:
+        """The program that the verifier scores by now."""
+        return self.verifier.program
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
         """Act for one control period with joint velocities in rad/s [6], clamped to the limits.
@@ -98,8 +98,7 @@ class ReachTask:
         self._stamp_ns += self.config.control_period_ns
         return self._observe()
 
-    def _verifier(self, episode: Episode, text: str) -> Verifier:
-        program = parse(text, self.design.vocabulary)
+    def _verifier(self, episode: Episode, program: Program) -> Verifier:
         kinds = [block.kind for block in episode.blocks]
         return Verifier(program, kinds, self.scoring)
 

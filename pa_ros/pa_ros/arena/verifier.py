@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from pa_ros.arena.designs import Kind
 from pa_ros.core.experience import Float32
 from pa_ros.language import Program, require_target
@@ -20,9 +18,8 @@ class Verifier:
         named = require_target(program, [kind.words for kind in kinds], None)
         self.program = program
         self.targets = tuple(i for i, is_named in enumerate(named, start=1) if is_named)
-        self._named = np.array([False, *named])  # [N], the hand first
         self._scoring = scoring
 
     def score(self, objects: Float32) -> Score:
         """Of one state: `objects` is Ω, [N, 16] float32."""
-        return self._scoring(self._named, objects)
+        return self._scoring.of_targets(self.targets, objects)

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.bags.errors import ForeignBagError
-from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES
+from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES, vocabulary_of
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import JOINTS, Float32, Float64, Trajectory
+from pa_ros.core.experience import JOINTS, Float32, Float64
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
+from pa_ros.world import Trajectory
 
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
 JOINT_STATES: Final = "sensor_msgs/msg/JointState"
@@ -99,8 +100,10 @@ def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode
 
 def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     open_: dict[str, RecordedEpisode] = {}  # by agent
+    vocabulary = vocabulary_of(bag, namespace)
+    decode = partial(codec.decode_trajectory, vocabulary=vocabulary)
     for recorded in bag.messages([bag.topic_of(TRAJECTORIES, namespace)]):
-        trajectory = bag.through(recorded, codec.decode_trajectory)
+        trajectory = bag.through(recorded, decode)
         episode = open_.get(trajectory.agent_id)
         if episode is None or not _continues(episode, trajectory):
             if episode is not None:
@@ -132,7 +135,7 @@ def _row(trajectory: Trajectory, t: int) -> Row:
         -1,
         trajectory.objects[t],
         trajectory.hand_index,
-        trajectory.program,
+        str(trajectory.program),
         np.arctan2(sine, cosine),
         velocity,
     )

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
-from pa_ros.core.experience import AgentKey, Trajectory, TrajectoryKey
+from pa_ros.core.experience import AgentKey, TrajectoryKey
+from pa_ros.language import Vocabulary
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
-from pa_ros.world import Scoring
+from pa_ros.world import Scoring, Trajectory
 
 TRAJECTORIES: Final = "msgs_schema/msg/Trajectory"
 WEIGHTS: Final = "msgs_schema/msg/PolicyWeights"
@@ -83,11 +85,14 @@ class Experience:
             )
         return Scoring(thresholds.pop())
 
-    def lessons(self) -> Iterator[Lesson]:
-        """Trajectories in the learner's order, as far as the weights tell it; else as they came."""
+    def lessons(self, vocabulary: Vocabulary) -> Iterator[Lesson]:
+        """Trajectories in the learner's order, as far as the weights tell it; else as they came.
+
+        `vocabulary` is the receiver's. Raises VocabularyError at the first of another one.
+        """
         plan, pending = self._plan(), dict[TrajectoryKey, Trajectory]()
         there = set(self.keys)
-        messages = self._trajectories()
+        messages = self._trajectories(vocabulary)
         for key, version in plan:
             while key in there and key not in pending:
                 trajectory = next(messages, None)
@@ -146,9 +151,10 @@ class Experience:
             raise ForeignBagError(f"bag: {self._bag.path}: expected transitions, got none")
         return list(keys)
 
-    def _trajectories(self) -> Iterator[Trajectory]:
+    def _trajectories(self, vocabulary: Vocabulary) -> Iterator[Trajectory]:
+        decode = partial(codec.decode_trajectory, vocabulary=vocabulary)
         for recorded in self._bag.messages([self._topic]):
-            yield self._bag.through(recorded, codec.decode_trajectory)
+            yield self._bag.through(recorded, decode)
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
@@ -157,6 +163,20 @@ def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
         bag.through(recorded, codec.decode_arena_info)
         for recorded in _of_type(bag, ARENA_INFO, namespace)
     ]
+
+
+def vocabulary_of(bag: Bag, namespace: str | None = None) -> Vocabulary:
+    """The words of a recording. ProvenanceError if no learner and no arena tells them."""
+    for arena in arenas_of(bag, namespace):
+        return Vocabulary(arena.shapes, arena.colors)
+    for recorded in _of_type(bag, PROVENANCE, namespace):
+        origin = bag.through(recorded, codec.decode_provenance)
+        if origin.shapes:
+            return Vocabulary(origin.shapes, origin.colors)
+    raise ProvenanceError(
+        f"bag: {bag.path}: expected an arena's description or a learner's provenance, got none: "
+        "nothing says which words programs are made of"
+    )
 
 
 def _of_type(bag: Bag, type_name: str, namespace: str | None) -> Iterator[Recorded]:

@@ -18,6 +18,7 @@ from pa_ros.arena.render import render, top_view
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
 from pa_ros.core.experience import COLORS, JOINTS, SHAPES
+from pa_ros.language import parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import ArenaDescription
 
@@ -37,7 +38,9 @@ class Stage:
         kinds = [_kind(first, i) for i in range(len(first.objects)) if i != first.hand_index]
         blocks = tuple(Block(kind, 0.0, 0.0, 0.0) for kind in kinds)
         start: Any = tuple(first.joint_position)
-        anything = f"NEAR(HAND, {next(k.color for k in kinds if _known(k, arena))})"
+        self._vocabulary = self.task.design.vocabulary
+        word = next(kind.color for kind in kinds if _known(kind, arena))
+        anything = parse(f"NEAR(HAND, {word})", self._vocabulary)
         self.task.reset_to(Episode(episode.number, "train", blocks, start, anything))
         self._shown = ""
 
@@ -58,7 +61,7 @@ class Stage:
         if row.program != self._shown:
             self._shown = row.program
             try:
-                self.task.set_program(row.program)
+                self.task.set_program(parse(row.program, self._vocabulary))
             except ProgramError:  # none in force, or its text is not recorded
                 self.task.verifier.targets = ()
 

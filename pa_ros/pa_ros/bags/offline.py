@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from pa_ros.bags.experience import Experience
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Trajectory
 from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.world import Trajectory
 
 
 @dataclass
@@ -37,7 +37,7 @@ def learn(
     for experience in experiences:
         run = runs.setdefault(_run(experience), len(runs))
         followed = len(experience.published) > 1
-        for lesson in experience.lessons():
+        for lesson in experience.lessons(learner.network.vocabulary):
             if lesson.trajectory is None:
                 found.missing += 1
             elif followed and lesson.version is None:

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.core.experience import Observation, Trajectory, Verdict
+from pa_ros.core.experience import Observation, Verdict
 from pa_ros.wire.records import ArenaDescription
+from pa_ros.world import Trajectory
 
 
 class Reenactment:

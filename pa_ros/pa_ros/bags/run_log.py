@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,8 +12,8 @@ from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.writer import BagOptions, BagWriter
-from pa_ros.core.experience import Trajectory
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.provenance.origins import describe, learner_origin
@@ -20,6 +21,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
 from pa_ros.wire.interfaces import ArenaInfo, LearnerInfo, Message, PolicyWeights, Provenance
 from pa_ros.wire.interfaces import Trajectory as TrajectoryMessage
+from pa_ros.world import Trajectory
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +49,7 @@ class RunLog:
         arena: ArenaConfig,
         design: Design,
         seed: int,
-        training_programs: list[str],
+        training_programs: Sequence[Program],
         parameters: dict[str, Any],
         options: BagOptions | None = None,
     ) -> None:

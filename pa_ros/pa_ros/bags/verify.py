@@ -14,13 +14,13 @@ from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reenact import Reenactment
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Trajectory
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.provenance.software import device, versions
 from pa_ros.wire import codec
 from pa_ros.wire.records import Origin
+from pa_ros.world import Trajectory
 
 NAMED = 5  # altered transitions that are spelt out
 
@@ -81,7 +81,7 @@ def verify(
     learner = learner_of(experience)
     reenactment = _reenactment(experience, found) if arena else None
     _compare(experience, learner, found)
-    for lesson in experience.lessons():
+    for lesson in experience.lessons(learner.network.vocabulary):
         if lesson.trajectory is None:
             found.incomplete = (
                 f"trajectory {lesson.key.sequence} of {lesson.key.agent_id}, which led to "

@@ -10,19 +10,23 @@ import numpy as np
 
 from pa_ros.core.experience import (
     ARM_FEATURES,
+    COLORS,
     JOINTS,
     OBJECT_FEATURES,
+    SHAPES,
     AgentKey,
     Observation,
     PolicySnapshot,
-    Trajectory,
     Verdict,
 )
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import codec
 from pa_ros.wire.records import Command
+from pa_ros.world import Trajectory
 
 JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
+_WORDS = Vocabulary(SHAPES, COLORS)
 _OBJECTS = 5
 _TRANSITIONS = 100
 _WEIGHTS = {"message.0.weight": (150, 68), "message.1.weight": (150, 150), "all.else": (40_000,)}
@@ -51,7 +55,7 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
         "encode_command_us": (lambda: codec.encode_command(command), calls),
         "decode_command_us": (lambda: codec.decode_command(messages[1]), calls),
         "encode_trajectory_us": (lambda: codec.encode_trajectory(trajectory), calls // 10),
-        "decode_trajectory_us": (lambda: codec.decode_trajectory(messages[2]), calls // 10),
+        "decode_trajectory_us": (lambda: codec.decode_trajectory(messages[2], _WORDS), calls // 10),
         "encode_weights_us": (lambda: codec.encode_weights(policy), calls // 100),
         "decode_weights_us": (lambda: codec.decode_weights(messages[3]), calls // 100),
     }
@@ -83,7 +87,7 @@ def _trajectory(rng: np.random.Generator) -> Trajectory:
         policy_version=0,
         episode=0,
         first_step=0,
-        program="NEAR(HAND, AND(RED, CUBE))",
+        program=parse("NEAR(HAND, AND(RED, CUBE))", _WORDS),
         hand_index=0,
         objects=rng.normal(size=(rows, _OBJECTS, OBJECT_FEATURES)).astype(np.float32),
         arm=rng.normal(size=(rows, ARM_FEATURES)).astype(np.float32),
@@ -91,7 +95,7 @@ def _trajectory(rng: np.random.Generator) -> Trajectory:
         rewards=np.ones(_TRANSITIONS, dtype=np.float32),
         ends_episode=True,
         terminated=False,
-        vocabulary_digest="0" * 16,
+        vocabulary_digest=_WORDS.digest,
     )
 
 

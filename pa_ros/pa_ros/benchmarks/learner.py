@@ -14,9 +14,10 @@ from pa_ros.benchmarks.cost import Rates, Sizes, floor_us, update_cost
 from pa_ros.benchmarks.machine import measure_rates
 from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
-from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation, Trajectory
+from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation
 from pa_ros.core.report import Report
 from pa_ros.core.update import Batch, Engine, UpdateValues
+from pa_ros.language import Program
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
@@ -25,6 +26,7 @@ from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import initial_actor, initial_critic
+from pa_ros.world import Trajectory
 
 log = logging.getLogger(__name__)
 Update = Callable[[Batch, UpdateValues], None]
@@ -43,7 +45,7 @@ TRAJECTORY_STEPS, TRAJECTORIES = 100, 20
 def bench_learner(
     network: NetworkConfig,
     config: DPGConfig,
-    programs: Sequence[str],
+    programs: Sequence[Program],
     sizes: Sizes = Sizes(),  # noqa: B008 (frozen)
     others: Sequence[Contender] = (),
     rounds: int = 15,
@@ -51,7 +53,7 @@ def bench_learner(
 ) -> Report:
     """Updates per second, medians over rounds, of ours and of what it is compared with.
 
-    `programs` are the texts of the training programs; `others` run in the same rounds. One thread
+    `programs` are those of training; `others` run in the same rounds. One thread
     each but where the name says otherwise. FusedError if the fused update is not there.
     """
     facts = _sizes(sizes, network)
@@ -73,7 +75,7 @@ def bench_learner(
 
 
 def random_learner(
-    network: NetworkConfig, config: DPGConfig, programs: Sequence[str], sizes: Sizes
+    network: NetworkConfig, config: DPGConfig, programs: Sequence[Program], sizes: Sizes
 ) -> Learner:
     """A learner with random experience in its replay buffer and no update made."""
     frames = TRAJECTORY_STEPS * TRAJECTORIES
@@ -85,7 +87,9 @@ def random_learner(
     return learner
 
 
-def bare_updates(network: NetworkConfig, config: DPGConfig, programs: Sequence[str]) -> Contender:
+def bare_updates(
+    network: NetworkConfig, config: DPGConfig, programs: Sequence[Program]
+) -> Contender:
     """Updates by the clock, with the configuration's batch, of tables with four blocks."""
     sizes = Sizes(config.replay.batch_size, 5, config.relabeling.programs_per_transition)
     idle = random_learner(network, config, programs, sizes)
@@ -141,12 +145,12 @@ def _straightforward(learner: Learner) -> StraightforwardEngine:
     return StraightforwardEngine(network, learner.config, learner.table, *tensors)
 
 
-def _actors(learner: Learner, program: str) -> list[Contender]:
+def _actors(learner: Learner, program: Program) -> list[Contender]:
     """One observation to one action, by what agents use and by torch."""
     network, snapshot = learner.network, learner.snapshot()
     actor = Actor(network)
     actor.load(snapshot)
-    plain, parsed = TorchActor(network, snapshot.tensors), actor.parse(program)
+    plain = TorchActor(network, snapshot.tensors)
     objects = learner.replay.arrays["objects"][0].copy()
     joints = np.random.default_rng(0).normal(size=JOINTS)
     observation = Observation(0, 0, 0, objects, joints, joints, 0, "0.0")
@@ -157,7 +161,7 @@ def _actors(learner: Learner, program: str) -> list[Contender]:
 
     def reference(calls: int) -> None:
         for _ in range(calls):
-            plain.act(observation.objects, observation.arm, parsed, 0)
+            plain.act(observation.objects, observation.arm, program, 0)
 
     return [Contender(ACT, fused), Contender(ACT_TORCH, reference)]
 
@@ -236,7 +240,7 @@ def random_scenes(rng: np.random.Generator, count: int, objects: int) -> Float32
 def _trajectory(
     rng: np.random.Generator,
     network: NetworkConfig,
-    programs: Sequence[str],
+    programs: Sequence[Program],
     objects: int,
     sequence: int,
 ) -> Trajectory:

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
-from pa_ros.language import Program, degree, parse
+from pa_ros.language import Program, degree
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
@@ -206,7 +206,7 @@ class StraightforwardEngine:
             x[:, GEOMETRY] *= 1 - values.geometry_decay
 
     def _scenes(self, objects: NDArray[Any], arm: NDArray[Any], batch: Batch) -> Scenes:
-        programs = [parse(text, self._table.vocabulary) for text in self._table.texts]
+        programs = self._table.programs
         row = torch.from_numpy(batch.program).long()
         return Scenes(self._given(objects), self._given(arm), programs, row)
 

@@ -8,13 +8,12 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from pa_ros.arena import design_named, preset_named
+from pa_ros.arena import design_named, preset_named, training_programs
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scoring.training import training_programs
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint

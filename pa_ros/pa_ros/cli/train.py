@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import ArenaChoice, ArenaConfig, Design, ReachTask, design_named, preset_named
+from pa_ros.arena import (
+    ArenaChoice,
+    ArenaConfig,
+    Design,
+    ReachTask,
+    design_named,
+    preset_named,
+    training_programs,
+)
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import add_setting, add_settings, settings_from
-from pa_ros.evaluation.scoring.training import TrainingScores, training_programs
+from pa_ros.evaluation.scoring.training import TrainingScores
+from pa_ros.language import Program
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import LearningChoice, protocol_named, usual_protocol
 
@@ -72,7 +82,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run_log(
-    options: argparse.Namespace, arena: ArenaConfig, design: Design, seed: int, programs: list[str]
+    options: argparse.Namespace,
+    arena: ArenaConfig,
+    design: Design,
+    seed: int,
+    programs: Sequence[Program],
 ) -> AbstractContextManager[RunLog | None]:
     if options.record is None:
         return nullcontext()

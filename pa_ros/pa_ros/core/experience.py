@@ -77,47 +77,6 @@ class TrajectoryKey(NamedTuple):
     sequence: int
 
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
-    """T consecutive transitions of one episode under one program, from one agent.
-
-    Transition t goes from row t to row t + 1 of `objects` and `arm`. By construction nothing
-    joins two episodes, programs or agents.
-    """
-
-    agent_id: str
-    sequence: int  # 0, 1, 2, … per incarnation; makes inserting idempotent and gaps visible
-    policy_version: int  # of the weights that acted
-    episode: int
-    first_step: int
-    program: str  # canonical text
-    hand_index: int
-    objects: Float32  # [T + 1, N, 16]
-    arm: Float32  # [T + 1, 18]
-    actions: Float32  # [T, 6] in [-1, 1], as the arena applied them
-    rewards: Float32  # [T], of row t + 1
-    ends_episode: bool
-    terminated: bool  # always False for the reaching tasks: their time limit is a truncation
-    vocabulary_digest: str
-    run_id: str = ""  # of the learner whose weights acted
-    incarnation: int = 0  # of the agent
-    held_from: int = 0  # the agent can still send this one and later ones; earlier ones it cannot
-    stamp_ns: int = 0  # simulation time of row 0
-
-    def __len__(self) -> int:
-        return len(self.actions)
-
-    @property
-    def agent(self) -> AgentKey:
-        """Whose it is."""
-        return AgentKey(self.agent_id, self.incarnation)
-
-    @property
-    def key(self) -> TrajectoryKey:
-        """Its name."""
-        return TrajectoryKey(self.agent_id, self.incarnation, self.sequence)
-
-
 @dataclass(frozen=True)
 class PolicySnapshot:
     """Weights of an actor at one version: the only thing that flows from learner to agents."""

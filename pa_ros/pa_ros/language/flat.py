@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache, reduce
+from functools import reduce
 
 from pa_ros.language.evaluate import unknown_word
 from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
@@ -30,9 +30,8 @@ class FlatProgram:
         return len(self.op)
 
 
-@lru_cache(maxsize=4096)
 def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
-    """Compile a program for the rows of `vocabulary`, once; later calls answer from a cache.
+    """Compile a program for the rows of `vocabulary`.
 
     Raises UnknownWordError (or WrongCaseError) if the program is of another vocabulary.
     """

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from pa_ros.language.errors import (
     ArityError,
     EmptyProgramError,
@@ -23,9 +21,8 @@ from pa_ros.language.vocabulary import RESERVED, Vocabulary
 OPERATORS = ("AND", "OR", "NOT")
 
 
-@lru_cache(maxsize=1024)
 def parse(text: str, vocabulary: Vocabulary) -> Program:
-    """Read a program over the words of `vocabulary`; free ASCII white space. The latest are kept.
+    """Read a program over the words of `vocabulary`; free ASCII white space.
 
     Raises a ProgramError: for length and characters first, then for the first fault from the left.
     """

@@ -22,9 +22,10 @@ from pa_ros.acting.agent import Step
 from pa_ros.acting.answer import Act, Load
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
-from pa_ros.core.experience import AgentKey, Float64, Observation, Trajectory, Verdict
+from pa_ros.core.experience import AgentKey, Float64, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.core.settings import Settings
+from pa_ros.language import Program
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import restore, save_checkpoint
@@ -33,7 +34,7 @@ from pa_ros.learning.folder import claim
 from pa_ros.learning.progress import Progress
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.world import Scoring
+from pa_ros.world import Scoring, Trajectory
 
 log = logging.getLogger(__name__)
 
@@ -45,8 +46,8 @@ class Environment(Protocol):
     """What the loop trains on; `pa_ros.arena.ReachTask` is one."""
 
     @property
-    def program(self) -> str:
-        """Canonical text of the program that the verifier scores by now."""
+    def program(self) -> Program:
+        """The program that the verifier scores by now."""
 
     @property
     def scoring(self) -> Scoring:
@@ -102,7 +103,7 @@ def train(
     learner_config: DPGConfig,
     environment: Environment,
     max_speed: Float64,
-    training_programs: Sequence[str],
+    training_programs: Sequence[Program],
     evaluate: Evaluate | None = None,
     resume: bool = False,
     run_log: Log | None = None,

@@ -7,10 +7,11 @@ from uuid import uuid4
 
 from pa_ros import __version__
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Trajectory, TrajectoryKey
+from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.errors import TrajectorySizeError
+from pa_ros.world import Trajectory
 
 
 class LearningRun:

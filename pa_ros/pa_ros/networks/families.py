@@ -16,7 +16,7 @@ import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import JOINTS, Float32
-from pa_ros.language import Program, Vocabulary, parse
+from pa_ros.language import Program, Vocabulary
 from pa_ros.networks.parameters import COLUMN_FEATURES, LILLICRAP_OUTPUT_SCALE, Shapes, linear
 from pa_ros.networks.slots import canonical_inputs, target_one_hots
 from pa_ros.world.programs import Int32, ProgramTable
@@ -164,7 +164,7 @@ class Canonical(Family):
         return CanonicalActor, CanonicalCritic
 
     def codes(self, table: ProgramTable) -> Codes:
-        programs = [parse(text, table.vocabulary) for text in table.texts]
+        programs = table.programs
         return (np.stack([target_one_hots(program, table.vocabulary) for program in programs]),)
 
     def goals(self, *codes: Tensor) -> Any:

@@ -10,6 +10,7 @@ from pa_ros import __version__
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.arena.features import HAND_INDEX
 from pa_ros.core.experience import JOINTS
+from pa_ros.language import Program
 from pa_ros.provenance.software import device, versions
 from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
 
@@ -39,7 +40,7 @@ def learner_origin(
     instance: str,
     seed: int,
     learner: Learner,
-    training_programs: Iterable[str],
+    training_programs: Iterable[Program],
     **of_process: Any,
 ) -> Origin:
     """A learner's account of itself, before or after it has learned something."""
@@ -67,7 +68,7 @@ def describe(
     arena: ArenaConfig,
     design: Design,
     seed: int,
-    training_programs: Iterable[str],
+    training_programs: Iterable[Program],
     instance: str,
     mode: Mode = Mode.LOCKSTEP,
 ) -> ArenaDescription:

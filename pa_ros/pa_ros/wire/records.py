@@ -9,6 +9,7 @@ from enum import IntEnum
 from typing import Any
 
 from pa_ros.core.experience import Float32
+from pa_ros.language import Program
 
 WIRE_VERSION = "2"  # edition of msgs_schema; changes when a receiver could misread the other
 NO_STAMP = 0
@@ -55,7 +56,7 @@ class ArenaDescription:
     shapes: tuple[str, ...]
     colors: tuple[str, ...]
     vocabulary_digest: str
-    training_programs: tuple[str, ...]
+    training_programs: tuple[Program, ...]
     joint_names: tuple[str, ...]
     joint_lower: tuple[float, ...]  # rad
     joint_upper: tuple[float, ...]  # rad
@@ -130,7 +131,7 @@ class LearnerOrigin:
     first_version: int  # of the weights it began with; 0: from scratch
     network: str  # NetworkConfig's JSON
     learner: str  # the learner settings' JSON
-    training_programs: tuple[str, ...]  # canonical texts, in relabeling's order
+    training_programs: tuple[Program, ...]  # in relabeling's order
 
 
 @dataclass(frozen=True)

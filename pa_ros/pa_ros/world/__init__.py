@@ -2,5 +2,6 @@
 
 from pa_ros.world.reward import Reward, Sparse
 from pa_ros.world.scoring import Score, Scoring
+from pa_ros.world.trajectory import Trajectory
 
-__all__ = ["Reward", "Score", "Scoring", "Sparse"]
+__all__ = ["Reward", "Score", "Scoring", "Sparse", "Trajectory"]

@@ -30,7 +30,7 @@ class ProgramTable:
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
-        self._rows: dict[str, int] = {}
+        self._rows: dict[Program, int] = {}
         self._flat: list[FlatProgram] = []
         self._arrays: Arrays | None = None
 
@@ -40,6 +40,11 @@ class ProgramTable:
     @property
     def texts(self) -> tuple[str, ...]:
         """Canonical texts in order of rows."""
+        return tuple(map(str, self._rows))
+
+    @property
+    def programs(self) -> tuple[Program, ...]:
+        """Programs in order of rows."""
         return tuple(self._rows)
 
     def add(self, program: Program) -> int:
@@ -47,12 +52,11 @@ class ProgramTable:
 
         Raises UnknownWordError if the program is of another vocabulary.
         """
-        text = str(program)
-        if text not in self._rows:
+        if program not in self._rows:
             self._flat.append(compile_program(program, self.vocabulary))
-            self._rows[text] = len(self._rows)
+            self._rows[program] = len(self._rows)
             self._arrays = None
-        return self._rows[text]
+        return self._rows[program]
 
     def arrays(self) -> Arrays:
         """Return `op`, `a`, `b`, each [P, L] int32, L the longest program's; do not write to them.

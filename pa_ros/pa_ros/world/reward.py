@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
-
-from pa_ros.core.experience import Float64
+from typing import Any, ClassVar
 
 
 class Reward(ABC):
@@ -23,8 +18,12 @@ class Reward(ABC):
     """False: a function of `satisfied` alone. Relabeling then keeps one bit per program."""
 
     @abstractmethod
-    def __call__(self, satisfied: NDArray[np.bool_], measure: Float64) -> Float64:
-        """Rewards [...] for `satisfied` [...] and the relation's measure [...] (m)."""
+    def __call__(self, satisfied: Any, measure: Any) -> Any:
+        """Rewards [...] for `satisfied` [...] and the relation's measure [...] (m).
+
+        Arrays of bool and float64 for many states, Python's bool and float for one: an expression
+        that is right for both and gives the same bits.
+        """
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,5 @@ class Sparse(Reward):
     otherwise: float = -1.0
     uses_measure: ClassVar[bool] = False
 
-    def __call__(self, satisfied: NDArray[np.bool_], measure: Float64) -> Float64:
-        # Exact, one product being 0; of a single state a tenth of np.where's time.
-        rewards: Float64 = satisfied * self.satisfied + ~satisfied * self.otherwise
-        return rewards
+    def __call__(self, satisfied: Any, measure: Any) -> Any:
+        return satisfied * self.satisfied + (1 - satisfied) * self.otherwise  # one product is 0

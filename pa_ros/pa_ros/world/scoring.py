@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import inf, isfinite
-from typing import NamedTuple
+from math import inf, isfinite, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,11 @@ from pa_ros.world.reward import Reward, Sparse
 
 
 class Score(NamedTuple):
-    """The verifier's word on states, each [...]."""
+    """The verifier's word on states, each [...], or on one, as numbers."""
 
-    measure: Float64  # m, from the hand to the nearest object named; inf if none is
-    satisfied: NDArray[np.bool_]
-    reward: Float64
+    measure: Any  # m, from the hand to the nearest object named; inf if none is
+    satisfied: Any
+    reward: Any
 
 
 @dataclass(frozen=True)
@@ -41,17 +42,23 @@ class Scoring:
         Both are broadcast: `named` [P, N] and `objects` [T, 1, N, 16] give scores [T, P]. The hand
         is never named (`world.programs.crisp`, `language.satisfying`).
         """
-        measure = np.minimum.reduce(np.where(named, hand_distances(objects), inf), axis=-1)
+        squares = _square(*np.moveaxis(objects[..., :3].astype(np.float64), -1, 0))
+        nearest: Float64 = np.array(inf)
+        for i in range(objects.shape[-2]):  # few: faster than to reduce a short axis
+            nearest = np.minimum(nearest, np.where(named[..., i], squares[..., i], inf))
+        return self._judge(np.sqrt(nearest))
+
+    def of_targets(self, targets: Sequence[int], objects: Float32) -> Score:
+        """Score one state, [N, 16], given the numbers of the objects named: the same bits in a
+        tenth of the time, as numbers."""
+        positions = (objects[i, :3].tolist() for i in targets)
+        return self._judge(sqrt(min((_square(*place) for place in positions), default=inf)))
+
+    def _judge(self, measure: Any) -> Score:
         satisfied = measure <= self.near_threshold_m
         return Score(measure, satisfied, self.reward(satisfied, measure))
 
 
-def hand_distances(objects: Float32) -> Float64:
-    """Distance (m) from the hand to each object's center, [..., N]: the norm of its position in Ω.
-
-    In float64 of the float32 features, squares added in the order x, y, z: the same bits for one
-    state and for many.
-    """
-    squares = objects[..., :3].astype(np.float64)
-    squares *= squares
-    return np.asarray(np.sqrt(squares[..., 0] + squares[..., 1] + squares[..., 2]))
+def _square(x: Any, y: Any, z: Any) -> Any:
+    """Squared distance (m²) from the hand, where positions in Ω begin: of numbers, or arrays."""
+    return x * x + y * y + z * z

@@ -95,7 +95,7 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
         for case, look in zip(
             ("best", "worst"), extremes(list(view.looks(condition, episodes))), strict=True
         ):
-            _case(axes[row], view.show(look), look, agent)
+            _case(axes[row], view.show(look), look)
             axes[row][0].set_ylabel(f"{condition}: {case}\nmargin {look.margin:+.2f}", fontsize=9)
             row += 1
     for _, table in axes[:-1]:
@@ -104,15 +104,15 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
     save(figure, path, COLORS)
 
 
-def _case(axes: Sequence[Axes], task: ReachTask, look: Look, agent: TrainedAgent) -> None:
+def _case(axes: Sequence[Axes], task: ReachTask, look: Look) -> None:
     picture, table = axes
     picture.imshow(_picture(task))
     picture.set(xticks=[], yticks=[])
-    picture.set_title(f"target: {named(look, agent.design)}", fontsize=8)
+    picture.set_title(f"target: {named(look)}", fontsize=8)
     kinds = [(block.kind.color, block.kind.shape) for block in look.episode.blocks]
     heat_map(table, kinds, look.phi, look.p, look.words)
     table.tick_params(labelsize=7)
-    table.set_title(look.episode.program, fontsize=6.5, family="monospace")
+    table.set_title(str(look.episode.program), fontsize=6.5, family="monospace")
 
 
 def _picture(task: ReachTask) -> NDArray[np.uint8]:

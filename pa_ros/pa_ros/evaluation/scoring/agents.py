@@ -13,6 +13,7 @@ from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot
 from pa_ros.evaluation.scoring.evaluate import AgentPolicy
+from pa_ros.language import Program
 from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor
@@ -67,7 +68,7 @@ def greedy(snapshot: PolicySnapshot, arena: ArenaConfig) -> AgentPolicy:
     """An actor without exploration, as joint velocities (rad/s) for an arena."""
     actor, speeds = Actor.of(snapshot), np.array(arena.joint_speed_limits)
 
-    def act(observation: Observation, program: str) -> Float64:
+    def act(observation: Observation, program: Program) -> Float64:
         return np.asarray(actor.act(observation, program).astype(np.float64) * speeds)
 
     return act

@@ -20,9 +20,10 @@ from pa_ros.arena import (
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.evaluation.scoring.intervals import Interval, mean_interval, normalized_interval
 from pa_ros.evaluation.scoring.rewards import EpisodeScore, rewards
+from pa_ros.language import Program
 
-# From what an agent sees, and the program's text, to joint velocities in rad/s [6].
-AgentPolicy = Callable[[Observation, str], Float64]
+# From what an agent sees, and the program, to joint velocities in rad/s [6].
+AgentPolicy = Callable[[Observation, Program], Float64]
 REFERENCES = ("scripted", "random")
 
 
@@ -70,7 +71,7 @@ def run_episodes(
         while not verdict.truncated:
             observation, verdict = task.step(act(observation))
             total, steps = total + verdict.reward, steps + 1
-        program = task.program
+        program = str(task.program)
         yield EpisodeScore(index, program, total / steps, verdict.satisfied, verdict.distance)
 
 

@@ -1,4 +1,4 @@
-"""What a training run is told about its design, and the greedy scores it reports on the way."""
+"""The greedy scores that a training run reports on the way."""
 
 from __future__ import annotations
 
@@ -8,15 +8,8 @@ from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, ReachTask
 from pa_ros.evaluation.scoring.evaluate import REFERENCES, reference_scores, run_episodes
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
-from pa_ros.language import parse
 
 EVALUATION_SEED = 1_000_003  # apart from every training seed's episodes
-
-
-def training_programs(design: Design) -> list[str]:
-    """Canonical texts of the programs that a design trains on."""
-    texts = (f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in design.train)
-    return [str(parse(text, design.vocabulary)) for text in texts]
 
 
 class TrainingScores:

@@ -85,8 +85,7 @@ class DetectorView:
     def _look(self, observation: Observation) -> Look:
         task, vocabulary = self._task, self._vocabulary
         phi = self._inference.properties(observation.objects, observation.arm)
-        program = parse(task.program, vocabulary)
-        p = relevance(program, phi.tolist(), vocabulary.row, observation.hand_index)
+        p = relevance(task.program, phi.tolist(), vocabulary.row, observation.hand_index)
         hand, *blocks = [(float(x), float(y)) for x, y, _ in task.simulation.positions]
         return Look(task.episode, observation.step, task.verifier.targets, vocabulary.words, phi,
                     np.array(p), observation, hand, tuple(blocks))  # fmt: skip
@@ -191,11 +190,10 @@ def detector_table(agents: Mapping[int, TrainedAgent], episodes: int) -> list[Ac
     ]
 
 
-def named(look: Look, design: Design) -> str:
+def named(look: Look) -> str:
     """The blocks that a look's program names, for a caption."""
     kinds = [block.kind for block in look.episode.blocks]
-    program = parse(look.episode.program, design.vocabulary)
-    flags = satisfying(program, [kind.words for kind in kinds], None)
+    flags = satisfying(look.episode.program, [kind.words for kind in kinds], None)
     return " and ".join(
         f"{kind.color} {kind.shape}".lower()
         for kind, flag in zip(kinds, flags, strict=True)

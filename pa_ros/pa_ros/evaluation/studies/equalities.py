@@ -19,7 +19,7 @@ from pa_ros.arena import ReachTask
 from pa_ros.core.experience import Observation
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.benchmark import EPISODES_SEED
-from pa_ros.language import And, Expression, Not, Or, Program, Word, parse
+from pa_ros.language import And, Expression, Not, Or, Program, Word
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.relevance import program_tensors, relevant_objects
@@ -127,14 +127,12 @@ class _Comparison:
         task.reset(index, condition)
         (target,) = task.verifier.targets
         kind = task.episode.blocks[target - 1].kind
-        expression = parse(task.program, self._vocabulary).target
-        left, right = (
-            str(Program(side)) for side in law.pair(expression, Word(kind.color), Word(kind.shape))
-        )
+        sides = law.pair(task.program.target, Word(kind.color), Word(kind.shape))
+        left, right = map(Program, sides)
         seen, score = self._execute(left)
         _, other_score = self._execute(right)
         p = self._relevance(seen, left, right)  # [T, 2, N]
-        actions = np.array([[self._act(o, text) for text in (left, right)] for o in seen])
+        actions = np.array([[self._act(o, side) for side in (left, right)] for o in seen])
         actions /= self._limits  # [T, 2, 6]
         return (
             float(np.abs(p[:, 0] - p[:, 1]).max()),
@@ -142,7 +140,7 @@ class _Comparison:
             other_score - score,
         )
 
-    def _execute(self, program: str) -> tuple[list[Observation], float]:
+    def _execute(self, program: Program) -> tuple[list[Observation], float]:
         """The task's present episode from its start under another program."""
         self._task.reset_to(self._task.episode)
         observation, verdict = self._task.set_program(program)
@@ -153,11 +151,11 @@ class _Comparison:
             total += verdict.reward
         return seen, total / (len(seen) - 1)
 
-    def _relevance(self, seen: list[Observation], *programs: str) -> NDArray[np.float32]:
+    def _relevance(self, seen: list[Observation], *programs: Program) -> NDArray[np.float32]:
         """p of each program at each observation in float32, as the networks compute it."""
         table = ProgramTable(self._vocabulary)
-        for text in programs:
-            table.add(parse(text, self._vocabulary))
+        for program in programs:
+            table.add(program)
         phi = np.stack([self._inference.properties(o.objects, o.arm) for o in seen])  # [T, V, N]
         codes = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
         p = relevant_objects(torch.from_numpy(phi), seen[0].hand_index, *codes)

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
-from pa_ros.evaluation.scoring.training import TrainingScores, training_programs
+from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import Protocol, protocol_named, usual_protocol

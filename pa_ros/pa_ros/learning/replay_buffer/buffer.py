@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Trajectory
+from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
 from pa_ros.learning.errors import (
     EmptyReplayError,
     NonFiniteError,
@@ -21,6 +21,7 @@ from pa_ros.learning.errors import (
 )
 from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.ledger import Ledger
+from pa_ros.world import Trajectory
 
 Int64 = NDArray[np.int64]
 NOTHING = Marks(np.zeros((), np.uint64), 0)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from pa_ros.core.experience import AgentKey, Trajectory, TrajectoryKey
+from pa_ros.core.experience import AgentKey, TrajectoryKey
 from pa_ros.learning.errors import SupersededAgentError
+from pa_ros.world import Trajectory
 
 Intervals = list[tuple[int, int]]  # [first, end) of sequence numbers
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from pa_ros.arena import ReachTask
+from pa_ros.arena import ReachTask, training_programs
 from pa_ros.core.errors import PaError
 from pa_ros.evaluation.scoring.evaluate import reference_scores
 from pa_ros.evaluation.scoring.rewards import rewards
 from pa_ros.evaluation.scoring.tally import HeldOutTarget
-from pa_ros.evaluation.scoring.training import training_programs
+from pa_ros.language import Program
 from pa_ros.tools.client import Node, client_node
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.executor import Executor, hear_verdicts
@@ -85,9 +85,9 @@ def show_shipped(
     print(f"\n{outcome.satisfied} of {len(outcome.executions)} programs executed.\n")
 
 
-def _listed(programs: list[str]) -> str:
+def _listed(programs: Iterable[Program]) -> str:
     """Their targets alone, which are shorter."""
-    return ", ".join(program.removeprefix("NEAR(HAND, ")[:-1] for program in programs)
+    return ", ".join(str(program.target) for program in programs)
 
 
 def _introduce(config: DemoConfig) -> None:

@@ -84,7 +84,7 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
             if sum(satisfying(parsed, kinds, None)) != program.targets:
                 continue
             task.reset_to(episode)
-            _, verdict = task.set_program(program.text)
+            _, verdict = task.set_program(parsed)
             if verdict.distance >= FARTHER_M:
                 return Scene(condition, episode, verdict.distance)
     raise ConfigError(

@@ -7,6 +7,7 @@ import numpy as np
 from pa_ros.core.experience import JOINTS, OBJECT_FEATURE_NAMES
 from pa_ros.wire import errors
 from pa_ros.wire.arrays import float64_field
+from pa_ros.wire.codec.program import read_programs
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.interfaces import ArenaInfo
 from pa_ros.wire.records import WIRE_VERSION, ArenaDescription, Mode
@@ -27,7 +28,7 @@ def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
     message.shapes = list(arena.shapes)
     message.colors = list(arena.colors)
     message.vocabulary_digest = arena.vocabulary_digest
-    message.training_programs = list(arena.training_programs)
+    message.training_programs = list(map(str, arena.training_programs))
     message.object_feature_names = list(OBJECT_FEATURE_NAMES)
     message.hand_index = arena.hand_index
     message.joint_names = list(arena.joint_names)
@@ -52,7 +53,7 @@ def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
         shapes=tuple(message.shapes),
         colors=tuple(message.colors),
         vocabulary_digest=message.vocabulary_digest,
-        training_programs=tuple(message.training_programs),
+        training_programs=read_programs(message),
         joint_names=tuple(message.joint_names),
         joint_lower=tuple(message.joint_lower),
         joint_upper=tuple(message.joint_upper),

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Trajectory, TrajectoryKey
+from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, TrajectoryKey
+from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import errors
 from pa_ros.wire import interfaces as types
 from pa_ros.wire.arrays import float32_field, read_float32
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.codec.step import objects_and_hand
+from pa_ros.world import Trajectory
 
 MAX_TRANSITIONS = 10_000
 
@@ -24,7 +26,7 @@ def encode_trajectory(trajectory: Trajectory) -> types.Trajectory:
     message.policy_version = trajectory.policy_version
     message.episode = trajectory.episode
     message.first_step = trajectory.first_step
-    message.program = trajectory.program
+    message.program = str(trajectory.program)
     message.vocabulary_digest = trajectory.vocabulary_digest
     message.hand_index = trajectory.hand_index
     message.transition_count = len(trajectory)
@@ -43,16 +45,14 @@ def decode_trajectory_key(message: types.Trajectory) -> TrajectoryKey:
     return TrajectoryKey(message.agent_id, message.incarnation, message.sequence)
 
 
-def decode_trajectory(
-    message: types.Trajectory, vocabulary_digest: str | None = None
-) -> Trajectory:
-    """A trajectory, refused unless it is written in the vocabulary named (None: in any).
+def decode_trajectory(message: types.Trajectory, vocabulary: Vocabulary) -> Trajectory:
+    """A trajectory, refused unless it is written in the receiver's vocabulary.
 
-    Raises VocabularyError, RangeError, SizeError, NonFiniteError.
+    Raises VocabularyError, ProgramError, RangeError, SizeError, NonFiniteError.
     """
-    if vocabulary_digest not in (None, message.vocabulary_digest):
+    if message.vocabulary_digest != vocabulary.digest:
         field, received = "trajectory.vocabulary_digest", message.vocabulary_digest
-        raise errors.VocabularyError(field, vocabulary_digest, received)
+        raise errors.VocabularyError(field, vocabulary.digest, received)
     if not message.agent_id:
         raise errors.RangeError("trajectory.agent_id", "a name", repr(message.agent_id))
     if message.held_from > message.sequence:
@@ -73,7 +73,7 @@ def decode_trajectory(
         policy_version=message.policy_version,
         episode=message.episode,
         first_step=message.first_step,
-        program=message.program,
+        program=parse(message.program, vocabulary),
         hand_index=hand_index,
         objects=read_float32("trajectory.objects", message.objects, objects),
         arm=read_float32("trajectory.arm", message.arm, (rows, ARM_FEATURES)),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pa_ros.language import Program as LanguageProgram
+from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import errors
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
-from pa_ros.wire.interfaces import Program, ProgramStatus
+from pa_ros.wire.interfaces import ArenaInfo, Program, ProgramStatus, Provenance
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest, program_id_of
 
 MAX_TEXT = 100_000  # characters handed on; the language's own limit is lower and is what refuses
@@ -27,6 +29,14 @@ def decode_program(message: Program) -> ProgramRequest:
     return ProgramRequest(
         message.program_id or program_id_of(message.text), message.text[:MAX_TEXT]
     )
+
+
+def read_programs(message: ArenaInfo | Provenance) -> tuple[LanguageProgram, ...]:
+    """Training programs over the message's own words. Raises ConfigError, ProgramError."""
+    if not message.training_programs:
+        return ()
+    vocabulary = Vocabulary(tuple(message.shapes), tuple(message.colors))
+    return tuple(parse(text, vocabulary) for text in message.training_programs)
 
 
 def encode_program_status(judgement: ProgramJudgement) -> ProgramStatus:

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from pa_ros.wire import errors
+from pa_ros.wire.codec.program import read_programs
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.interfaces import Provenance
 from pa_ros.wire.records import WIRE_VERSION, LearnerOrigin, Origin
@@ -31,7 +32,7 @@ def encode_provenance(origin: Origin) -> Provenance:
         message.first_version = origin.learner.first_version
         message.network = origin.learner.network
         message.learner = origin.learner.learner
-        message.training_programs = list(origin.learner.training_programs)
+        message.training_programs = list(map(str, origin.learner.training_programs))
     return message
 
 
@@ -63,7 +64,7 @@ def _learner(message: Provenance) -> LearnerOrigin | None:
         first_version=int(message.first_version),
         network=message.network,
         learner=message.learner,
-        training_programs=tuple(message.training_programs),
+        training_programs=read_programs(message),
     )
 
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pa_ros.acting.errors import PolicyError
-from pa_ros.core.experience import Float32, PolicySnapshot, Trajectory
+from pa_ros.core.experience import Float32, PolicySnapshot
 from pa_ros.core.update import Batch, UpdateValues
-from pa_ros.language import parse
+from pa_ros.language import Program
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
@@ -20,7 +20,7 @@ from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.world import Scoring
+from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.programs import ProgramTable
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
@@ -49,7 +49,7 @@ class Counters:
 class Learner:
     """Consumes trajectories, publishes policies; one seed and one order, one result.
 
-    `training_programs` (texts) are the ones that relabeling draws from; programs of trajectories
+    `training_programs` are the ones that relabeling draws from; programs of trajectories
     join the table as they come.
     """
 
@@ -57,7 +57,7 @@ class Learner:
         self,
         network: NetworkConfig,
         config: DPGConfig,
-        training_programs: Sequence[str],
+        training_programs: Sequence[Program],
         seed: int,
         scoring: Scoring | None = None,
     ) -> None:
@@ -68,12 +68,11 @@ class Learner:
         self.counters = Counters()
         self.rng = np.random.default_rng([seed, LEARNER_STREAM])
         self.table = ProgramTable(network.vocabulary)
-        for text in training_programs:
-            self._row(text)
+        for program in training_programs:
+            self._row(program)
         self._relabeler = None
         if config.relabeling.rule == "all-goals":
-            programs = [parse(text, network.vocabulary) for text in training_programs]
-            self._relabeler = Relabeler(programs, network.vocabulary, self.scoring)
+            self._relabeler = Relabeler(training_programs, network.vocabulary, self.scoring)
         self._dropout = None
         if config.relabeling.property_dropout and network.family.evaluates_programs:
             self._dropout = PropertyDropout(self.table, config.relabeling.property_dropout)
@@ -164,9 +163,8 @@ class Learner:
             **self.engine.metrics(),
         }
 
-    def _row(self, text: str) -> int:
+    def _row(self, program: Program) -> int:
         """Row of a program in the table; ProgramError or UnsupportedProgramError if it has none."""
-        program = parse(text, self.network.vocabulary)
         self.network.family.check(program, self.network.vocabulary)
         return self.table.add(program)
 
