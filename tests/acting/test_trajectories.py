@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from worlds import WORDS
+from worlds import PROGRAMS, WORDS
 
 from pa_ros.acting.errors import StepError
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.experience import AgentKey, Observation, Verdict
+from pa_ros.language import Program
 
+P, Q = PROGRAMS
 AGENT = (AgentKey("agent", 3), "run", 4, WORDS.digest)
 
 
-def step(episode: int, index: int, program: str = "P", truncated: bool = False):
+def step(episode: int, index: int, program: Program = P, truncated: bool = False):
     """An observation whose arm's first velocity tells where it came from, and its verdict."""
     stamp = 1000 * episode + index
     velocity = np.full(6, 100.0 * episode + index)
@@ -45,7 +47,7 @@ def feed(builder: TrajectoryBuilder, steps, version: int = 0) -> list:
 
 def test_an_episode_in_trajectories() -> None:
     builder = TrajectoryBuilder(*AGENT)
-    trajectories = feed(builder, [(7, i, "P", i == 10) for i in range(11)])
+    trajectories = feed(builder, [(7, i, P, i == 10) for i in range(11)])
     assert [len(s) for s in trajectories] == [4, 4, 2]
     assert [s.first_step for s in trajectories] == [0, 4, 8]
     assert [s.sequence for s in trajectories] == [0, 1, 2]
@@ -73,16 +75,16 @@ EVENTS = st.lists(
 def test_no_transition_joins_what_did_not_follow(events) -> None:
     """Whatever is dropped, repeated or restarted, a trajectory is one run of true transitions."""
     builder = TrajectoryBuilder(*AGENT)
-    episode, index, program = 0, 0, "P"
-    taken: set[tuple[int, int, str]] = set()  # steps whose action was applied, by program
-    true: set[tuple[int, int, str]] = set()  # transitions that happened
+    episode, index, program = 0, 0, P
+    taken: set[tuple[int, int, Program]] = set()  # steps whose action was applied, by program
+    true: set[tuple[int, int, Program]] = set()  # transitions that happened
     trajectories = []
-    acted_at: tuple[int, int, str] | None = None
+    acted_at: tuple[int, int, Program] | None = None
     for event, truncated in events:
         if event == "episode":
             episode, index = episode + 1, 0
         elif event == "program":
-            program = "Q" if program == "P" else "P"
+            program = Q if program == P else P
             index += 1
         elif event != "again":
             index += 2 if event == "skip" else 1
@@ -117,10 +119,10 @@ def test_no_transition_joins_what_did_not_follow(events) -> None:
 
 def test_a_restart_ends_the_episode_and_a_new_program_does_not() -> None:
     builder = TrajectoryBuilder(*AGENT)
-    cut = feed(builder, [(0, 0, "P", False), (0, 1, "P", False), (1, 0, "P", False)])
+    cut = feed(builder, [(0, 0, P, False), (0, 1, P, False), (1, 0, P, False)])
     assert [(s.ends_episode, len(s)) for s in cut] == [(True, 1)]
-    cut = feed(builder, [(1, 1, "P", False), (1, 2, "Q", False)])
-    assert [(s.ends_episode, len(s), s.program) for s in cut] == [(False, 1, "P")]
+    cut = feed(builder, [(1, 1, P, False), (1, 2, Q, False)])
+    assert [(s.ends_episode, len(s), s.program) for s in cut] == [(False, 1, P)]
 
 
 @pytest.mark.parametrize("episode", [3, 9])
@@ -141,13 +143,13 @@ def test_nothing_joins_on_after_a_reset_to_a_lower_or_higher_episode(episode: in
 
 def test_weights_change_between_trajectories_only() -> None:
     builder = TrajectoryBuilder(*AGENT)
-    feed(builder, [(0, 0, "P", False)], version=3)
+    feed(builder, [(0, 0, P, False)], version=3)
     assert not builder.at_boundary
     builder.observe(*step(0, 1))
     with pytest.raises(StepError, match="expected policy version 3 .* got 4"):
         builder.acted(action(0, 1), 4)
     builder.acted(action(0, 1), 3)
-    feed(builder, [(0, 2, "P", False), (0, 3, "P", False)], version=3)
+    feed(builder, [(0, 2, P, False), (0, 3, P, False)], version=3)
     trajectory = builder.observe(*step(0, 4))
     assert trajectory is not None and trajectory.policy_version == 3
     assert builder.at_boundary
