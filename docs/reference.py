@@ -8,13 +8,16 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
+from pa_ros.arena import PRESETS, ArenaConfig
 from pa_ros.core.settings import Leaf, Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.protocols import PROTOCOLS
 from pa_ros.networks.config import NetworkConfig
 from sim_node.config import SimConfig
 
@@ -36,7 +39,13 @@ PURPOSES: dict[str, dict[str, dict[str, object]]] = {
         "agent_node": {"weights": "checkpoint", "checkpoint": "shipped:3-D"},
     },
 }
+SETS: dict[str, dict[str, dict[str, Any]]] = {  # marker: named sets of values, by path
+    "arena": {name: preset.flat() for name, preset in PRESETS.items()},
+    "learner": {name: protocol.of("learner") for name, protocol in PROTOCOLS.items()},
+    "network": {name: protocol.of("network") for name, protocol in PROTOCOLS.items()},
+}
 TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
+    "arena": ("docs/arena.md", ArenaConfig),
     "learner": ("docs/learning.md", DPGConfig),
     "network": ("docs/learning.md", NetworkConfig),
     **{node: ("docs/graph.md", kind) for node, kind in NODES.items()},
@@ -61,18 +70,34 @@ def parameters_yaml(node: str, purpose: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def table(kind: type[Settings]) -> str:
-    """A row for each setting; a vocabulary is no setting that one gives."""
-    rows = ["| Name | Default | Expected | Meaning |", "|---|---|---|---|"]
-    rows += [_row(leaf) for leaf in kind.leaves() if leaf.default is not ...]
+def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
+    """A row for each setting, with its value in each named set.
+
+    A vocabulary is no setting that one gives.
+    """
+    names = ["Name", "Default", *(f"`{name}`" for name in sets), "Expected", "Meaning"]
+    rows = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
+    rows += [_row(leaf, sets) for leaf in kind.leaves() if leaf.default is not ...]
     return "\n".join(rows)
 
 
-def _row(leaf: Leaf) -> str:
-    default = leaf.default
-    shown = default if isinstance(default, str) else json.dumps(default)
-    cells = (f"`{leaf.path}`", shown or "(empty)", leaf.expected, leaf.description)
+def _row(leaf: Leaf, sets: dict[str, dict[str, Any]]) -> str:
+    default = shown(leaf.default)
+    values = [shown(values.get(leaf.path, leaf.default)) for values in sets.values()]
+    other = ["" if value == default else value for value in values]
+    cells = (f"`{leaf.path}`", default, *other, leaf.expected, leaf.description)
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def shown(value: Any) -> str:
+    """A value in a table; joints that are all alike once."""
+    if isinstance(value, tuple) and len(set(value)) == 1 < len(value):
+        return f"{shown(value[0])} each"
+    if isinstance(value, tuple):
+        return ", ".join(map(shown, value)) or "(empty)"
+    if isinstance(value, bool) or not isinstance(value, (str, float)):
+        return json.dumps(value)
+    return (value if isinstance(value, str) else f"{value:.4g}") or "(empty)"
 
 
 def files() -> dict[Path, str]:
@@ -89,7 +114,7 @@ def files() -> dict[Path, str]:
         pattern = f"{re.escape(begin)}.*?{re.escape(end)}"
         if begin not in text:
             raise SystemExit(f"{name}: expected a line {begin}, found none")
-        block = f"{begin}\n{table(kind)}\n{end}"
+        block = f"{begin}\n{table(kind, SETS.get(marker, {}))}\n{end}"
         written[path] = re.sub(pattern, lambda _, new=block: new, text, flags=re.DOTALL)  # type: ignore[misc]
     return written
 

@@ -54,7 +54,7 @@ class ArenaConfig(Settings):
     timestep_s: float = Field(0.01, gt=0, description="of the physics")
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
-        100, gt=0, description="actions of an episode; then it is truncated (paper)"
+        100, ge=1, description="actions of an episode; then it is truncated (paper)"
     )
     block_mass_kg: float = Field(1.0, gt=0, description="of each block")
     block_friction: float = Field(1.0, gt=0, description="sliding")
