@@ -61,6 +61,7 @@ def test_train_then_eval(tmp_path, capsys):
         (["train", "--out", "unused", "--seed", "-1"], "--seed: expected an integer of at least"),
         (["train", "--out", "unused", "--network", "x"], "one of ['programmable', "),
         (["train", "--out", "unused", "--eval-every", "-1"], "--eval-every: expected an integer"),
+        (["train", "--out", "unused", "--eval-episodes", "0"], "--eval-episodes: expected an"),
         (
             ["train", "--out", "unused", "--set", "learner.updates.discount=abc"],
             "learner.updates.discount: expected a number in [0, 1), got 'abc'",

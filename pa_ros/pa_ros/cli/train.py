@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--namespace", help="with --from-bag: of the arena, if several were recorded"
     )
     add_setting(parser, TrainConfig, "evaluate_every_frames", "--eval-every")
-    parser.add_argument("--eval-episodes", type=int, default=20, metavar="N")
+    add_setting(parser, TrainConfig, "evaluation_episodes", "--eval-episodes")
     add_setting(parser, TrainConfig, "checkpoint_every_frames", "--checkpoint-every")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.PART.NAME=VALUE", dest="options",
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
             ReachTask(arena, design, seed),
             np.array(arena.joint_speed_limits),
             programs,
-            TrainingScores(arena, design, options.eval_episodes),
+            TrainingScores(arena, design, config.evaluation_episodes),
             options.resume,
             run_log,
         )

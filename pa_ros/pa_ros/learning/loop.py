@@ -89,6 +89,9 @@ class TrainConfig(Settings):
     evaluate_every_frames: int = Field(
         10_000, ge=0, description="frames between evaluations, rows of progress.csv; 0: never"
     )
+    evaluation_episodes: int = Field(
+        20, ge=1, description="episodes of each evaluation, which the caller makes"
+    )
     checkpoint_every_frames: int = Field(
         50_000, ge=0, description="frames between checkpoints; 0: only at the end"
     )
