@@ -16,7 +16,7 @@ from pa_ros.learning.checkpoints import find_checkpoint
 from pa_ros.learning.folder import refuse_used
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import OK, WARN, HealthReporter
+from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
@@ -59,10 +59,14 @@ class LearnerNode(Node):
         HealthReporter(self, self.refusals, self._collect, self._progress)
         steady_timer(self, WATCH_S, self._watch)
 
-    def close(self) -> None:
-        """Write a last checkpoint."""
-        if self.worker is not None:
-            self.worker.close()
+    def close(self) -> int:
+        """Write a last checkpoint; the exit status, 1 if what was learned is not all saved."""
+        if self.worker is None:
+            return 0
+        self.worker.close()
+        if self.worker.trouble:
+            self.get_logger().error(self.worker.trouble)
+        return int(bool(self.worker.trouble))
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
@@ -131,6 +135,8 @@ class LearnerNode(Node):
             "updates_per_s": f"{(metrics['updates'] - updates) / elapsed:.1f}",
             **{name: f"{value:.6g}" for name, value in metrics.items()},
         }
+        if worker.trouble:
+            return ERROR, worker.trouble, values
         if metrics["missing_trajectories"]:
             return WARN, "trajectories are missing", values
         if not metrics["frames"]:

@@ -16,7 +16,12 @@ from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import restore, save_checkpoint
-from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
+from pa_ros.learning.errors import (
+    CheckpointError,
+    DivergedError,
+    FolderInUseError,
+    FolderUsedError,
+)
 from pa_ros.learning.folder import claim
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.origins import learner_origin
@@ -38,9 +43,11 @@ class LearnerWorker:
     def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
         self.vocabulary = Vocabulary(arena.shapes, arena.colors)
         self.failure: BaseException | None = None  # a bug; the node must not go on
+        self.diverged: DivergedError | None = None  # learning has stopped
+        self.unsaved: PaError | None = None  # why the latest checkpoint could not be written
         self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
-        self._folder = _claimed(config)
+        self._folder = self._claimed()
         self._learner = _make_learner(config, arena, self.vocabulary)
         extra = restore(Path(config.out) / "checkpoint", self._learner) if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
@@ -54,6 +61,15 @@ class LearnerWorker:
     def backlog(self) -> int:
         """Trajectories that wait; in the synchronous protocol at most policy_lag + 1 per agent."""
         return self._trajectories.qsize()
+
+    @property
+    def trouble(self) -> str:
+        """What a person has to see to, in words; empty: nothing."""
+        if self.diverged is not None:
+            return str(self.diverged)
+        if self.unsaved is not None:
+            return f"what is learned is not saved: {self.unsaved}"
+        return ""
 
     @property
     def engine(self) -> str:
@@ -84,13 +100,19 @@ class LearnerWorker:
         self._trajectories.put(trajectory)
 
     def close(self) -> None:
-        """Finish the trajectory under way, drop the ones that wait, and write a checkpoint."""
+        """Finish the trajectory under way, drop the ones that wait, and write a checkpoint.
+
+        None is written of numbers that are not finite.
+        """
         self._stopping = True
         self._trajectories.put(None)
         if self._thread.is_alive():
             self._thread.join()
-        if self.failure is None:
-            self._save()
+        if self.failure is None and self.diverged is None:
+            try:
+                self._save()
+            except DivergedError as error:
+                self.diverged = error
         if self._folder is not None:
             self._folder.close()
 
@@ -98,6 +120,9 @@ class LearnerWorker:
         try:
             while (trajectory := self._trajectories.get()) is not None and not self._stopping:
                 self._consume(trajectory)
+        except DivergedError as error:
+            self.diverged = error
+            self._sinks.refuse("learning", error)
         except BaseException as error:  # seen by the node's timer
             self.failure = error
 
@@ -105,6 +130,8 @@ class LearnerWorker:
         before = self._learner.counters.frames
         try:
             self.run.consume(trajectory)
+        except DivergedError:
+            raise
         except PaError as error:
             self.rejected += 1
             self._sinks.refuse("trajectories", error)
@@ -126,18 +153,23 @@ class LearnerWorker:
         }
         try:
             save_checkpoint(Path(self._config.out) / "checkpoint", self._learner, extra)
+            self.unsaved = None
+        except DivergedError:
+            raise
         except PaError as error:  # a full disk: the one before is still whole
+            self.unsaved = error
             self._sinks.refuse("checkpoint", error)
 
-
-def _claimed(config: LearnerNodeConfig) -> IO[bytes] | None:
-    """The folder, kept from other runs; None where nothing can be written: saving will say so."""
-    try:
-        return claim(Path(config.out), config.resume) if config.out else None
-    except (FolderInUseError, FolderUsedError):
-        raise
-    except CheckpointError:
-        return None
+    def _claimed(self) -> IO[bytes] | None:
+        """The folder, kept from other runs; None where nothing can be written, which is said."""
+        config = self._config
+        try:
+            return claim(Path(config.out), config.resume) if config.out else None
+        except (FolderInUseError, FolderUsedError):
+            raise
+        except CheckpointError as error:
+            self.unsaved = error
+            return None
 
 
 def _make_learner(

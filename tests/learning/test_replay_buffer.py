@@ -15,6 +15,7 @@ from pa_ros.core.experience import AgentKey, Float32, TrajectoryKey
 from pa_ros.learning.errors import (
     EmptyReplayError,
     NonFiniteError,
+    OutOfBoundsError,
     SupersededAgentError,
     TrajectorySizeError,
     TrajectoryVocabularyError,
@@ -211,9 +212,11 @@ def one_action(value: float) -> Float32:
         ({"hand_index": 3}, TrajectorySizeError, "got 3"),
         ({"hand_index": -1}, TrajectorySizeError, "got -1"),
         ({"arm": np.full((6, 18), np.nan, np.float32)}, NonFiniteError, "arm"),
+        ({"arm": np.full((6, 18), -3e38, np.float32)}, OutOfBoundsError, r"arm.*got ±3e\+38"),
+        ({"rewards": np.full(5, 1e7, np.float32)}, OutOfBoundsError, "rewards"),
         ({"rewards": np.full(5, np.inf, np.float32)}, NonFiniteError, "rewards"),
-        ({"actions": one_action(1.5)}, NonFiniteError, "got ±1.5"),
-        ({"actions": one_action(-1.5)}, NonFiniteError, "got ±1.5"),
+        ({"actions": one_action(1.5)}, OutOfBoundsError, "got ±1.5"),
+        ({"actions": one_action(-1.5)}, OutOfBoundsError, "got ±1.5"),
     ],
 )
 def test_what_does_not_fit_is_refused_and_changes_nothing(fields, error, message) -> None:

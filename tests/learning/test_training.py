@@ -26,7 +26,7 @@ from pa_ros.learning.checkpoints import (
     restore,
     save_checkpoint,
 )
-from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
+from pa_ros.learning.errors import CheckpointError, DivergedError, FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
@@ -234,7 +234,7 @@ def test_checkpoints_are_written_on_the_way(tmp_path, monkeypatch) -> None:
     run(tmp_path, 200, checkpoint_every_frames=60)
     assert versions == [3, 6, 9, 10]
     directories = [p.name for p in (tmp_path / "checkpoint").iterdir()]
-    assert sorted(directories) == ["LATEST", "version-000000010"]
+    assert sorted(directories) == ["LATEST", "version-000000009", "version-000000010"]
 
 
 @pytest.fixture
@@ -350,9 +350,42 @@ def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) ->
             with pytest.raises(CheckpointError, match="the disk is full"):
                 save_checkpoint(saved, learner)
         assert load_policy(saved).version == before.version
+        assert "6" not in "".join(path.name for path in saved.iterdir()), "it would fill the disk"
     save_checkpoint(saved, learner)
     assert load_policy(saved).version == before.version + 1
-    assert sorted(p.name for p in saved.iterdir()) == ["LATEST", "version-000000006"]
+    assert sorted(p.name for p in saved.iterdir()) == [
+        "LATEST",
+        "version-000000005",
+        "version-000000006",
+    ]
+
+
+@pytest.mark.parametrize("name", ["actor.output.bias", "target_critic.output.bias",
+                                  "adam.critic.v.output.bias"])  # fmt: skip
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_checkpoint_is_never_written_of_numbers_that_are_not_finite(saved, name, value) -> None:
+    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
+    restore(saved, learner)
+    before = {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()}
+    tensors = learner.engine.tensors()
+    tensors[name][...] = value
+    learner.engine.load_tensors(tensors)
+    learner.counters.version += 1
+    with pytest.raises(DivergedError, match=f"got others in 1 of .*{name}"):
+        save_checkpoint(saved, learner)
+    assert {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()} == before
+
+
+def test_learning_that_diverges_stops_and_the_last_two_good_checkpoints_stay(tmp_path) -> None:
+    """Rates that no network survives: the curve ends in an error, not in NaN."""
+    wild = dpg(SETTINGS, optimizer__critic_rate=1e30, replay__warmup_frames=60)
+    with pytest.raises(DivergedError, match=r"expected finite numbers.*critic_loss.*at update"):
+        run(tmp_path, 200, wild, checkpoint_every_frames=20, evaluate_every_frames=0)
+    kept = sorted((tmp_path / "checkpoint").glob("version-*"))
+    assert len(kept) == 2
+    for path in kept:
+        restore(path, Learner(NETWORK, wild, PROGRAMS, 3, SCORING))
+        assert all(np.isfinite(tensor).all() for tensor in load_policy(path).tensors.values())
 
 
 def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> None:

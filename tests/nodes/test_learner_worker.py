@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary, parse
+from pa_ros.learning import checkpoints
 from pa_ros.learning.errors import FolderInUseError, FolderUsedError
 from pa_ros.world import Trajectory
 
@@ -33,7 +35,9 @@ class Bench:
         self.published: list[PublishedPolicy] = []
         self.refused: list[PaError] = []
         sinks = Sinks(self.published.append, lambda _, error: self.refused.append(error))
-        self.worker = LearnerWorker(LearnerNodeConfig(options=OPTIONS, **config), ARENA, sinks)
+        self.worker = LearnerWorker(
+            LearnerNodeConfig(**{"options": OPTIONS} | config), ARENA, sinks
+        )
         self.worker.start()
 
     def submit(self, *trajectories: Trajectory) -> PublishedPolicy:
@@ -165,4 +169,42 @@ def test_a_checkpoint_that_cannot_be_written_is_refused_and_learning_goes_on(tmp
     bench.submit(trajectory(0), trajectory(1))
     bench.worker.close()
     assert {error.code for error in bench.refused} == {"learning.checkpoint"}
+    assert "what is learned is not saved" in bench.worker.trouble
     assert bench.published[-1].snapshot.version == 2
+
+
+def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path, monkeypatch):
+    bench = Bench(out=str(tmp_path), checkpoint_every_frames=10)
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoints.os, "rename", Mock(side_effect=OSError("No space left")))
+        bench.submit(trajectory(0), trajectory(1))
+        wait_for(lambda: len(bench.refused) == 2)
+        assert "not saved" in bench.worker.trouble and "No space left" in bench.worker.trouble
+        assert [path.name for path in (tmp_path / "checkpoint").iterdir()] == []
+    bench.submit(trajectory(2))
+    wait_for(lambda: not bench.worker.trouble)
+    bench.worker.close()
+
+
+def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_path: Path):
+    wild = (*OPTIONS, "learner.optimizer.critic_rate=1e30")
+    bench = Bench(out=str(tmp_path), checkpoint_every_frames=10, options=wild)
+    for i in range(5):
+        bench.worker.submit(trajectory(i))
+    wait_for(lambda: bench.worker.trouble)
+    assert "expected finite numbers" in bench.worker.trouble
+    assert [error.code for error in bench.refused] == ["learning.diverged"]
+    for policy in bench.published:
+        assert all(np.isfinite(tensor).all() for tensor in policy.snapshot.tensors.values())
+    before = sorted(path.name for path in tmp_path.rglob("version-*"))
+    bench.worker.close()
+    assert sorted(path.name for path in tmp_path.rglob("version-*")) == before
+
+
+def test_absurd_features_are_refused_and_learning_goes_on(bench):
+    absurd = trajectory(0)
+    absurd.objects[2, 1, 0] = 3e38
+    answer = bench.submit(absurd)
+    assert [error.code for error in bench.refused] == ["learning.out_of_bounds"]
+    assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
+    assert bench.submit(trajectory(1)).snapshot.version == 1 and not bench.worker.trouble

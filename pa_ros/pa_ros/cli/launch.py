@@ -15,7 +15,7 @@ from pa_ros.tools.launch_params import (
     new_folder,
     packaged_names,
 )
-from pa_ros.tools.launcher import ChildError, Supervisor
+from pa_ros.tools.launcher import ChildError, Supervisor, tail
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record import RECORDER, start_recorded, start_recorder
 
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: a new runs/launch-<time>)",
     )  # fmt: skip
     parser.add_argument("--record", type=Path, metavar="BAG", help="record the graph into a bag")
-    parser.epilog = "Ctrl-C stops all nodes; exit status 1 if one ended by itself"
+    parser.epilog = "Ctrl-C stops all nodes; exit status 1 if one failed or ended by itself"
 
 
 def run(options: argparse.Namespace) -> int:
@@ -62,7 +62,12 @@ def run(options: argparse.Namespace) -> int:
                 print(f"pa_ros launch: {error}", file=sys.stderr)
                 return EXIT_FAILED
             print("stopping")
-            supervisor.stop([name for name in supervisor.names if name != RECORDER])
-            supervisor.stop()
+            statuses = supervisor.stop([name for name in supervisor.names if name != RECORDER])
+            statuses |= supervisor.stop()
     print("stopped")
-    return 0
+    failed = [name for name, status in statuses.items() if status > 0]
+    for name in failed:
+        log = folder / "log" / f"{name}.log"
+        print(f"pa_ros launch: {name} failed; the last lines of {log}:\n{tail(log)}",
+              file=sys.stderr)  # fmt: skip
+    return EXIT_FAILED if failed else 0

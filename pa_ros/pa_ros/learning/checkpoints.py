@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from pa_ros.language import parse
 from pa_ros.learning import edition1
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Counters, Learner
-from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.networks.config import NetworkConfig
 
 FORMAT = 2
@@ -40,9 +41,11 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None = None) -> Path:
-    """Write a checkpoint of the learner, make it the latest, remove older ones; its directory.
+    """Write a checkpoint of the learner and make it the latest; its directory.
 
-    `extra` is plain JSON of the caller's own. Raises CheckpointError if it cannot be written.
+    The one before stays, older ones are removed. `extra` is plain JSON of the caller's own. Raises
+    CheckpointError if it cannot be written, DivergedError if its numbers are not finite; then
+    nothing of it is left.
     """
     name = f"version-{learner.counters.version:09d}"
     try:
@@ -52,12 +55,27 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
             _write_file(root / f".{LATEST}", name.encode())
             os.replace(root / f".{LATEST}", root / LATEST)
             _sync_directory(root)
-        for other in root.glob("version-*"):
-            if other.name != name:
-                shutil.rmtree(other)
+        _remove_others(root, name)
     except OSError as error:
+        _remove_unfinished(root, name)
         raise CheckpointError(f"checkpoint: {root}: {error}") from error
     return root / name
+
+
+def _remove_others(root: Path, name: str) -> None:
+    """Keep the checkpoint and the one before it."""
+    others = sorted(path for path in root.glob("version-*") if path.name != name)
+    before = [path for path in others if path.name < name][-1:]
+    for path in others:
+        if path not in before:
+            shutil.rmtree(path)
+
+
+def _remove_unfinished(root: Path, name: str) -> None:
+    """Leave nothing that fills the disk of a checkpoint that could not be completed."""
+    shutil.rmtree(root / f".{name}", ignore_errors=True)
+    if _latest_name(root) != name:
+        shutil.rmtree(root / name, ignore_errors=True)
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
@@ -174,12 +192,23 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
         "published": [snapshot.version for snapshot in learner.published],
         "extra": extra,
     }
+    tensors = learner.engine.tensors()
+    _check_finite(tensors | policies)
     return {
         METADATA: json.dumps(values, indent=1).encode(),
-        "engine.safetensors": _save_arrays(learner.engine.tensors()),
+        "engine.safetensors": _save_arrays(tensors),
         "replay.safetensors": _save_arrays(learner.replay.filled()),
         "policies.safetensors": _save_arrays(policies),
     }
+
+
+def _check_finite(arrays: Mapping[str, NDArray[Any]]) -> None:
+    wrong = sorted(name for name, array in arrays.items() if not np.isfinite(array).all())
+    if wrong:
+        raise DivergedError(
+            f"checkpoint: expected finite numbers, got others in {len(wrong)} of {len(arrays)} "
+            f"tensors ({', '.join(wrong[:3])}, …); the checkpoint before is kept"
+        )
 
 
 def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> None:

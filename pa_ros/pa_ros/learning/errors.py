@@ -30,9 +30,21 @@ class SupersededAgentError(TrajectoryError):
 
 
 class NonFiniteError(TrajectoryError):
-    """A number that is not finite, or an action outside [-1, 1]."""
+    """A number that is not finite."""
 
     code = "learning.non_finite"
+
+
+class OutOfBoundsError(TrajectoryError):
+    """An action outside [-1, 1], or a number too large for any arena, or for an update."""
+
+    code = "learning.out_of_bounds"
+
+
+class DivergedError(PaError):
+    """Learning whose numbers are not finite any more; nothing of it may be published or saved."""
+
+    code = "learning.diverged"
 
 
 class EmptyReplayError(PaError):

@@ -10,7 +10,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.learning.algorithms.dpg.learner import Learner
-from pa_ros.learning.errors import TrajectorySizeError
+from pa_ros.learning.errors import DivergedError, TrajectorySizeError
 from pa_ros.world import Trajectory
 
 
@@ -43,6 +43,8 @@ class LearningRun:
             self._check_length(trajectory)
             if self.learner.consume(trajectory).insert.accepted:
                 self._latest = trajectory.key
+        except DivergedError:
+            raise
         except PaError:
             if ledger.is_new(trajectory.key):
                 ledger.record(trajectory.key, trajectory.held_from)

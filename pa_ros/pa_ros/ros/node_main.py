@@ -22,8 +22,11 @@ EXIT_REFUSED = 2  # the user's input was refused, as argparse does
 class Shell(Protocol):
     """A node of ours: a rclpy node, and what is to be closed before it goes."""
 
-    def close(self) -> None:
-        """Stop threads, save what must be saved; called once, before the node is destroyed."""
+    def close(self) -> int | None:
+        """Stop threads, save what must be saved; called once, before the node is destroyed.
+
+        The process's exit status, if it is to be another than 0.
+        """
 
 
 def run_node(
@@ -34,8 +37,9 @@ def run_node(
 ) -> int:
     """Run the node called `name` until SIGINT or SIGTERM; the process's exit status.
 
-    0: stopped as asked. 2: a parameter was refused, with the reason on standard error. Should
-    closing hang for `grace_s`, the process ends all the same (status 1).
+    0: stopped as asked, or what the node's `close` says instead. 2: a parameter was refused, with
+    the reason on standard error. Should closing hang for `grace_s`, the process ends all the same
+    (status 1).
     """
     prepare_environment()
     die_with_parent()
@@ -57,7 +61,7 @@ def run_node(
             try:
                 spin(node, stop)
             finally:
-                node.close()
+                status = node.close()
                 release(node)  # type: ignore[arg-type]
                 node.destroy_node()  # type: ignore[attr-defined]
         except PaError as error:
@@ -65,7 +69,7 @@ def run_node(
             return EXIT_REFUSED
         finally:
             rclpy.try_shutdown()
-    return 0
+    return status or 0
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
 from pa_ros.learning.errors import (
     EmptyReplayError,
     NonFiniteError,
+    OutOfBoundsError,
     TrajectorySizeError,
     TrajectoryVocabularyError,
 )
@@ -23,6 +24,9 @@ from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.ledger import Ledger
 from pa_ros.world import Trajectory
 
+# Of absolute values. Metres, rad/s and one-hots of any arena are far below, and an update of such
+# numbers is finite.
+LARGEST = {"objects": 1e4, "arm": 1e4, "actions": 1.0, "rewards": 1e6}
 Int64 = NDArray[np.int64]
 NOTHING = Marks(np.zeros((), np.uint64), 0)
 
@@ -80,12 +84,15 @@ class ReplayBuffer:
             )
         self.ledger.check(trajectory)
         self._check_sizes(trajectory)
-        for name in ("objects", "arm", "actions", "rewards"):
-            if not np.isfinite(getattr(trajectory, name)).all():
+        for name, bound in LARGEST.items():
+            values = getattr(trajectory, name)
+            if not np.isfinite(values).all():
                 raise NonFiniteError(f"trajectory: {name}: expected finite numbers")
-        if np.abs(trajectory.actions).max() > 1.0:
-            largest = np.abs(trajectory.actions).max()
-            raise NonFiniteError(f"trajectory: actions: expected [-1, 1], got ±{largest}")
+            if (largest := np.abs(values).max()) > bound:
+                raise OutOfBoundsError(
+                    f"trajectory: {name}: expected numbers in [-{bound:g}, {bound:g}], "
+                    f"got ±{largest:g} from {trajectory.agent_id!r}"
+                )
 
     def insert(
         self,

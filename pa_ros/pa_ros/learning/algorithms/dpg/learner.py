@@ -15,6 +15,7 @@ from pa_ros.core.update import Batch, UpdateValues
 from pa_ros.language import Program
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.errors import DivergedError
 from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
@@ -88,7 +89,8 @@ class Learner:
         """Insert a trajectory, make the updates that it is due, publish one version more.
 
         A duplicate is counted and does nothing else. Raises TrajectoryError or ProgramError, with
-        nothing changed, for a trajectory that cannot be used.
+        nothing changed, for a trajectory that cannot be used; DivergedError, with no version more,
+        once numbers are not finite: the learner is then not to be used any more.
         """
         self.replay.check(trajectory)
         program = self._row(trajectory.program)
@@ -101,12 +103,28 @@ class Learner:
         self.counters.frames += len(trajectory)
         updates = self._updates_due(len(trajectory))
         self.update(updates)
+        self._check_finite()
         if trajectory.ends_episode:
             self.counters.episodes += 1
             self.engine.copy_targets()
         self.counters.version += 1
         self.published.append(self._snapshot())
         return ConsumeReport(report, updates, self.counters.version)
+
+    def _check_finite(self) -> None:
+        """Raise DivergedError unless the latest update and the actor are made of finite numbers."""
+        figures = self.engine.metrics()
+        wrong = [name for name, value in figures.items() if not math.isfinite(value)]
+        actor = self.engine.actor_tensors()
+        wrong += [f"actor.{name}" for name, value in actor.items() if not np.isfinite(value).all()]
+        if wrong:
+            shown = ", ".join(f"{name} {value:g}" for name, value in figures.items())
+            raise DivergedError(
+                f"learner: expected finite numbers, got others in {', '.join(wrong)} at update "
+                f"{self.counters.updates} ({shown}): learning stopped after version "
+                f"{self.counters.version}, whose weights are the last good ones; smaller learning "
+                "rates or rewards may help"
+            )
 
     def update(self, updates: int) -> None:
         """Make this many updates, whether due or not; EmptyReplayError without transitions."""
