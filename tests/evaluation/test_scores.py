@@ -1,10 +1,12 @@
 """Scores: intervals, normalization, and what the references get."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pa_ros.arena import design_named, preset_named
-from pa_ros.evaluation.scoring.evaluate import by_program, evaluate
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.evaluation.scoring.evaluate import by_program, evaluate, run_episodes
 from pa_ros.evaluation.scoring.intervals import mean_interval, normalized_interval
 from pa_ros.evaluation.scoring.rewards import normalized
 
@@ -57,3 +59,16 @@ def test_an_agent_is_asked_with_what_it_sees_and_rows_are_per_program():
     assert sum(row.episodes for row in rows) == 6
     assert {row.program for row in rows} == {str(program) for _, program in asked}
     assert "NEAR(HAND, AND(BLUE, SPHERE))" not in {row.program for row in rows}
+
+
+def test_a_score_leaves_the_resets_reward_out(monkeypatch):
+    task = ReachTask(FAST.changed(episode_steps=3), TWO_L, 0)
+    step = task.step
+
+    def rewarded(velocity):
+        observation, verdict = step(velocity)
+        return observation, replace(verdict, reward=1.0)
+
+    monkeypatch.setattr(task, "step", rewarded)
+    scores = list(run_episodes(task, lambda _: np.zeros(6), "train", 2))
+    assert [score.reward_per_step for score in scores] == [1.0, 1.0]  # with a reset's -1: 0.5

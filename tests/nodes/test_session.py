@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -155,3 +157,18 @@ def test_in_lockstep_only_the_step_that_stands_is_answered(wrong):
     without.begin()
     with pytest.raises(NoProgramError):
         without.check(answer_to(without))
+
+
+def test_an_episodes_score_leaves_the_resets_reward_out(monkeypatch):
+    session = Session(SimConfig(episode_steps=3), "x")
+    session.begin()
+    step = session.task.step
+
+    def rewarded(velocity):
+        observation, verdict = step(velocity)
+        return observation, replace(verdict, reward=1.0)
+
+    monkeypatch.setattr(session.task, "step", rewarded)
+    for _ in range(3):
+        list(session.advance(session.hold))
+    assert list(session.rewards[False]) == [1.0]  # four rewards, one of them a reset's -1: 0.5
