@@ -18,6 +18,7 @@ from pa_ros.arena import (
 )
 
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
+LAST_EPISODE = 2**62  # that one may begin with; those after it fit a message, too
 
 
 class SimConfig(ArenaChoice):
@@ -33,10 +34,13 @@ class SimConfig(ArenaChoice):
         "generator", description="topic: execute what comes, in a scene that stays"
     )
     episode_steps: int = Field(
-        0, ge=0, description="0: the preset's; without end where programs come by topic"
+        0, ge=0, le=ENDLESS, description="0: the preset's; without end where programs come by topic"
     )
     first_episode: int = Field(
-        0, ge=0, description="number of the first training episode; a resumed run goes on"
+        0,
+        ge=0,
+        le=LAST_EPISODE,
+        description="number of the first training episode; a resumed run goes on",
     )
     eval_every_episodes: int = Field(
         0, ge=0, description="a greedy episode after every so many training episodes; 0: none"

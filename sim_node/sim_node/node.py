@@ -201,7 +201,9 @@ class SimNode(Node):
         factor = codec.decode_speed(message)
         if not self._real_time:
             raise LockstepError("speed: expected mode real_time, got lockstep")
-        self._ticker.timer_period_ns = int(self.session.arena.control_period_ns / factor)
+        self.destroy_timer(self._ticker)  # one that is under way would end its old period first
+        period_s = self.session.arena.control_period_s / factor
+        self._ticker = steady_timer(self, period_s, self._tick)
         return self._outcome(True)
 
     def _outcome(self, success: bool, code: str = "", reason: str = "") -> Outcome:

@@ -9,12 +9,12 @@ from math import inf
 
 import numpy as np
 
-from pa_ros.arena import Episode, ReachTask, generate
+from pa_ros.arena import Episode, EpisodeError, ReachTask, generate
 from pa_ros.core.experience import JOINTS, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
-from sim_node.config import SimConfig
+from sim_node.config import LAST_EPISODE, SimConfig
 from sim_node.errors import NoProgramError, StaleCommandError
 
 RECENT = 20  # episodes that the reported means are over
@@ -76,6 +76,8 @@ class Session:
         request = request or ResetRequest(evaluation=self._evaluation_due)
         evaluation = request.evaluation
         index = self._next[evaluation] if request.episode is None else request.episode
+        if request.episode is not None and index > LAST_EPISODE:
+            raise EpisodeError(f"episode: expected a number up to {LAST_EPISODE}, got {index}")
         condition = self.config.eval_condition if evaluation else self.config.condition
         drawn_from = self.config.condition_of(condition)
         episode = generate(self.arena, self.task.design, drawn_from, self.config.seed, index)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 
 import numpy as np
@@ -70,6 +71,16 @@ def test_the_real_time_factor_is_kept_reported_and_can_be_changed():
         assert changed.success and changed.real_time_factor == 2.0
         assert probe.until(lambda: 1.5 < factor() < 2.5)
         assert not probe.call(topics.SPEED, codec.encode_speed(-1.0)).success
+
+
+def test_a_slow_period_under_way_does_not_outlive_another_speed():
+    with graph(SimNode, **REAL_TIME) as probe:
+        sim = probe.nodes[0]
+        assert probe.reaches(3)
+        assert probe.call(topics.SPEED, codec.encode_speed(0.01)).success  # 10 s a step
+        assert probe.call(topics.SPEED, codec.encode_speed(5.0)).success
+        changed, steps = time.monotonic(), sim.session.steps
+        assert probe.until(partial(reached, sim, steps + 5)) and time.monotonic() - changed < 5.0
 
 
 def test_the_agent_stops_commanding_when_observations_stop():

@@ -9,7 +9,7 @@ import pytest
 
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import EpisodeError, ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import ProgramError
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
@@ -99,7 +99,7 @@ def test_a_refused_reset_changes_nothing():
      {"design": "2-C", "eval_every_episodes": 1}, {"command_timeout_s": 0.0},
      {"resend_period_s": float("nan")}, {"program_source": "book"}, {"blocks": 5},
      {"seed": -1}, {"design": "9-Z"}, {"preset": "slow"}, {"mode": "fast"},
-     {"real_time_factor": 0.0}],
+     {"real_time_factor": 0.0}, {"episode_steps": 2**32}, {"first_episode": 2**63 - 1}],
 )  # fmt: skip
 def test_arenas_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):
@@ -124,6 +124,17 @@ def test_agents_that_cannot_be_are_refused(wrong):
 def test_learners_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):
         LearnerNodeConfig(**wrong)
+
+
+@pytest.mark.parametrize("episode", [2**62 + 1, 2**63, 2**64 - 2])
+def test_a_reset_to_an_episode_whose_followers_have_no_number_is_refused(episode):
+    session = Session(SimConfig(episode_steps=2), "x")
+    stands = session.begin()
+    with pytest.raises(EpisodeError, match=f"up to {2**62}, got {episode}"):
+        session.begin(ResetRequest(episode))
+    assert session.frame is stands
+    session.begin(ResetRequest(2**62))
+    assert run_episodes(session, 3)[-1][1] == 2**62 + 3
 
 
 def answer_to(session: Session, share: float = 0.5, **fields: int) -> Command:
