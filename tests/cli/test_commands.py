@@ -1,6 +1,8 @@
 """The command line: exit statuses, refusals and flat JSON."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -99,3 +101,11 @@ def test_bench_writes_flat_figures(tmp_path, capsys):
     figures = json.loads(path.read_text())
     assert figures["codec.encode_us"] > 0 and figures["codec.decode_us"] > 0
     assert {"device", "threads", "versions"} <= figures.keys()
+
+
+def test_a_reader_that_has_read_enough_is_no_error():
+    command = [sys.executable, "-m", "pa_ros", "program", "check", "NEAR(HAND, RED)"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait(timeout=60) == 141

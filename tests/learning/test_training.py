@@ -313,6 +313,24 @@ def test_a_damaged_checkpoint_is_refused(saved, name, damage) -> None:
         restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
+@pytest.mark.parametrize("latest", [b"\xff\xfe", b"version\0", b"", b"../elsewhere", b"x" * 4000])
+def test_an_edited_latest_is_refused(saved, latest) -> None:
+    (saved / "LATEST").write_bytes(latest)
+    with pytest.raises(CheckpointError, match="expected one at"):
+        load_policy(saved)
+
+
+@pytest.mark.parametrize("value", [None, 7, "x", [], {}, [1], {"x": 1}, [None], 1e300])
+@pytest.mark.parametrize(
+    "name", ["rng", "counters", "replay", "network", "learner", "published", "programs", "format"]
+)
+def test_metadata_that_was_edited_is_refused_by_type(saved, name, value) -> None:
+    path = find_checkpoint(saved) / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {name: value}))
+    with pytest.raises(CheckpointError):
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
+
+
 @pytest.mark.parametrize("missing", ["rng", "counters", "replay", "network", "published", "extra"])
 def test_metadata_that_lacks_something_is_refused(saved, missing) -> None:
     path = find_checkpoint(saved) / "metadata.json"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -28,6 +29,7 @@ COMMANDS = {
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does
+EXIT_PIPE = 141  # as a shell says of SIGPIPE
 
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
@@ -48,12 +50,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     chosen = next((a for a in arguments if a in COMMANDS), None)
     try:
         options = build_parser(chosen).parse_args(arguments)
-        return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+        status = int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+        sys.stdout.flush()
+        return status
     except PaError as error:
         print(f"pa_ros {chosen}: {error}", file=sys.stderr)
         return EXIT_REFUSED
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # `| head` has read enough; nothing is left to be flushed at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_PIPE
 
 
 if __name__ == "__main__":

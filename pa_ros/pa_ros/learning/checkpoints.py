@@ -123,6 +123,7 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
         learner.engine.load_tensors(_load_arrays(directory / "engine.safetensors"))
         learner.replay.restore(_load_arrays(directory / "replay.safetensors"), values["replay"])
         learner.rng.bit_generator.state = values["rng"]
+        int(values["counters"]["version"])  # must be there
         learner.counters = Counters(**values["counters"])
         learner.published.clear()
         learner.published.extend(_load_policies(directory, values))
@@ -130,7 +131,7 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
         return extra
     except CheckpointError:
         raise
-    except (PaError, ValueError, KeyError, TypeError) as error:
+    except (PaError, ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
 
 
@@ -144,7 +145,7 @@ def find_checkpoint(path: Path) -> Path:
     if (path / METADATA).is_file():
         return path
     name = _latest_name(path)
-    if name is None or Path(name).name != name or not (path / name / METADATA).is_file():
+    if not name or Path(name).name != name or not os.path.isfile(path / name / METADATA):
         raise CheckpointError(f"checkpoint: expected one at {path}, found none")
     return path / name
 
@@ -230,7 +231,13 @@ def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> No
 def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapshot]:
     arrays = _load_arrays(directory / "policies.safetensors")
     try:
-        network = NetworkConfig.from_json(values["network"])
+        network, versions = NetworkConfig.from_json(values["network"]), values["published"]
+        known = {name.partition("/")[0] for name in arrays}
+        if not versions or not {str(version) for version in versions} <= known:
+            raise CheckpointError(
+                f"checkpoint: {directory}: published: expected versions of {sorted(known)}, "
+                f"got {versions!r}"
+            )
         return [
             PolicySnapshot(
                 version=version,
@@ -242,9 +249,11 @@ def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapsh
                     if name.partition("/")[0] == str(version)
                 },
             )
-            for version in values["published"]
+            for version in versions
         ]
-    except (PaError, KeyError, TypeError) as error:
+    except CheckpointError:
+        raise
+    except (PaError, KeyError, TypeError, AttributeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
 
 
@@ -264,8 +273,8 @@ def _load_arrays(path: Path) -> Arrays:
 
 def _latest_name(root: Path) -> str | None:
     try:
-        return (root / LATEST).read_text().strip()
-    except OSError:
+        return (root / LATEST).read_text(encoding="ascii").strip().partition("\0")[0]
+    except (OSError, UnicodeDecodeError):
         return None
 
 
