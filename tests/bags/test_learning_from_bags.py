@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from recorded_runs import rewritten, train
 
 from pa_ros.bags.contents import topic
@@ -61,6 +63,20 @@ def test_verify_finds_every_version_equal(recorded, capsys):
     assert "held against a fresh arena: 500 transitions" in out
     hashes = [line.split()[-1] for line in out.splitlines() if line.startswith("newest weights")]
     assert len(hashes) == 2 and len(set(hashes)) == 1 and len(hashes[0]) == 64
+
+
+def test_verify_of_a_bag_with_parts_unseen_is_incomplete(recorded, tmp_path, capsys):
+    copy = tmp_path / "bag"
+    shutil.copytree(recorded / "bag", copy)
+    about = copy / "metadata.yaml"
+    content = yaml.safe_load(about.read_text())
+    note = "bag.mcap: 1 damaged chunks were passed over"
+    content["rosbag2_bagfile_information"]["custom_data"]["pa_ros.repaired"] = note
+    about.write_text(yaml.safe_dump(content))
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert f"INCOMPLETE: parts of the bag were damaged and not seen: {note}" in out
+    assert "\nEQUAL" not in out
 
 
 def altered(field: str, sequence: int, index: int, change):

@@ -218,7 +218,7 @@ def test_steps_that_are_not_what_they_promise_are_refused(
         return [message]
 
     bag = rewritten(stepped, tmp_path / "damaged", damage)
-    assert main(["bag", "info", str(bag)]) == 0
+    assert main(["bag", "info", str(bag)]) == 1
     assert f"not readable: {reason}" in capsys.readouterr().out
     assert main(["bag", "export", str(bag), "--out", str(tmp_path / "out")]) == 2
     assert reason in capsys.readouterr().err

@@ -47,6 +47,7 @@ class Experience:
 
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
         self._bag, self._namespace = bag, namespace
+        self.unseen = bag.unseen
         self._topic = bag.topic_of(TRAJECTORIES, namespace)
         self.origins: list[Origin] = [
             bag.through(recorded, codec.decode_provenance)

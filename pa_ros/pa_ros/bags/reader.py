@@ -87,6 +87,12 @@ class Bag:
         """custom_data of metadata.yaml."""
         return custom_data(self.path)
 
+    @property
+    def unseen(self) -> str:
+        """What a repair had to pass over within the bag; empty: nothing."""
+        notes = self.custom.get("pa_ros.repaired", "").split("; ")
+        return "; ".join(note for note in notes if "damaged" in note or "left out" in note)
+
     def qos(self, topic: str) -> list[Qos]:
         """Profiles that the topic's publishers offered."""
         extra = self._connections[topic].ext

@@ -48,6 +48,8 @@ def describe(bag: Bag, namespace: str | None = None) -> list[str]:
     lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
     if "pa_ros.repaired" in bag.custom:
         lines.append(f"repaired after its recorder was killed: {bag.custom['pa_ros.repaired']}")
+    if bag.unseen:
+        lines.append(f"NOT SEEN: {bag.unseen}; counts and gaps below are of the rest")
     try:
         numbered = losses_of(bag.path)
     except BagError as error:

@@ -100,6 +100,8 @@ def verify(
             break
         if progress is not None:
             progress(found)
+    if experience.unseen and not found.incomplete:
+        found.incomplete = f"parts of the bag were damaged and not seen: {experience.unseen}"
     if not found.compared and not found.difference:
         found.incomplete = found.incomplete or "no weights are in the bag: nothing to compare with"
     return found

@@ -10,6 +10,8 @@ from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import ConfigError
 
+EXIT_PARTIAL = 1  # some of the bag could not be looked at
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros bag`."""
@@ -41,8 +43,11 @@ def run(options: argparse.Namespace) -> int:
 def _info(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.summary import describe
 
-    print("\n".join(describe(bag, options.namespace)))
-    return 0
+    lines = describe(bag, options.namespace)
+    print("\n".join(lines))
+    return (
+        EXIT_PARTIAL if any(line.startswith(("not readable", "NOT SEEN")) for line in lines) else 0
+    )
 
 
 def _export(bag: Bag, options: argparse.Namespace) -> int:
