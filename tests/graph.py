@@ -26,7 +26,7 @@ class Probe(Node):
         self.health: dict[str, Health] = {}
         self.nodes: list[Node] = []
         for topic in vars(topics).values():
-            if isinstance(topic, topics.Topic) and topic is not topics.PROGRAM_LIVE:
+            if isinstance(topic, topics.Topic):
                 self._listen(topic)
 
     def _listen(self, topic: topics.Topic) -> None:

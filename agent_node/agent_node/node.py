@@ -27,7 +27,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
-from pa_ros.ros.programs import judge, subscribe_programs
+from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
@@ -92,6 +92,7 @@ class AgentNode(Node):
             (topics.ARENA_INFO, self._on_arena),
             (topics.OBJECT_FEATURES, lambda m: self._on_part("features", m)),
             (topics.JOINT_STATES, lambda m: self._on_part("joints", m)),
+            (topics.PROGRAM, lambda m: self._on_program(codec.decode_program(m))),
             (topics.PROGRAM_STATUS, self._on_judgement),
         ]
         if self.config.learning:
@@ -101,7 +102,6 @@ class AgentNode(Node):
             callbacks.append((topics.POLICY_WEIGHTS, self._on_policy))
         for topic, callback in callbacks:
             topic.subscribe(self, self.refusals.guard(topic.name, callback))
-        subscribe_programs(self, self._on_program, self.refusals)
 
     # What the arena says
 

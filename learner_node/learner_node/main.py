@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from pa_ros.core.settings import Settings
 from pa_ros.ros.node_main import Shell, run_node
 
 
@@ -15,7 +16,12 @@ def main() -> int:
 
         return LearnerNode()
 
-    return run_node("learner_node", make, grace_s=60.0)  # a checkpoint may take a while
+    def settings() -> type[Settings]:
+        from learner_node.config import LearnerNodeConfig
+
+        return LearnerNodeConfig
+
+    return run_node("learner_node", make, settings, grace_s=60.0)  # a checkpoint may take a while
 
 
 if __name__ == "__main__":

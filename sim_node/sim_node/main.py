@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from pa_ros.core.settings import Settings
 from pa_ros.ros.node_main import Shell, run_node
 
 
@@ -15,7 +16,12 @@ def main() -> int:
 
         return SimNode()
 
-    return run_node("sim_node", make)
+    def settings() -> type[Settings]:
+        from sim_node.config import SimConfig
+
+        return SimConfig
+
+    return run_node("sim_node", make, settings)
 
 
 if __name__ == "__main__":

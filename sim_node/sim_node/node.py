@@ -16,11 +16,11 @@ from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
-from pa_ros.ros.programs import judge, subscribe_programs
+from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Outcome, ProgramRequest
+from pa_ros.wire.records import Outcome, ProgramJudgement, ProgramRequest
 from sim_node.config import SimConfig
 from sim_node.description import JOINT_NAMES, describe, origin
 from sim_node.errors import LockstepError, NotPausedError, PausedError
@@ -80,7 +80,8 @@ class SimNode(Node):
     def _make_subscriptions(self) -> None:
         command = topics.JOINT_COMMANDS
         command.subscribe(self, self.refusals.guard(command.name, self._on_command))
-        subscribe_programs(self, self._on_program, self.refusals)
+        program = topics.PROGRAM
+        program.subscribe(self, self.refusals.guard(program.name, self._on_program))
 
     def _make_services(self) -> None:
         services: list[tuple[tuple[str, Any], Callable[[Message], Outcome]]] = [
@@ -147,9 +148,18 @@ class SimNode(Node):
             if program.program_id.startswith(f"{self.session.arena_id}/"):
                 request = ProgramRequest(program.program_id, str(program.program))
                 self._program.publish(codec.encode_program(request))
+                ours = ProgramJudgement(
+                    request.program_id,
+                    self.get_fully_qualified_name(),
+                    True,
+                    canonical=request.text,
+                    stamp_ns=self.session.frame.observation.stamp_ns,
+                )
+                self._status.publish(codec.encode_program_status(ours))  # latched, for who is late
         self._announced = program
 
-    def _on_program(self, request: ProgramRequest) -> None:
+    def _on_program(self, message: Message) -> None:
+        request = codec.decode_program(message)
         if request.program_id.startswith(f"{self.session.arena_id}/"):
             return  # our own
         self._announce()  # what the standing frame is under, before it is replaced

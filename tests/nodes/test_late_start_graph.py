@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 from graph import graph
+from waiting import DEADLINE_S
 
 from agent_node.node import AgentNode
 from pa_ros.ros import topics
+from pa_ros.tools.send import ProgramSender
 from pa_ros.wire import codec
 from pa_ros.wire.records import ProgramRequest
 from sim_node.node import SimNode
@@ -33,7 +35,7 @@ def test_the_first_steps_own_program_is_announced_though_a_users_replaces_it() -
 def test_a_program_outlives_its_sender() -> None:
     """Published as `ros2 topic pub` does, for those who are there; then an agent comes."""
     with graph(SimNode, agent_node__weights="random", sim_node__program_source="topic") as probe:
-        name, plain = topics.PROGRAM.name, topics.PROGRAM_LIVE.reader
+        name, plain = topics.PROGRAM.name, topics.PROGRAM.reader
         sender = probe.create_publisher(topics.PROGRAM.type, name, plain)
         assert probe.until(lambda: sender.get_subscription_count() >= 1)
         request = ProgramRequest("user/1", "NEAR(HAND, OR(OR(RED, BLUE), CUBE))")
@@ -59,3 +61,23 @@ def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go(mode) -> None:
         assert probe.reaches(3)
         assert [m.step for m in probe.heard["object_features"][:3]] == [0, 1, 2]
         assert probe.value("sim_node", "refused") == "0"
+
+
+def test_a_program_sent_before_there_are_nodes_is_heard_by_them() -> None:
+    with graph(sim_node__program_source="topic", agent_node__weights="random") as probe:
+        starting = [SimNode, AgentNode]
+
+        def spin(condition, timeout_s: float) -> bool:
+            assert not probe.until(condition, 1.5)
+            probe.nodes = [make() for make in starting]
+            return probe.until(condition, timeout_s)
+
+        sender = ProgramSender(probe, spin)
+        try:
+            answers = sender.send("NEAR(HAND, OR(OR(RED, BLUE), CUBE))", DEADLINE_S)
+        finally:
+            made, probe.nodes = probe.nodes, []
+            for node in made:
+                node.executor.remove_node(node)
+                node.destroy_node()
+        assert set(answers.judgements) == {"/sim_node", "/agent_node"} and not answers.refused

@@ -190,9 +190,16 @@ def test_programs_are_accepted_and_refused_with_a_reason_while_the_arena_runs():
 
 def test_a_plain_publisher_is_heard_and_a_latched_program_heard_once():
     with graph(SimNode, sim_node__program_source="topic") as probe:
+        from rclpy.event_handler import PublisherEventCallbacks
         from rclpy.qos import QoSProfile
 
-        plain = probe.create_publisher(topics.PROGRAM.type, "program", QoSProfile(depth=10))
+        incompatible: list[Any] = []
+        plain = probe.create_publisher(
+            topics.PROGRAM.type,
+            "program",
+            QoSProfile(depth=10),
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible.append),
+        )
         assert probe.until(lambda: plain.get_subscription_count() >= 1)
         plain.publish(codec.encode_program(ProgramRequest("", "NEAR(HAND, RED)")))
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 1)
@@ -201,3 +208,4 @@ def test_a_plain_publisher_is_heard_and_a_latched_program_heard_once():
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 2)
         probe.until(lambda: False, 0.5)
         assert probe.count(topics.PROGRAM_STATUS) == 2
+        assert not incompatible  # else `ros2 topic pub` says that no messages will be received

@@ -75,7 +75,7 @@ def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(tmp_path):
     recorded = [topics.PROGRAM, topics.TRAJECTORIES, topics.VERDICT]
     with client_node("test") as node, Recorder(tmp_path / "bag", node, recorded) as recorder:
         volatile = publisher_heard(node, plain)
-        latched = publisher_heard(node, topics.PROGRAM, 2)
+        latched = publisher_heard(node, topics.PROGRAM)
         verdicts = publisher_heard(node, topics.VERDICT)
         for _ in range(20):
             volatile.publish(REQUEST)

@@ -24,7 +24,8 @@ JOINT_STATES: Final = "sensor_msgs/msg/JointState"
 VERDICT: Final = "msgs_schema/msg/Verdict"
 COMMAND: Final = "msgs_schema/msg/JointCommand"
 PROGRAM: Final = "msgs_schema/msg/Program"
-STEP_TYPES: Final = (FEATURES, JOINT_STATES, VERDICT, COMMAND, PROGRAM)
+PROGRAM_STATUS: Final = "msgs_schema/msg/ProgramStatus"
+STEP_TYPES: Final = (FEATURES, JOINT_STATES, VERDICT, COMMAND, PROGRAM, PROGRAM_STATUS)
 _SETTLED: Final = 20  # rows of the next episode after which nothing of the one before still comes
 
 
@@ -163,6 +164,11 @@ class _Builder:
         if type_name == PROGRAM:
             request = codec.decode_program(message)
             self._texts[request.program_id] = request.text
+            return
+        if type_name == PROGRAM_STATUS:  # a recorder that came late has the program from here
+            judgement = codec.decode_program_status(message)
+            if judgement.accepted:
+                self._texts.setdefault(judgement.program_id, judgement.canonical)
             return
         stamp_ns = codec.header_stamp(message)
         if type_name == FEATURES:

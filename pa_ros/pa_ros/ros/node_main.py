@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import signal
 import sys
@@ -13,6 +14,7 @@ from types import FrameType
 from typing import Protocol
 
 from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.settings import Settings
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.process import die_with_parent
 
@@ -32,6 +34,7 @@ class Shell(Protocol):
 def run_node(
     name: str,
     make: Callable[[], Shell],
+    settings: Callable[[], type[Settings]] | None = None,
     arguments: Sequence[str] | None = None,
     grace_s: float = 10.0,
 ) -> int:
@@ -39,18 +42,26 @@ def run_node(
 
     0: stopped as asked, or what the node's `close` says instead. 2: a parameter was refused, with
     the reason on standard error. Should closing hang for `grace_s`, the process ends all the same
-    (status 1).
+    (status 1). `--help` prints what parameters there are, those of `settings`, and any other word
+    that is not ROS's is refused.
     """
     prepare_environment()
     die_with_parent()
     import rclpy
     from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import remove_ros_args
 
     from pa_ros.ros.executor import release, spin
 
+    given = [name, *(sys.argv[1:] if arguments is None else arguments)]
+    own = given[1:] if "--ros-args" not in given else remove_ros_args(given)[1:]
+    if {"-h", "--help"} & set(own):
+        print(usage(name, settings and settings()))
+        return 0
     with _stop_on_signal(grace_s) as stop:
-        given = [name, *(sys.argv[1:] if arguments is None else arguments)]
         try:
+            if own:
+                raise ConfigError(f"arguments: expected --ros-args or --help, got {own[0]!r}")
             try:
                 rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
             except RuntimeError as error:  # an unreadable --params-file, a bad remap rule
@@ -70,6 +81,21 @@ def run_node(
         finally:
             rclpy.try_shutdown()
     return status or 0
+
+
+def usage(name: str, settings: type[Settings] | None = None) -> str:
+    """What `--help` prints: how a node is started, and its parameters."""
+    lines = [
+        f"usage: {name} [--ros-args [--params-file FILE] [-p PARAMETER:=VALUE] [-r FROM:=TO] …]",
+        "",
+        "A ROS 2 node: it runs until Ctrl-C. Parameters, defaults in brackets:",
+    ]
+    for leaf in settings.leaves() if settings else ():
+        lines += [
+            f"  {leaf.path} [{json.dumps(leaf.default)}]",
+            f"      {leaf.expected}: {leaf.description}",
+        ]
+    return "\n".join(lines)
 
 
 @contextmanager

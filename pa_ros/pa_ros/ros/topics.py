@@ -61,17 +61,15 @@ JOINT_COMMANDS = Topic("joint_commands", types.JointCommand, STEP, STEP)
 VERDICT = Topic("verdict", types.Verdict, STEP, STEP)
 CLOCK = Topic("/clock", types.Clock, STEP, STEP)
 ARENA_INFO = Topic("arena_info", types.ArenaInfo, LATCHED, LATCHED_READER)
-PROGRAM = Topic("program", types.Program, LATCHED, LATCHED_READER)
+# Read VOLATILE, as a plain `ros2 topic pub` writes it: a TRANSIENT_LOCAL reader would never hear
+# that, and both sides would say so. Who comes late has the arena's program from program_status.
+PROGRAM = Topic("program", types.Program, LATCHED, STEP)
 PROGRAM_STATUS = Topic("program_status", types.ProgramStatus, LATCHED_READER, LATCHED_READER)
 LEARNER_INFO = Topic("learner_info", types.LearnerInfo, LATCHED, LATCHED_READER)
 TRAJECTORIES = Topic("trajectories", types.Trajectory, EXPERIENCE, EXPERIENCE)
 POLICY_WEIGHTS = Topic("policy_weights", types.PolicyWeights, POLICY, POLICY)
 PROVENANCE = Topic("provenance", types.Provenance, LATCHED, LATCHED_READER)
 DIAGNOSTICS = Topic("/diagnostics", types.DiagnosticArray, STEP, STEP)
-
-# A plain `ros2 topic pub` writes VOLATILE, which a TRANSIENT_LOCAL reader never hears; a reader of
-# programs therefore listens both ways (pa_ros.ros.programs).
-PROGRAM_LIVE = Topic("program", types.Program, LATCHED, STEP)
 
 RESET = ("reset", types.Reset)
 STEP_SERVICE = ("step", types.Step)

@@ -60,7 +60,6 @@ RECORDER: Final = "recorder"  # its name among the processes of a launch
 READY_S: Final = 30.0
 FLUSH_S: Final = 1.0  # what a SIGKILL can cost
 _TURN: Final = 500  # messages of one topic per turn, so that none starves
-_RECENT: Final = 1000  # messages remembered, to know one that two readers delivered
 
 
 class RecordingOptions(BagOptions):
@@ -201,39 +200,24 @@ class _Line:
         self.losses = Losses(lambda: node.count_publishers(name))
         self.said: deque[bytes] = deque(maxlen=100)  # what goes into the metadata too
         self._keeps = one in (topics.PROVENANCE, topics.ARENA_INFO)
-        profiles = [reader_qos(one.reader)]
-        if one.name == topics.PROGRAM.name:  # plain publishers are VOLATILE; see topics
-            profiles.append(reader_qos(topics.PROGRAM_LIVE.reader))
-        self._twins: deque[tuple[int, int]] = deque(maxlen=_RECENT if profiles[1:] else 0)
-        self._subscriptions = [
-            node.create_subscription(one.type, one.name, lambda _: None, profile, raw=True)
-            for profile in profiles
-        ]
+        self._subscription = node.create_subscription(
+            one.type, one.name, lambda _: None, reader_qos(one.reader), raw=True
+        )
 
     def take(self) -> Iterable[tuple[bytes, Any]]:
         """Messages that have come, with what the middleware says of each."""
-        for subscription in self._subscriptions:
-            for _ in range(_TURN):
-                with subscription.handle:
-                    taken = subscription.handle.take_message(subscription.msg_type, True)
-                if taken is None:
-                    break
-                payload, info = taken
-                if self._is_new(info):
-                    if self._keeps:
-                        self.said.append(payload)
-                    yield payload, info
-
-    def _is_new(self, info: Any) -> bool:
-        number = info["publication_sequence_number"] or 0
-        if self._twins.maxlen:
-            mark = (info["source_timestamp"], number)
-            if mark in self._twins:
-                return False
-            self._twins.append(mark)
-        if number:
-            self.losses.take(number)
-        return True
+        subscription = self._subscription
+        for _ in range(_TURN):
+            with subscription.handle:
+                taken = subscription.handle.take_message(subscription.msg_type, True)
+            if taken is None:
+                break
+            payload, info = taken
+            if number := info["publication_sequence_number"] or 0:
+                self.losses.take(number)
+            if self._keeps:
+                self.said.append(payload)
+            yield payload, info
 
 
 def reader_qos(profile: QoSProfile) -> QoSProfile:

@@ -21,6 +21,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
+RESEND_S = 1.0
 SETTLE_S = 1.0  # in which nodes on one machine find each other
 _serial = count()
 
@@ -59,7 +60,7 @@ class Answers:
 class ProgramSender:
     """Publishes programs from a node, one at a time, and follows each.
 
-    Programs are latched for as long as this object lives, so a node that starts late hears them.
+    A program is sent again while answers are missing, so a node that starts late hears it.
     """
 
     def __init__(self, node: Node, spin: Spin | None = None) -> None:
@@ -72,6 +73,8 @@ class ProgramSender:
         self._watch = ExecutionWatch("")
         self._execution: Execution | None = None
         self._publisher = PROGRAM.publisher(node)
+        self._message: Message | None = None  # the program sent last
+        self._sent_at = self._since
         PROGRAM_STATUS.subscribe(node, self._on_status)
         VERDICT.subscribe(node, self._on_verdict)
 
@@ -84,8 +87,8 @@ class ProgramSender:
         self._program_id = f"send-{os.getpid()}-{next(_serial)}"
         self.answers, self._execution = Answers(), None
         self._watch = ExecutionWatch(self._program_id)
-        message = codec.encode_program(ProgramRequest(self._program_id, _sendable(text)))
-        self._publisher.publish(message)
+        self._message = codec.encode_program(ProgramRequest(self._program_id, _sendable(text)))
+        self._publish()
         if not self._spin(self._answered, timeout_s):
             raise SendTimeoutError(_silence(self.answers, timeout_s))
         return self.answers
@@ -98,6 +101,10 @@ class ProgramSender:
         assert self._execution is not None
         return self._execution
 
+    def _publish(self) -> None:
+        self._sent_at = time.monotonic()
+        self._publisher.publish(self._message)
+
     def _answered(self) -> bool:
         if self.answers.refused:
             return True
@@ -106,8 +113,11 @@ class ProgramSender:
         self.answers.absent = {who for who, nodes in found.items() if not nodes}
         judges = set().union(*found.values(), self._publishers(PROGRAM_STATUS))
         self.answers.silent = judges - self.answers.judgements.keys()
+        unanswered = self.answers.absent or self.answers.silent
+        if unanswered and time.monotonic() - self._sent_at > RESEND_S:
+            self._publish()
         settled = time.monotonic() - self._since > SETTLE_S
-        return settled and not self.answers.absent and not self.answers.silent
+        return settled and not unanswered
 
     def _publishers(self, topic: Topic) -> set[str]:
         """Full names of the nodes that publish a topic, as far as they have been discovered."""

@@ -1,0 +1,59 @@
+"""What ROS's own tools look up in the environment that the packages are installed in."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from waiting import DEADLINE_S
+
+NODES = ("sim_node", "agent_node", "learner_node")
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def exported(monkeypatch):
+    """The one export that README asks for."""
+    monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
+
+
+@pytest.mark.parametrize("package", [*NODES, "pa_ros", "msgs_schema"])
+def test_a_package_is_in_the_index_with_what_it_shares(package):
+    assert get_package_prefix(package) == sys.prefix
+    described = ET.parse(Path(get_package_share_directory(package)) / "package.xml")
+    assert described.findtext("name") == package
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_launch_and_parameter_files_are_the_repositorys(node):
+    share = Path(get_package_share_directory(node))
+    for folder, ending in (("launch", "*.launch.py"), ("config", "*.yaml")):
+        files = sorted(path.name for path in (ROOT / node / folder).glob(ending))
+        assert files and files == sorted(path.name for path in (share / folder).glob("*.*"))
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("package", [*NODES, "pa_ros"])
+def test_ros2_run_finds_an_executable_that_says_how_it_is_used(package):
+    executable = Path(get_package_prefix(package)) / "lib" / package / package
+    assert os.access(executable, os.X_OK)
+    told = subprocess.run(
+        [executable, "--help"], capture_output=True, text=True, timeout=DEADLINE_S, cwd="/"
+    )
+    assert told.returncode == 0 and told.stderr == ""
+    assert told.stdout.startswith(f"usage: {package} ")
+    if package in NODES:
+        assert "  seed [0]\n      an integer of at least 0: of " in told.stdout
+
+
+@pytest.mark.graph
+def test_a_word_that_means_nothing_is_refused():
+    command = [sys.executable, "-m", "sim_node.main", "fast", "--ros-args", "-p", "seed:=1"]
+    told = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
+    assert told.returncode == 2
+    assert "expected --ros-args or --help, got 'fast'" in told.stderr
