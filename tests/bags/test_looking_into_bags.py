@@ -137,6 +137,10 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     assert STEPS // 2 < shown <= STEPS + 1  # equal pictures in a row are stored once
     assert main(["bag", "film", str(stepped), "--episode", "8", "--out", str(out)]) == 2
     assert "expected an episode 8" in capsys.readouterr().err
+    movie = tmp_path / "film.mp4"
+    assert main(["bag", "film", str(stepped), *arguments[:-1], str(movie)]) == 2
+    assert "expected a file that ends in .gif, got '.mp4'" in capsys.readouterr().err
+    assert not movie.exists()
 
 
 def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):

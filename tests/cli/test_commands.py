@@ -1,12 +1,16 @@
 """The command line: exit statuses, refusals and flat JSON."""
 
 import json
+import math
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from pa_ros.cli.main import main
+from pa_ros.cli.experiment import print_summaries
+from pa_ros.cli.main import build_parser, main
+from pa_ros.evaluation.studies.experiments import SeedSummary
 
 
 def test_program_check_prints_the_canonical_form(capsys):
@@ -82,6 +86,8 @@ def test_train_then_eval(tmp_path, capsys):
         (["train", "--out", "unused", "--set", "learner.replay.batch_size=-1"], "-1"),
         (["train", "--out", "unused", "--network", "mystery"], "mystery"),
         (["experiment", "programmable-2L", "--seeds", "0"], "got 0"),
+        (["experiment", "generalization"], "first `pa_ros experiment programmable-3D`"),
+        (["experiment", "detectors"], "none of seeds [0, 1, 2]"),
     ],
 )
 def test_bad_input_is_refused_with_status_2_and_what_came(
@@ -93,6 +99,19 @@ def test_bad_input_is_refused_with_status_2_and_what_came(
     assert error.startswith(f"pa_ros {arguments[0]}: ") and said in error
     assert error.count("\n") == 1
     assert not list(tmp_path.iterdir()), "a refused command leaves nothing"
+
+
+@pytest.mark.parametrize("command", [["experiment", "programmable-2L"], ["figures"]])
+def test_published_tables_are_written_over_only_when_that_is_asked_for(command):
+    parser = build_parser(command[0])
+    assert parser.parse_args(command).results == Path("runs/experiments/results")
+    assert parser.parse_args([*command, "--publish"]).results == Path("docs/results")
+
+
+def test_a_seed_that_never_solved_it_has_a_dash_and_no_nan(capsys):
+    print_summaries([SeedSummary(0, 100.0, math.nan, math.nan, 0.1, 0.2, 0.1, 0.2)])
+    assert "nan" not in (line := capsys.readouterr().out.splitlines()[-1])
+    assert line.split() == ["0", "no", "–", "–", "s", "0.10", "0.20"]
 
 
 def test_bench_writes_flat_figures(tmp_path, capsys):

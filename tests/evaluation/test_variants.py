@@ -16,7 +16,12 @@ from pa_ros.evaluation.studies.variants import Variant
 BASE = EXPERIMENTS["programmable-2L"]
 
 
-def table(results: Path, experiment: Experiment, scores: dict[int, list[float]]) -> None:
+def table(
+    results: Path,
+    experiment: Experiment,
+    scores: dict[int, list[float]],
+    fresh: dict[int, float] | None = None,
+) -> None:
     """Held-out scores by seed, one each 2,500 frames."""
     curves = {
         seed: [
@@ -30,7 +35,10 @@ def table(results: Path, experiment: Experiment, scores: dict[int, list[float]])
         ]
         for seed, values in scores.items()
     }
-    summaries = [summarize(seed, rows) for seed, rows in curves.items()]
+    fresh = fresh or {}
+    summaries = [
+        summarize(seed, rows, (fresh.get(seed, math.nan), 1.0)) for seed, rows in curves.items()
+    ]
     write_table(results, experiment, curves, summaries)
 
 
@@ -48,6 +56,14 @@ def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
     assert (free.solved, free.frames_to_solve) == (1, math.inf)
     assert free.low == pytest.approx(0.5) and free.high == pytest.approx(0.93)
     assert path.with_suffix(".png").stat().st_size > 5000
+
+
+def test_a_seed_that_ends_there_is_judged_on_fresh_episodes(tmp_path: Path) -> None:
+    table(tmp_path, BASE, {0: [0.1, 0.95, 0.2]}, {0: 0.2})
+    changed = replace(BASE, tag="noise", options=("learner.actor.action_l2=0",))
+    table(tmp_path, changed, {0: [0.1, 0.87]}, {0: 0.95})
+    ours, noise = read_rows(write_variants("programmable-2L", tmp_path), Variant)
+    assert (ours.solved, noise.solved) == (1, 1)
 
 
 def test_nothing_to_compare_is_refused(tmp_path: Path) -> None:

@@ -73,6 +73,7 @@ def film(
 
     `rendered`: in perspective, by OpenGL (RenderError if this machine has none), not from above.
     """
+    check_film(path)
     stage = Stage(episode, arena)
     pictures = _pictures(episode, stage, rendered, side_px)
     first = Image.fromarray(next(pictures))
@@ -89,6 +90,12 @@ def film(
     except OSError as error:
         raise BagError(f"film: {path}: {error}") from error
     return len(episode.rows)
+
+
+def check_film(path: Path) -> None:
+    """Raise BagError unless the file's name says what is written."""
+    if path.suffix.lower() != ".gif":
+        raise BagError(f"film: {path}: expected a file that ends in .gif, got {path.suffix!r}")
 
 
 def _pictures(

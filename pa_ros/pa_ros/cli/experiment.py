@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,6 +18,7 @@ from pa_ros.core.report import write_report
 if TYPE_CHECKING:
     from pa_ros.evaluation.studies.experiments import Experiment, SeedSummary
 
+PUBLISHED = Path("docs/results")
 STUDIES = ("generalization", "detectors", "equalities")
 
 
@@ -40,10 +42,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--tag", default="", help="names what --set changed, in the tables' names")
     parser.add_argument("--runs", type=Path, default=Path("runs/experiments"), help="raw runs")
-    parser.add_argument(
-        "--results", type=Path, default=Path("docs/results"), help="folder for the tables"
-    )
+    add_results(parser, "runs/experiments/results")
     parser.add_argument("--json", type=Path, help="summary: also write the figures to this file")
+
+
+def add_results(parser: argparse.ArgumentParser, default: str) -> None:
+    """Declare where tables lie: never among the published ones, unless that is asked for."""
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--results", type=Path, default=Path(default), help="folder of the tables (%(default)s)"
+    )
+    group.add_argument(
+        "--publish", dest="results", action="store_const", const=PUBLISHED,
+        help=f"the tables in {PUBLISHED}, which RESULTS.md states: written over",
+    )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:
@@ -70,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         train_seeds(experiment, seeds, folder, options.jobs)
     finally:
         if done := tabulate(experiment, seeds, folder, options.results, options.runs / "scores"):
-            _print(done.summaries)
+            print_summaries(done.summaries)
             print(done.table)
     return 0
 
@@ -109,12 +121,18 @@ def _experiment(options: argparse.Namespace) -> Experiment:
     return replace(experiment, frames=options.frames, switch_frames=switch)
 
 
-def _print(summaries: Sequence[SeedSummary]) -> None:
+def print_summaries(summaries: Sequence[SeedSummary]) -> None:
+    """A line for each seed."""
     print("seed  solved  frames  wall clock  held out  train   (normalized, fresh episodes)")
     for row in summaries:
-        print(f"{row.seed:4d}  {'yes' if row.solved else 'no ':6s}  {row.frames_to_solve:6.0f}  "
-              f"{row.wall_s_to_solve:8.0f} s  {row.final_held_out:8.2f}  "
-              f"{row.final_train:5.2f}")  # fmt: skip
+        print(f"{row.seed:4d}  {'yes' if row.solved else 'no ':6s}  "
+              f"{_figure(row.frames_to_solve, 6)}  {_figure(row.wall_s_to_solve, 8)} s  "
+              f"{_figure(row.final_held_out, 8, 2)}  {_figure(row.final_train, 5, 2)}")  # fmt: skip
+
+
+def _figure(value: float, width: int, digits: int = 0) -> str:
+    """A number, or a dash where there is none."""
+    return f"{'–':>{width}}" if math.isnan(value) else f"{value:{width}.{digits}f}"
 
 
 def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
@@ -124,7 +142,15 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
 
     chosen = argparse.Namespace(**{**vars(options), "name": "programmable-3D"})
     label = _experiment(chosen).label
-    agents = {seed: load_agent(options.runs / label / f"seed-{seed}") for seed in seeds}
+    runs = {seed: options.runs / label / f"seed-{seed}" for seed in seeds}
+    untrained = [seed for seed, run in runs.items() if not (run / "checkpoint" / "LATEST").exists()]
+    if untrained:
+        raise ConfigError(
+            f"experiment {options.name}: expected trained agents in {options.runs / label}, got "
+            f"none of seeds {untrained}: first `pa_ros experiment programmable-3D` with the same "
+            "options"
+        )
+    agents = {seed: load_agent(run) for seed, run in runs.items()}
     suffix = label.removeprefix("programmable-3D")
     if options.name == "generalization":
         cache = options.runs / "scores"

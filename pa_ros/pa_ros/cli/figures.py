@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from pa_ros.cli.experiment import add_results
 from pa_ros.core.errors import ConfigError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros figures`."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="tables (default: all)")
-    parser.add_argument(
-        "--results", type=Path, default=Path("docs/results"), help="folder of the tables"
-    )
+    add_results(parser, "runs/experiments/results")
 
 
 def run(options: argparse.Namespace) -> int:

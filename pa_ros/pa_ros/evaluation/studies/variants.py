@@ -11,8 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from pa_ros.evaluation.scoring.intervals import mean_interval
-from pa_ros.evaluation.scoring.tables import TableError
-from pa_ros.evaluation.studies.experiments import SeedSummary, read_curve, summarize
+from pa_ros.evaluation.scoring.tables import TableError, read_rows
+from pa_ros.evaluation.studies.experiments import (
+    SeedSummary,
+    read_curve,
+    seeds_table,
+    summarize,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +59,19 @@ def compare(name: str, results: Path) -> tuple[list[Variant], dict[str, list[See
     frames = min(min(rows[-1]["frames"] for rows in seeds.values()) for seeds in curves.values())
     rows, seeds_of = [], {}
     for table in chosen:
-        seeds = [
-            summarize(seed, [row for row in rows_ if row["frames"] <= frames])
-            for seed, rows_ in curves[table].items()
-        ]
+        final = {row.seed: row for row in read_rows(seeds_table(table), SeedSummary)}
+        seeds = [_until(frames, curve, final[seed]) for seed, curve in curves[table].items()]
         seeds_of[table.stem] = seeds
         rows.append(_variant(table.stem, settings[table]["options"], seeds, frames))
     return rows, seeds_of
+
+
+def _until(frames: float, curve: list[dict[str, float]], final: SeedSummary) -> SeedSummary:
+    """A seed at so many frames; judged on fresh episodes if that is where it ended."""
+    seen = [row for row in curve if row["frames"] <= frames]
+    if len(seen) < len(curve):
+        return summarize(final.seed, seen)
+    return summarize(final.seed, seen, (final.final_held_out, final.final_train))
 
 
 def _curves(table: Path) -> dict[int, list[dict[str, float]]]:
