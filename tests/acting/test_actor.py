@@ -43,6 +43,16 @@ def test_exploring_is_acting_plus_the_episodes_noise() -> None:
             observation, _ = world.step(action.astype(np.float64))
 
 
+def test_what_noise_takes_beyond_the_bounds_is_clipped() -> None:
+    noise = SETTINGS.exploration.changed(sigma=5.0)
+    actor = Actor(NETWORK, noise=ExplorationNoise(noise, 0.1, 5))
+    actor.load(snapshot())
+    world = PointWorld()
+    observation, _ = world.reset(0)
+    action = actor.explore(observation, world.program)
+    assert (np.abs(action) <= 1).all() and {-1.0, 1.0} <= set(action.tolist())
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

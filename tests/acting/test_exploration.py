@@ -29,6 +29,11 @@ def test_moments(scale, deviation) -> None:
     assert abs(correlation - math.exp(-1.0)) < 0.03
 
 
+def test_the_more_damping_the_less_diffusion_moves_it() -> None:
+    x = series(ExplorationConfig(scale="diffusion", damping=4.0), 500, 2)
+    np.testing.assert_allclose(x.std((0, 2)), 0.3 / math.sqrt(8), rtol=0.06)
+
+
 def test_without_damping_it_is_a_random_walk() -> None:
     x = series(ExplorationConfig(damping=0.0), 500, 11)
     assert (x[:, 0] == 0.0).all()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +19,13 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pa_ros.bags.contents import RESERVE, reliable_qos, topic
-from pa_ros.bags.errors import BagError, BagFullError, DamagedBagError, UnfinishedBagError
+from pa_ros.bags.errors import (
+    BagError,
+    BagFullError,
+    DamagedBagError,
+    ForeignBagError,
+    UnfinishedBagError,
+)
 from pa_ros.bags.losses import Losses
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
@@ -73,6 +81,27 @@ def test_what_is_written_is_read_by_us_and_by_rosbags(tmp_path, storage):
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 5
         assert [c.digest for c in reader.connections] == [TOPIC.digest] or storage == "mcap"
+
+
+def test_a_type_is_defined_once_however_many_topics_have_it(tmp_path):
+    with BagWriter(tmp_path / "bag", BagOptions(storage="sqlite3")) as bag:
+        bag.add(TOPIC)
+        bag.add(replace(TOPIC, name="/left/program"))
+    with closing(sqlite3.connect(storage_file(tmp_path / "bag"))) as database:
+        rows = database.execute("SELECT topic_type FROM message_definitions").fetchall()
+        assert rows == [(TOPIC.type_name,)]
+
+
+def test_of_several_topics_one_is_chosen_by_its_namespace(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        for name in ("/left/program", "/right/program"):
+            bag.add(replace(TOPIC, name=name))
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.topic_of(TOPIC.type_name, "left") == "/left/program"
+        with pytest.raises(ForeignBagError, match="msgs_schema/msg/Program, got /left/.*choose"):
+            bag.topic_of(TOPIC.type_name)
+        with pytest.raises(ForeignBagError, match="msgs_schema/msg/Program below /middle/, got"):
+            bag.topic_of(TOPIC.type_name, "middle")
 
 
 def test_an_independent_reader_sees_sequence_numbers_times_and_definitions(tmp_path):

@@ -130,6 +130,12 @@ def test_the_64th_program_has_its_bit() -> None:
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
 
 
+def test_of_one_program_its_bit_is_kept_and_no_reward() -> None:
+    one = Relabeler(PROGRAMS[:1], WORDS, Scoring(NEAR_M))
+    objects, _ = episode(np.random.default_rng(0), 3, 4, 0)
+    assert one.rewards_kept == 0 and one.marks(objects, 0).rewards is None
+
+
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])
 def test_too_few_or_too_many_programs(count) -> None:
     with pytest.raises(ConfigError, match=f"got {count}"):

@@ -102,6 +102,15 @@ def test_initial_weights() -> None:
     assert all(np.array_equal(actor[name], again[name]) for name in actor)
 
 
+def test_sizes_and_initial_weights_are_the_papers_unless_told() -> None:
+    config = NetworkConfig(vocabulary=WORDS)
+    assert (config.hidden, config.attention, config.canonical_hidden) == (150, 64, 400)
+    tensors = initial_actor(config, np.random.default_rng(5))
+    fan_in = tensors["detectors.weight"].shape[1]
+    for name in ("detectors.weight", "detectors.bias"):
+        assert 0.9 * fan_in**-0.5 < np.abs(tensors[name]).max() <= fan_in**-0.5
+
+
 def test_detectors_that_start_at_nothing() -> None:
     config = NetworkConfig(vocabulary=WORDS, detector_init_scale=0.0)
     for make in (initial_actor, initial_critic):

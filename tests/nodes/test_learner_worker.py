@@ -129,6 +129,7 @@ def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
     )
     answer = bench.submit(bad)
     assert [error.code for error in bench.refused] == ["program.unknown_word"]
+    assert bench.worker.rejected == 1
     assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
     assert bench.submit(trajectory(1)).snapshot.version == 1
 

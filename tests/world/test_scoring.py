@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import FrozenInstanceError
 from math import inf, nextafter, sqrt
 
 import numpy as np
@@ -76,6 +77,12 @@ def test_another_reward_is_paid() -> None:
         objects = scene((x, 0, 0), (0, 0, 0))
         assert scoring(NAMED, objects).reward == reward
         assert scoring.of_targets((1,), objects).reward == reward
+
+
+def test_a_reward_stays_what_it_was_made() -> None:
+    with pytest.raises(FrozenInstanceError):
+        setattr(Sparse(), "otherwise", 0.0)  # noqa: B010 - mypy refuses the plain way
+    assert len({Sparse(), Sparse(1.0, -1.0), Sparse(2.0)}) == 2
 
 
 @pytest.mark.parametrize("threshold", [0.0, -0.1, inf, float("nan")])
