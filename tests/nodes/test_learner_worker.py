@@ -17,7 +17,6 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary, parse
-from pa_ros.learning import checkpoints
 from pa_ros.learning.errors import FolderInUseError, FolderUsedError
 from pa_ros.world import Trajectory
 
@@ -177,7 +176,9 @@ def test_a_checkpoint_that_cannot_be_written_is_refused_and_learning_goes_on(tmp
 def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path, monkeypatch):
     bench = Bench(out=str(tmp_path), checkpoint_every_frames=10)
     with monkeypatch.context() as patch:
-        patch.setattr(checkpoints.os, "rename", Mock(side_effect=OSError("No space left")))
+        patch.setattr(
+            "pa_ros.learning.checkpoints.os.rename", Mock(side_effect=OSError("No space left"))
+        )
         bench.submit(trajectory(0), trajectory(1))
         wait_for(lambda: len(bench.refused) == 2)
         assert "not saved" in bench.worker.trouble and "No space left" in bench.worker.trouble

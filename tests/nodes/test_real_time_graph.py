@@ -87,7 +87,7 @@ def test_the_agent_stops_commanding_when_observations_stop():
     with graph(SimNode, AgentNode, agent_node__weights="random", **REAL_TIME) as probe:
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 5)
         assert probe.call(topics.PAUSE, codec.encode_pause(True)).success
-        assert probe.until(lambda: "no observations" in probe.message("agent_node"))
+        assert probe.until(lambda: "waits for observations" in probe.message("agent_node"))
         sent = probe.count(topics.JOINT_COMMANDS)
         probe.until(lambda: False, 0.5)
         assert probe.count(topics.JOINT_COMMANDS) == sent
