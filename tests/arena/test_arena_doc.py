@@ -18,5 +18,5 @@ def test_presets_in_the_tables_are_the_real_ones() -> None:
 
     text = DOC.read_text()
     assert set(PRESETS) == {"paper", "fast"}
-    assert PRESETS["paper"].joint_speed_limits == (0.5,) * 6 and "| 0.5 rad/s (" in text
+    assert PRESETS["paper"].joint_speed_limits == (0.5,) * 6 and "| 0.5 each |" in text
     assert PRESETS["paper"].block_mass_kg == 1.0 and "**1.0 kg, friction 1.0**" in text

@@ -285,7 +285,7 @@ def test_an_older_definition_is_named_and_not_misread(tmp_path, capsys):
         bag.add(topic(store, "/trajectories", name, [reliable_qos(1)]))
         message = store.types[name]("agent", 0)
         bag.write("/trajectories", bytes(store.serialize_cdr(message, name)), START)
-    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 1
     assert "another edition of the definition than is installed here" in capsys.readouterr().out
     out = ["--out", str(tmp_path / "out")]
     assert main(["train", *out, "--from-bag", str(tmp_path / "bag")]) == 2

@@ -49,12 +49,11 @@ def run_node(
     die_with_parent()
     import rclpy
     from rclpy.signals import SignalHandlerOptions
-    from rclpy.utilities import remove_ros_args
 
     from pa_ros.ros.executor import release, spin
 
     given = [name, *(sys.argv[1:] if arguments is None else arguments)]
-    own = given[1:] if "--ros-args" not in given else remove_ros_args(given)[1:]
+    own = _own_words(given)
     if {"-h", "--help"} & set(own):
         print(usage(name, settings and settings()))
         return 0
@@ -81,6 +80,19 @@ def run_node(
         finally:
             rclpy.try_shutdown()
     return status or 0
+
+
+def _own_words(given: Sequence[str]) -> Sequence[str]:
+    """What of a command line is not ROS's; nothing of one that its init will refuse."""
+    from rclpy.utilities import remove_ros_args
+
+    if "--ros-args" not in given:
+        return given[1:]
+    try:
+        own: list[str] = remove_ros_args(given)[1:]
+    except RuntimeError:
+        return ()
+    return own
 
 
 def usage(name: str, settings: type[Settings] | None = None) -> str:
