@@ -115,7 +115,7 @@ class AgentNode(Node):
         if restarted:
             self._matcher.restart()
             self._handled, self._command, self._unread = -1, None, None
-        if self.config.weights == "random" and self.agent.version == "none":
+        if self.config.weights == "random" and not self.agent.has_weights:
             self.agent.offer(_fixed(_random_policy(vocabulary, self.config)))
         early, self._early = self._early, []
         for request in early:
@@ -177,7 +177,7 @@ class AgentNode(Node):
             observation.step,
             observation.stamp_ns,
             self.agent_id,
-            int(self.agent.version),
+            self.agent.version,
             action,
         )
         self._commands += 1
@@ -254,7 +254,7 @@ class AgentNode(Node):
         core_us = (self._core_s - core_s) * 1e6 / max(self._commands - commands, 1)
         values = {
             "agent_id": self.agent_id,
-            "policy_version": self.agent.version,
+            "policy_version": str(self.agent.version) if self.agent.has_weights else "none",
             "commands": str(self._commands),
             "core_us": f"{core_us:.1f}",
             "trajectories": str(self._trajectories),
@@ -272,7 +272,7 @@ class AgentNode(Node):
             return ERROR, f"does not act for the learner: {agent.refusal}"
         if self._arena is None:
             return WARN, f"waits for an arena ({topics.ARENA_INFO.name})"
-        if agent.version == "none":
+        if not agent.has_weights:
             return WARN, f"no weights yet{_reason(answer)}"
         stuck = now - self._progress_at > self.config.stuck_after_s
         if isinstance(agent, LearningAgent) and agent.waiting and stuck:

@@ -74,9 +74,11 @@ def arm() -> Arm:
 def test_a_greedy_agent_says_which_weights_it_will_begin_with() -> None:
     """Who waits for it to be ready must see that it is, before there is a program to act on."""
     agent = Agent(ME)
-    assert agent.version == "none"
+    assert not agent.has_weights
+    with pytest.raises(StepError, match="expected weights"):
+        _ = agent.version
     agent.offer(published(3))
-    assert agent.version == "3"
+    assert agent.has_weights and agent.version == 3
 
 
 def test_trajectories_follow_one_another_without_gap(arm) -> None:
@@ -155,7 +157,7 @@ def test_each_trajectory_acts_with_the_version_the_protocol_names() -> None:
     agent = arm.agent
     arm.reset(0)
     arm.run(10)
-    assert agent.version == "0"
+    assert agent.version == 0
     arm.run(10)  # trajectory 1 acts with version 0 too
     assert agent.waiting and isinstance(agent.answer(), Wait)
     with pytest.raises(StepError, match="expected the answer Act.* got Wait"):
@@ -173,7 +175,7 @@ def test_each_trajectory_acts_with_the_version_the_protocol_names() -> None:
     with pytest.raises(StepError, match="a step to act on"):
         agent.act()
     arm.run(10)
-    assert agent.version == "2"
+    assert agent.version == 2
     assert [one.policy_version for one in arm.sent] == [0, 0, 1]
 
 
@@ -303,4 +305,4 @@ def test_weights_that_do_not_fit_are_refused_and_the_good_ones_go_on(learning) -
             agent.offer(replace(published(1, learner=learner), snapshot=bad))
     arm = Arm(agent)
     arm.reset(0)
-    assert arm.velocity.any() and agent.version == "0"
+    assert arm.velocity.any() and agent.version == 0

@@ -42,10 +42,17 @@ class Agent:
         return self._step is not None
 
     @property
-    def version(self) -> str:
-        """Of the weights in use; before the first step, of those at hand for it, or "none"."""
-        policy = self._loaded or self._rule.required(0)
-        return "none" if isinstance(policy, Wait) else str(policy.snapshot.version)
+    def has_weights(self) -> bool:
+        """Whether weights are in use or, before the first step, at hand for it."""
+        return not isinstance(self._at_hand(), Wait)
+
+    @property
+    def version(self) -> int:
+        """Of those weights. StepError if there are none."""
+        policy = self._at_hand()
+        if isinstance(policy, Wait):
+            raise StepError(f"version: expected weights before it is asked, got {policy}")
+        return policy.snapshot.version
 
     def offer(self, policy: PublishedPolicy) -> None:
         """Weights have come. Raises PolicyError, and changes nothing, if they cannot be used."""
@@ -78,6 +85,9 @@ class Agent:
             raise StepError(f"action: expected the answer {Act()} before it, got {answer}")
         self._step = None
         return self._action(actor, step)
+
+    def _at_hand(self) -> PublishedPolicy | Wait:
+        return self._loaded or self._rule.required(0)
 
     def _answer(self, sequence: int) -> Answer:
         if self._step is None:

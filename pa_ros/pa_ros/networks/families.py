@@ -9,7 +9,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -192,7 +191,6 @@ def family_named(name: str) -> Family:
     return FAMILIES[name]
 
 
-@lru_cache(maxsize=1024)
 def codes_of(program: Program, network: NetworkConfig) -> Codes:
     """What networks are told of one program, arrays [1, …]; UnsupportedProgramError if nothing."""
     table = ProgramTable(network.vocabulary)
