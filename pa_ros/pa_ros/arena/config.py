@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from math import radians
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from pydantic import Field, PositiveFloat, model_validator
+from typing_extensions import Self
 
 from pa_ros.arena.constants import LINKS
 from pa_ros.core.errors import ConfigError

@@ -6,9 +6,10 @@ the rest, which is a choice of ours (docs/DESIGN.md, "What our protocol changes,
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
+from typing_extensions import Self
 
 from pa_ros.acting.config import ActingConfig, ExplorationConfig, Schedule
 from pa_ros.core.settings import Settings
