@@ -83,7 +83,7 @@ class Learner:
         )
         self.engine = make_engine(network, config, self.table, self.rng)
         kept = config.schedule.versions_kept
-        self.published: deque[PolicySnapshot] = deque([self._snapshot()], maxlen=kept)
+        self.published: deque[PolicySnapshot] = deque([self._snapshot(0)], maxlen=kept)
 
     def consume(self, trajectory: Trajectory) -> ConsumeReport:
         """Insert a trajectory, make the updates that it is due, publish one version more.
@@ -103,20 +103,20 @@ class Learner:
         self.counters.frames += len(trajectory)
         updates = self._updates_due(len(trajectory))
         self.update(updates)
-        self._check_finite()
+        newest = self._snapshot(self.counters.version + 1)
+        self._check_finite(newest)
         if trajectory.ends_episode:
             self.counters.episodes += 1
             self.engine.copy_targets()
-        self.counters.version += 1
-        self.published.append(self._snapshot())
+        self.counters.version = newest.version
+        self.published.append(newest)
         return ConsumeReport(report, updates, self.counters.version)
 
-    def _check_finite(self) -> None:
+    def _check_finite(self, newest: PolicySnapshot) -> None:
         """Raise DivergedError unless the latest update and the actor are made of finite numbers."""
-        figures = self.engine.metrics()
+        figures, actor = self.engine.metrics(), newest.tensors.items()
         wrong = [name for name, value in figures.items() if not math.isfinite(value)]
-        actor = self.engine.actor_tensors()
-        wrong += [f"actor.{name}" for name, value in actor.items() if not np.isfinite(value).all()]
+        wrong += [f"actor.{name}" for name, value in actor if not np.isfinite(value).all()]
         if wrong:
             shown = ", ".join(f"{name} {value:g}" for name, value in figures.items())
             raise DivergedError(
@@ -186,9 +186,9 @@ class Learner:
         self.network.family.check(program, self.network.vocabulary)
         return self.table.add(program)
 
-    def _snapshot(self) -> PolicySnapshot:
+    def _snapshot(self, version: int) -> PolicySnapshot:
         return PolicySnapshot(
-            version=self.counters.version,
+            version=version,
             architecture=self.network.architecture,
             vocabulary_digest=self.network.vocabulary.digest,
             tensors={k: np.ascontiguousarray(v) for k, v in self.engine.actor_tensors().items()},
