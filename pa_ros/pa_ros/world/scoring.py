@@ -51,8 +51,10 @@ class Scoring:
     def of_targets(self, targets: Sequence[int], objects: Float32) -> Score:
         """Score one state, [N, 16], given the numbers of the objects named: the same bits in a
         tenth of the time, as numbers."""
-        positions = (objects[i, :3].tolist() for i in targets)
-        return self._judge(sqrt(min((_square(*place) for place in positions), default=inf)))
+        nearest = inf
+        for i in targets:
+            nearest = min(nearest, _square(*objects[i, :3].tolist()))
+        return self._judge(sqrt(nearest))
 
     def _judge(self, measure: Any) -> Score:
         satisfied = measure <= self.near_threshold_m
