@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import random
 import socket
+from contextlib import ExitStack
 
 from pa_ros.core.errors import ConfigError
 
@@ -47,7 +49,8 @@ class DomainClaim:
         self.close()
 
 
-_of_this_process: list[DomainClaim] = []  # at most one
+_claim = ExitStack()  # what this process has claimed last, if anything
+atexit.register(_claim.close)
 
 
 def use_domain(domain_id: int | None) -> int:
@@ -57,11 +60,9 @@ def use_domain(domain_id: int | None) -> int:
     Call before ROS is up. Raises ConfigError for a number outside DOMAINS (0 is allowed too).
     """
     if domain_id is None:
-        _of_this_process.append(DomainClaim())
-        for earlier in _of_this_process[:-1]:
-            earlier.close()
-        del _of_this_process[:-1]
-        domain_id = _of_this_process[0].number
+        claim = DomainClaim()
+        _claim.close()
+        domain_id = _claim.enter_context(claim).number
     if domain_id != 0 and domain_id not in DOMAINS:
         raise ConfigError(f"ROS domain: expected 0 to {DOMAINS[-1]}, got {domain_id}")
     os.environ["ROS_DOMAIN_ID"] = str(domain_id)
@@ -73,7 +74,7 @@ def _bound(domain_id: int, offset: int) -> socket.socket | None:
     port = _FIRST_PORT + _PORTS_PER_DOMAIN * domain_id + offset
     held = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        held.bind(("", port))
+        held.bind(("127.0.0.1", port))  # taken where somebody listens on every address, too
     except OSError:
         held.close()
         return None
