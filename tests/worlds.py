@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pa_ros.core.experience import Float64, Observation, Verdict
+from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.world import Reward, Scoring, Sparse, Trajectory
@@ -34,6 +35,24 @@ def objects_at(positions: Float64) -> np.ndarray:
         objects[row, :3] = position
         objects[row, list(one_hots)] = 1.0
     return objects
+
+
+def random_batch(rng: np.random.Generator, size: int, k: int, programs: int) -> Batch:
+    """`size` transitions × `k` of so many programs."""
+
+    def scenes() -> np.ndarray:
+        return np.stack([objects_at(rng.normal(0, 0.3, (2, 3))) for _ in range(size)])
+
+    return Batch(
+        objects=scenes(),
+        arm=rng.normal(size=(size, 18)).astype(np.float32),
+        action=rng.uniform(-1, 1, (size, 6)).astype(np.float32),
+        next_objects=scenes(),
+        next_arm=rng.normal(size=(size, 18)).astype(np.float32),
+        program=rng.integers(programs, size=(size, k)).astype(np.int32),
+        reward=rng.choice([-1.0, 1.0], (size, k)).astype(np.float32),
+        discount=rng.choice([0.0, 0.99], size).astype(np.float32),
+    )
 
 
 class PointWorld:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from rclpy.node import Node
@@ -34,6 +34,22 @@ class EarlyTrajectoryError(PaError):
     code = "learner.early"
 
 
+class Pace:
+    """Frames and updates per second since it was asked last."""
+
+    def __init__(self, metrics: Mapping[str, float] | None = None) -> None:
+        """`metrics`: of a learner, as it begins."""
+        self._at, self._then = time.monotonic(), metrics or {}
+
+    def since_last(self, metrics: Mapping[str, float]) -> tuple[float, float]:
+        elapsed = max(time.monotonic() - self._at, 1e-9)
+        self._at, before, self._then = time.monotonic(), self._then, metrics
+        frames, updates = (
+            (metrics[name] - before.get(name, 0.0)) / elapsed for name in ("frames", "updates")
+        )
+        return frames, updates
+
+
 class LearnerNode(Node):
     """One learner. The first arena that describes itself says what the words are."""
 
@@ -49,7 +65,7 @@ class LearnerNode(Node):
         self._failure: BaseException | None = None
         self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
-        self._rate = self._told = (time.monotonic(), 0.0, 0.0)  # when; frames and updates then
+        self._health_pace = self._told_pace = Pace()
         self._weights = topics.POLICY_WEIGHTS.publisher(self)
         self._announcement = topics.LEARNER_INFO.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
@@ -92,7 +108,7 @@ class LearnerNode(Node):
             f"checkpoints in {self.config.out or 'none (parameter out)'}"
         )
         metrics = self.worker.metrics
-        self._rate = self._told = (time.monotonic(), metrics["frames"], metrics["updates"])
+        self._health_pace, self._told_pace = Pace(metrics), Pace(metrics)
         self.worker.start()
         early, self._early = self._early, []
         for message in early:
@@ -122,17 +138,15 @@ class LearnerNode(Node):
         worker = self.worker
         if worker is None:
             return WARN, "waits for an arena (arena_info)", {}
-        metrics, now = worker.metrics, time.monotonic()
-        since, frames, updates = self._rate
-        self._rate = (now, metrics["frames"], metrics["updates"])
-        elapsed = max(now - since, 1e-9)
+        metrics = worker.metrics
+        frames_per_s, updates_per_s = self._health_pace.since_last(metrics)
         values = {
             "run_id": worker.run.info.run_id,
             "engine": worker.engine,
             "backlog": str(worker.backlog),
             "rejected_trajectories": str(worker.rejected),
-            "frames_per_s": f"{(metrics['frames'] - frames) / elapsed:.1f}",
-            "updates_per_s": f"{(metrics['updates'] - updates) / elapsed:.1f}",
+            "frames_per_s": f"{frames_per_s:.1f}",
+            "updates_per_s": f"{updates_per_s:.1f}",
             **{name: f"{value:.6g}" for name, value in metrics.items()},
         }
         if worker.trouble:
@@ -148,14 +162,11 @@ class LearnerNode(Node):
         worker = self.worker
         if worker is None or not worker.metrics["frames"]:
             return ""
-        metrics, now = worker.metrics, time.monotonic()
-        since, frames, updates = self._told
-        self._told = (now, metrics["frames"], metrics["updates"])
-        frames_per_s = (metrics["frames"] - frames) / max(now - since, 1e-9)
-        updates_per_s = (metrics["updates"] - updates) / max(now - since, 1e-9)
+        metrics = worker.metrics
+        frames_per_s, updates_per_s = self._told_pace.since_last(metrics)
+        loss = f", critic loss {metrics['critic_loss']:.5f}" if "critic_loss" in metrics else ""
         return (
             f"frames {metrics['frames']:,.0f} ({frames_per_s:.0f}/s), "
             f"updates {metrics['updates']:,.0f} ({updates_per_s:.0f}/s), "
-            f"weights version {metrics['version']:.0f}, "
-            f"critic loss {metrics.get('critic_loss', math.nan):.5f}"
+            f"weights version {metrics['version']:.0f}{loss}"
         )

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from updates import update
-from worlds import WORDS, dpg, objects_at
+from worlds import WORDS, dpg, random_batch
 
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
-from pa_ros.core.update import Batch
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -48,22 +47,6 @@ def table(texts=TEXTS) -> ProgramTable:
     for text in texts:
         made.add(parse(text, WORDS))
     return made
-
-
-def random_batch(rng: np.random.Generator, size: int, k: int, programs: int) -> Batch:
-    def scenes() -> np.ndarray:
-        return np.stack([objects_at(rng.normal(0, 0.3, (2, 3))) for _ in range(size)])
-
-    return Batch(
-        objects=scenes(),
-        arm=rng.normal(size=(size, 18)).astype(np.float32),
-        action=rng.uniform(-1, 1, (size, 6)).astype(np.float32),
-        next_objects=scenes(),
-        next_arm=rng.normal(size=(size, 18)).astype(np.float32),
-        program=rng.integers(programs, size=(size, k)).astype(np.int32),
-        reward=rng.choice([-1.0, 1.0], (size, k)).astype(np.float32),
-        discount=rng.choice([0.0, 0.99], size).astype(np.float32),
-    )
 
 
 def networks(config: NetworkConfig) -> tuple[dict, dict]:

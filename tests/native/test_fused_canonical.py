@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from updates import update
-from worlds import dpg, objects_at
+from worlds import dpg, objects_at, random_batch
 
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
@@ -61,22 +61,10 @@ def both(
 
 def batch_of(rng: np.random.Generator, size: int, programs: int) -> Batch:
     """A hand and two blocks; one scene in four has two of one kind, which share a slot."""
-
-    def scenes() -> np.ndarray:
-        made = np.stack([objects_at(rng.normal(0, 0.3, (2, 3))) for _ in range(size)])
-        made[::4, 2, 7:] = made[::4, 1, 7:]
-        return made
-
-    return Batch(
-        objects=scenes(),
-        arm=rng.normal(size=(size, 18)).astype(np.float32),
-        action=rng.uniform(-1, 1, (size, 6)).astype(np.float32),
-        next_objects=scenes(),
-        next_arm=rng.normal(size=(size, 18)).astype(np.float32),
-        program=rng.integers(len(TEXTS), size=(size, programs)).astype(np.int32),
-        reward=rng.choice([-1.0, 1.0], (size, programs)).astype(np.float32),
-        discount=rng.choice([0.0, 0.99], size).astype(np.float32),
-    )
+    batch = random_batch(rng, size, programs, len(TEXTS))
+    for scenes in (batch.objects, batch.next_objects):
+        scenes[::4, 2, 7:] = scenes[::4, 1, 7:]
+    return batch
 
 
 @pytest.mark.parametrize(("size", "k"), [(1, 1), (64, 1), (70, 1), (9, 2), (33, 3), (5, 11)])

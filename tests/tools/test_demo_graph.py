@@ -81,19 +81,23 @@ def test_ctrl_c_stops_everything(tmp_path):
     assert not processes_of(tmp_path)
 
 
+def demo_config(folder: Path, real_time_factor: float) -> DemoConfig:
+    return DemoConfig(
+        design=DESIGN,
+        arena=ARENA,
+        seed=0,
+        minutes=1.0,
+        folder=folder / "demo",
+        real_time_factor=real_time_factor,
+    )
+
+
 @graph
 def test_programs_are_executed_on_the_graph_and_recorded(tmp_path):
     """With untrained weights, and faster: the path is the same."""
     protocol = protocol_named("ours")
     network = protocol.network_config(DESIGN.vocabulary)
-    config = DemoConfig(
-        design=DESIGN,
-        arena=ARENA,
-        seed=0,
-        minutes=1.0,
-        folder=tmp_path / "demo",
-        real_time_factor=20.0,
-    )
+    config = demo_config(tmp_path, real_time_factor=20.0)
     learner = Learner(network, protocol.learner, training_programs(DESIGN), 0)
     save_checkpoint(config.checkpoint, learner)
     programs, outcome = demo_programs(DESIGN), Outcome(reached=True)
@@ -113,14 +117,7 @@ def test_programs_are_executed_on_the_graph_and_recorded(tmp_path):
 
 @graph
 def test_the_shipped_agent_executes_in_a_folder_of_its_own(tmp_path):
-    config = DemoConfig(
-        design=DESIGN,
-        arena=ARENA,
-        seed=0,
-        minutes=1.0,
-        folder=tmp_path / "demo",
-        real_time_factor=5.0,
-    )
+    config = demo_config(tmp_path, real_time_factor=5.0)
     shipped, outcome = config.of_shipped(), Outcome()
     with client_node("test") as node:
         phases.show_shipped(node, shipped, outcome, lambda: False)
