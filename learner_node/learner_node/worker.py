@@ -22,7 +22,7 @@ from pa_ros.learning.errors import (
     FolderInUseError,
     FolderUsedError,
 )
-from pa_ros.learning.folder import claim
+from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin
@@ -49,7 +49,7 @@ class LearnerWorker:
         self._config, self._arena, self._sinks = config, arena, sinks
         self._folder = self._claimed()
         self._learner = _make_learner(config, arena, self.vocabulary)
-        extra = restore(Path(config.out) / "checkpoint", self._learner) if config.resume else {}
+        extra = restore(checkpoint_of(Path(config.out)), self._learner) if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self.metrics = self._learner.metrics()
@@ -152,7 +152,7 @@ class LearnerWorker:
             "run_id": self.run.info.run_id,
         }
         try:
-            save_checkpoint(Path(self._config.out) / "checkpoint", self._learner, extra)
+            save_checkpoint(checkpoint_of(Path(self._config.out)), self._learner, extra)
             self.unsaved = None
         except DivergedError:
             raise

@@ -10,7 +10,8 @@ import pytest
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.language import Vocabulary
-from pa_ros.networks.config import KINDS, NetworkConfig, actor_config
+from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.families import FAMILIES
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.world.properties import truth_matrix
 
@@ -35,7 +36,7 @@ def test_a_refused_value_is_shown(field, value) -> None:
         NetworkConfig(vocabulary=WORDS, **{field: value})
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", FAMILIES)
 def test_json_round_trip(kind) -> None:
     config = NetworkConfig(vocabulary=WORDS, kind=kind, hidden=7, critic_output_bias=-100.0)
     assert NetworkConfig.from_json(config.to_json()) == config

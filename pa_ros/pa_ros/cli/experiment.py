@@ -139,11 +139,12 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Evaluate the trained seeds of programmable-3D."""
     from pa_ros.evaluation import results
     from pa_ros.evaluation.scoring.agents import load_agent
+    from pa_ros.learning.folder import holds_checkpoint
 
     chosen = argparse.Namespace(**{**vars(options), "name": "programmable-3D"})
     label = _experiment(chosen).label
     runs = {seed: options.runs / label / f"seed-{seed}" for seed in seeds}
-    untrained = [seed for seed, run in runs.items() if not (run / "checkpoint" / "LATEST").exists()]
+    untrained = [seed for seed, run in runs.items() if not holds_checkpoint(run)]
     if untrained:
         raise ConfigError(
             f"experiment {options.name}: expected trained agents in {options.runs / label}, got "

@@ -17,7 +17,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint
-from pa_ros.learning.folder import claim
+from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.codec import weights_checksum
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
         started = time.monotonic()
         found = learn(bags, learner, _Progress(learner))
         extra = {"wall_s": time.monotonic() - started, **about}
-        save_checkpoint(options.out / "checkpoint", learner, extra)
+        save_checkpoint(checkpoint_of(options.out), learner, extra)
     _conclude(found, learner, options.out)
     return 0
 

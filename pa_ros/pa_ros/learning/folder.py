@@ -9,13 +9,20 @@ from typing import IO
 from pa_ros.learning.checkpoints import LATEST
 from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
 
-CHECKPOINT = "checkpoint"
+
+def checkpoint_of(folder: Path) -> Path:
+    """Where a run keeps its checkpoints."""
+    return folder / "checkpoint"
+
+
+def holds_checkpoint(folder: Path) -> bool:
+    """Whether a run's folder holds a whole checkpoint."""
+    return (checkpoint_of(folder) / LATEST).exists()
 
 
 def refuse_used(folder: Path) -> None:
     """Raise FolderUsedError if the folder holds a run's checkpoint."""
-    root = folder / CHECKPOINT
-    if (root / LATEST).exists() or any(root.glob("version-*")):
+    if holds_checkpoint(folder) or any(checkpoint_of(folder).glob("version-*")):
         raise FolderUsedError(
             f"{folder}: expected a folder without a run, got one that holds a checkpoint: resume "
             "it (--resume, or the learner's parameter resume), or name another folder"

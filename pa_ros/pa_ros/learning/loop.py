@@ -30,7 +30,7 @@ from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
-from pa_ros.learning.folder import claim
+from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.progress import Progress
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
@@ -137,7 +137,7 @@ def train(
 
 def _resume(config: TrainConfig, learner: Learner) -> dict[str, Any]:
     """Restore the learner of the same run; what else its checkpoint says."""
-    path = config.out / "checkpoint"
+    path = checkpoint_of(config.out)
     extra = restore(path, learner)
     for name in ("seed", "design", "preset"):
         if extra.get(name) != getattr(config, name):
@@ -280,7 +280,7 @@ class _Run:
             "preset": self._config.preset,
             "run_id": self._learning.info.run_id,
         }
-        save_checkpoint(self._config.out / "checkpoint", self._learner, extra)
+        save_checkpoint(checkpoint_of(self._config.out), self._learner, extra)
 
 
 _FIGURES = ("critic_loss", "mean_q", "actor_gradient_norm")

@@ -14,8 +14,6 @@ from pa_ros.core.settings import OneOf, Settings, canonical_json
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.networks.families import FAMILIES, Family, family_named
 
-KINDS = tuple(FAMILIES)
-
 
 class NetworkConfig(Settings):
     """Actor and critic of one agent (paper, appendix "Training parameters").

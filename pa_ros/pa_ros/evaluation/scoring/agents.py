@@ -15,6 +15,7 @@ from pa_ros.core.experience import Float64, Observation, PolicySnapshot
 from pa_ros.evaluation.scoring.evaluate import AgentPolicy
 from pa_ros.language import Program
 from pa_ros.learning.checkpoints import load_policy, read_metadata
+from pa_ros.learning.folder import checkpoint_of
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor
 
@@ -60,7 +61,7 @@ def load_agent(path: Path, design: str | None = None, preset: str | None = None)
 
 def trained(out: Path) -> Path:
     """The checkpoint folder: the one given, or the one inside a training run's folder."""
-    inner = out / "checkpoint"
+    inner = checkpoint_of(out)
     return inner if inner.is_dir() else out
 
 

@@ -20,6 +20,7 @@ from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.folder import holds_checkpoint
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import Protocol, protocol_named, usual_protocol
 from pa_ros.provenance.software import device, versions
@@ -154,7 +155,7 @@ def _train_until(
         np.array(arena.joint_speed_limits),
         training_programs(design),
         TrainingScores(arena, design, experiment.evaluation_episodes),
-        resume=(folder / "checkpoint" / "LATEST").exists(),
+        resume=holds_checkpoint(folder),
     )
 
 

@@ -22,6 +22,7 @@ from pa_ros.evaluation.studies.experiments import (
     summarize,
     write_table,
 )
+from pa_ros.learning.folder import holds_checkpoint
 
 REFRESH_S = 1.0
 
@@ -75,7 +76,7 @@ def tabulate(
     if not done:
         return None
     curves = {seed: read_curve(run / "progress.csv") for seed, run in done.items()}
-    scored = {seed: (run / "checkpoint" / "LATEST").exists() for seed, run in done.items()}
+    scored = {seed: holds_checkpoint(run) for seed, run in done.items()}
     summaries = [
         summarize(seed, rows, final_scores(done[seed], scores))
         if scored[seed]

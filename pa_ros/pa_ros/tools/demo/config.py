@@ -10,6 +10,7 @@ from typing_extensions import Self
 
 from pa_ros.arena import ArenaConfig, Design, design_named
 from pa_ros.core.settings import Settings
+from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.protocols import usual_protocol
 from pa_ros.tools.demo.scenes import FEWER, FULL
 from pa_ros.tools.launch_params import Parameters, load_parameters, merged, packaged
@@ -42,7 +43,7 @@ class DemoConfig(Settings):
     @property
     def checkpoint(self) -> Path:
         """Where the learner leaves what it learned."""
-        return self.folder / "checkpoint"
+        return checkpoint_of(self.folder)
 
     def training(self) -> Parameters:
         """Parameters of the three nodes that learn."""
