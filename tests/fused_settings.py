@@ -27,8 +27,10 @@ PROGRAMS = (
     "NEAR(HAND, AND(CUBE, SPHERE, RED, NOT(CYLINDER)))",
     "NEAR(HAND, OR(AND(NOT(OR(AND(RED, CUBE), BLUE)), SPHERE), NOT(AND(A, OR(C, GREEN)))))",
 )
-VOCABULARY = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
-SMALL = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+VOCABULARY = Vocabulary.of(
+    shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A", "B")
+)
+SMALL = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 
 
 @dataclass

@@ -13,7 +13,7 @@ from pa_ros.world import Trajectory
 DESIGN = design_named("2-L")
 ARENA = ArenaDescription(
     mode=Mode.LOCKSTEP, design="2-L", preset="fast", seed=0, block_count=4,
-    shapes=DESIGN.vocabulary.shapes, colors=DESIGN.vocabulary.colors,
+    shapes=DESIGN.vocabulary["shape"], colors=DESIGN.vocabulary["color"],
     vocabulary_digest=DESIGN.vocabulary.digest,
     training_programs=training_programs(DESIGN), joint_names=tuple("abcdef"),
     joint_lower=(-1.0,) * 6, joint_upper=(1.0,) * 6, speed_limits=(1.0,) * 6,

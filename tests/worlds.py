@@ -10,7 +10,7 @@ from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.world import Reward, Scoring, Sparse, Trajectory
 
-WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 PROGRAMS = tuple(
     parse(f"NEAR(HAND, AND({words}))", WORDS) for words in ("RED, CUBE", "BLUE, SPHERE")
 )

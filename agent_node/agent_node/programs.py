@@ -57,7 +57,7 @@ def _remember(programs: OrderedDict[str, T], program_id: str, program: T) -> Non
 
 def vocabulary_of(arena: ArenaDescription) -> Vocabulary:
     """The arena's words. Raises ConfigError if they are none, or not what the digest says."""
-    vocabulary = Vocabulary(arena.shapes, arena.colors)
+    vocabulary = Vocabulary.of(shape=arena.shapes, color=arena.colors)
     if vocabulary.digest != arena.vocabulary_digest:
         raise ConfigError(
             f"arena_info.vocabulary_digest: expected {vocabulary.digest} for these words, "

@@ -41,7 +41,7 @@ class LearnerWorker:
     """Consumes trajectories in the order they came, publishing a policy for each."""
 
     def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
-        self.vocabulary = Vocabulary(arena.shapes, arena.colors)
+        self.vocabulary = Vocabulary.of(shape=arena.shapes, color=arena.colors)
         self.failure: BaseException | None = None  # a bug; the node must not go on
         self.diverged: DivergedError | None = None  # learning has stopped
         self.unsaved: PaError | None = None  # why the latest checkpoint could not be written

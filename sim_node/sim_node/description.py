@@ -29,7 +29,7 @@ def origin(session: Session, node: str) -> Origin:
         parameters=session.config.flat(),
         design=design.name,
         preset=session.arena.preset,
-        shapes=vocabulary.shapes,
-        colors=vocabulary.colors,
+        shapes=vocabulary["shape"],
+        colors=vocabulary["color"],
         vocabulary_digest=vocabulary.digest,
     )

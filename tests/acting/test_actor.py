@@ -57,7 +57,10 @@ def test_what_noise_takes_beyond_the_bounds_is_clipped() -> None:
     ("change", "message"),
     [
         ({"architecture": NetworkConfig(vocabulary=WORDS).architecture}, "expected architecture"),
-        ({"vocabulary_digest": Vocabulary(("CUBE",), ("RED",)).digest}, "expected vocabulary"),
+        (
+            {"vocabulary_digest": Vocabulary.of(shape=("CUBE",), color=("RED",)).digest},
+            "expected vocabulary",
+        ),
         ({"tensors": {}}, "version 0: actor: tensors missing"),
     ],
 )
@@ -114,7 +117,10 @@ def test_other_refusals() -> None:
         actor.act(observation, PROGRAMS[0])
     actor.load(snapshot())
     with pytest.raises(ProgramError):
-        actor.act(observation, parse("NEAR(HAND, GREEN)", Vocabulary(("CUBE",), ("GREEN",))))
+        actor.act(
+            observation,
+            parse("NEAR(HAND, GREEN)", Vocabulary.of(shape=("CUBE",), color=("GREEN",))),
+        )
     with pytest.raises(PolicyError, match="greedy actor"):
         actor.explore(observation, PROGRAMS[0])
     with pytest.raises(PolicyError, match="architecture"):

@@ -11,7 +11,7 @@ from pa_ros.arena.constants import LINKS
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 
-WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 
 
 def test_paper_preset_stays_within_the_real_arm() -> None:

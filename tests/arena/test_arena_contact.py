@@ -92,7 +92,12 @@ def test_every_shape_can_be_pushed_and_rests_again(shape: str) -> None:
     from pa_ros.language import Vocabulary
 
     design = Design(
-        "one", (shape,), ("RED",), Vocabulary((shape,), ("RED",)), (Kind("RED", shape),), n_blocks=1
+        "one",
+        (shape,),
+        ("RED",),
+        Vocabulary.of(shape=(shape,), color=("RED",)),
+        (Kind("RED", shape),),
+        n_blocks=1,
     )
     task = ReachTask(PAPER, design, seed=0)
     task.reset(0)

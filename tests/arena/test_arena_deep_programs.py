@@ -48,7 +48,7 @@ def test_programs_are_deep_and_no_part_is_idle(deep: int) -> None:
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
-    row = Design("row", ("CUBE",), ("RED", "BLUE"), Vocabulary(("CUBE",), ("RED", "BLUE")),
-                 (Kind("RED", "CUBE"),), n_blocks=2)  # fmt: skip
+    words = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
+    row = Design("row", ("CUBE",), ("RED", "BLUE"), words, (Kind("RED", "CUBE"),), n_blocks=2)
     with pytest.raises(EpisodeError, match="programs 3 deep for design row"):
         DeepPrograms(row, 3).draw(row.pool[1], 1, np.random.default_rng(0))

@@ -177,7 +177,7 @@ def test_custom_vocabulary_and_number_of_blocks() -> None:
         "mine",
         shapes,
         colors,
-        Vocabulary((*shapes, "X"), colors),
+        Vocabulary.of(shape=(*shapes, "X"), color=colors),
         train=(Kind("YELLOW", "CAPSULE"),),
         held_out=(Kind("MAGENTA", "CUBE"),),
         n_blocks=6,

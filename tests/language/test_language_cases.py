@@ -17,7 +17,7 @@ INVALID = json.loads((CASES / "invalid.json").read_text("utf-8"))
 
 
 def vocabulary(cases: dict[str, Any]) -> Vocabulary:
-    return Vocabulary(**{group: tuple(words) for group, words in cases["vocabulary"].items()})
+    return Vocabulary.of(**{group: tuple(words) for group, words in cases["vocabulary"].items()})
 
 
 @pytest.mark.parametrize("case", VALID["cases"], ids=lambda case: case["text"])

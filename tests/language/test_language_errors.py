@@ -9,7 +9,7 @@ from pa_ros.language import And, ProgramError, Vocabulary, Word, parse
 from pa_ros.language.errors import SHOWN_WORDS, one_of
 from pa_ros.language.span import EXCERPT_WIDTH, Span, excerpt
 
-VOCABULARY = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+VOCABULARY = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 
 
 def refusal(text: str, vocabulary: Vocabulary = VOCABULARY) -> ProgramError:
@@ -77,7 +77,7 @@ def test_a_caret_after_the_end_is_shown_where_something_is_missing() -> None:
 
 
 def test_long_lists_and_words_are_cut() -> None:
-    many = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(200)))
+    many = Vocabulary.of(shape=("CUBE",), color=tuple(f"COLOR{i}" for i in range(200)))
     message = refusal(f"NEAR(HAND, {'X' * 300})", many).message
     assert "or 188 more, received 'XXXX" in message
     assert len(message) < 300
@@ -92,12 +92,12 @@ def test_an_operator_without_operands_cannot_be_built() -> None:
 @pytest.mark.parametrize("word", ["red", "Red", "RED CUBE", "", "1RED", "RÉD", "AND", "RED"])
 def test_words_that_no_vocabulary_has_are_refused(word: str) -> None:
     with pytest.raises(ConfigError, match="vocabulary"):
-        Vocabulary(("CUBE",), ("RED", word))
+        Vocabulary.of(shape=("CUBE",), color=("RED", word))
 
 
 def test_a_digest_tells_vocabularies_apart() -> None:
     found = {
-        Vocabulary(shapes, colors).digest
+        Vocabulary.of(shape=shapes, color=colors).digest
         for shapes, colors in (
             (("CUBE", "RED"), ("BLUE",)),
             (("CUBE",), ("RED", "BLUE")),

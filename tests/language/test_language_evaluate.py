@@ -17,7 +17,7 @@ from pa_ros.language import (
     satisfying,
 )
 
-VOCABULARY = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+VOCABULARY = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 PHI = [  # [V][N]: hand, first block, second block
     [0.5, 0.75, 0.0],  # CUBE
     [0.5, 0.25, 1.0],  # SPHERE
@@ -85,7 +85,7 @@ def test_a_target_that_is_absent_is_refused_with_what_is_present() -> None:
 
 
 def test_a_program_of_another_vocabulary_is_refused() -> None:
-    program = parse("NEAR(HAND, AND(RED, D))", Vocabulary(("CUBE",), ("RED", "D")))
+    program = parse("NEAR(HAND, AND(RED, D))", Vocabulary.of(shape=("CUBE",), color=("RED", "D")))
     with pytest.raises(ProgramError) as caught:
         relevance(program, PHI, VOCABULARY.row, 0)
     assert (caught.value.code, caught.value.position) == ("program.unknown_word", 20)

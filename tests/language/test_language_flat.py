@@ -7,7 +7,9 @@ import pytest
 from pa_ros.language import FlatProgram, ProgramError, Vocabulary, compile_program, parse
 from pa_ros.language.flat import AND, NOT, OR
 
-VOCABULARY = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))  # rows 0 to 3; HAND is register 4
+VOCABULARY = Vocabulary.of(
+    shape=("CUBE", "SPHERE"), color=("RED", "BLUE")
+)  # rows 0 to 3; HAND is register 4
 
 
 def flat(target: str) -> FlatProgram:
@@ -38,7 +40,7 @@ def test_equal_programs_are_compiled_alike() -> None:
 
 
 def test_the_rows_are_the_vocabularys() -> None:
-    other = Vocabulary(("SPHERE", "CUBE"), ("BLUE", "RED"))
+    other = Vocabulary.of(shape=("SPHERE", "CUBE"), color=("BLUE", "RED"))
     program = parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)
     assert compile_program(program, other).a == (3, 4)
 
@@ -46,5 +48,5 @@ def test_the_rows_are_the_vocabularys() -> None:
 def test_a_program_of_another_vocabulary_is_refused() -> None:
     program = parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)
     with pytest.raises(ProgramError) as caught:
-        compile_program(program, Vocabulary(("SPHERE",), ("RED",)))
+        compile_program(program, Vocabulary.of(shape=("SPHERE",), color=("RED",)))
     assert (caught.value.code, caught.value.received) == ("program.unknown_word", "'CUBE'")

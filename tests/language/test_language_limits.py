@@ -10,7 +10,9 @@ from pa_ros.language import Program, ProgramError, Vocabulary, compile_program, 
 from pa_ros.language.limits import MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from pa_ros.language.syntax import walk
 
-VOCABULARY = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
+VOCABULARY = Vocabulary.of(
+    shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A", "B")
+)
 REFUSAL_S = 0.25  # bound on a refusal's wall-clock time; generous for a busy machine
 
 
@@ -72,7 +74,7 @@ def test_the_canonical_form_has_to_fit_too() -> None:
     text = "NEAR(HAND,AND(" + ",".join([word] * 130) + "))"
     assert len(text) <= MAX_LENGTH
     with pytest.raises(ProgramError, match=r"received 41\d\d in canonical form") as caught:
-        parse(text, Vocabulary((word,), ("RED",)))
+        parse(text, Vocabulary.of(shape=(word,), color=("RED",)))
     assert caught.value.code == "program.too_long"
 
 

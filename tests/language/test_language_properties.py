@@ -22,7 +22,7 @@ from pa_ros.language import (
 from pa_ros.language.limits import MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from pa_ros.language.syntax import walk
 
-VOCABULARY = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "GREEN", "A"))
+VOCABULARY = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "GREEN", "A"))
 HAND, OBJECTS = 0, 4
 
 

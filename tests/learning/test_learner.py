@@ -117,7 +117,7 @@ def test_a_refused_trajectory_changes_nothing() -> None:
             random_trajectory(
                 rng,
                 sequence=1,
-                program=parse("NEAR(HAND, CUBIC)", Vocabulary(("CUBIC",), ("RED",))),
+                program=parse("NEAR(HAND, CUBIC)", Vocabulary.of(shape=("CUBIC",), color=("RED",))),
             )
         )
     assert (one.counters.version, len(one.table), one.replay.to_metadata()) == before

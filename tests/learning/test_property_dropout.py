@@ -16,7 +16,7 @@ from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
 
-ALL = Vocabulary(SHAPES, COLORS)
+ALL = Vocabulary.of(shape=SHAPES, color=COLORS)
 SHAPE, COLOR = slice(7, 11), slice(11, 16)
 
 

@@ -13,7 +13,7 @@ from pa_ros.language import Vocabulary, parse, satisfying
 from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, Marks, Relabeler
 from pa_ros.world import Scoring
 
-WORDS = Vocabulary((*SHAPES, "C"), (*COLORS, "A"))
+WORDS = Vocabulary.of(shape=(*SHAPES, "C"), color=(*COLORS, "A"))
 TEXTS = tuple(f"NEAR(HAND, AND({c}, {s}))" for c in COLORS[:3] for s in SHAPES[:3]) + (
     "NEAR(HAND, OR(CUBE, BLUE))",
     "NEAR(HAND, NOT(RED))",

@@ -307,7 +307,9 @@ def test_says_why_it_does_not_apply() -> None:
     config, network = DPGConfig(), setting().network
     assert why_not_fused(network, config) == ""
     assert why_not_fused(network.changed(kind="canonical"), config) == ""
-    words = Vocabulary(("CUBE",), tuple(f"COLOR{i}" for i in range(_fused.MAX_WORDS)))
+    words = Vocabulary.of(
+        shape=("CUBE",), color=tuple(f"COLOR{i}" for i in range(_fused.MAX_WORDS))
+    )
     assert "words" in why_not_fused(network.changed(vocabulary=words), config)
     assert "float64" in why_not_fused(network, dpg(config, engine__dtype="float64"))
     assert "cuda" in why_not_fused(network, dpg(config, engine__device="cuda"))

@@ -20,7 +20,9 @@ from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
 from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
 from pa_ros.world.programs import ProgramTable
 
-WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A"))
+WORDS = Vocabulary.of(
+    shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A")
+)
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
 # some of ∂Q/∂a is clipped, some is not
 CONFIG = dpg(actor__gradient_clip=0.05, actor__action_l2=0.02)

@@ -19,7 +19,7 @@ from pa_ros.networks.slots import (
     target_one_hots,
 )
 
-WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "BLUE"))
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "BLUE"))
 CONFIG = NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=9)
 
 

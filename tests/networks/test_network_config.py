@@ -15,7 +15,7 @@ from pa_ros.networks.families import FAMILIES
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.world.properties import truth_matrix
 
-WORDS = Vocabulary(("CUBE", "SPHERE", "C"), ("BLUE", "A"))
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("BLUE", "A"))
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,9 @@ def test_architecture_tells_actors_apart_and_nothing_else() -> None:
         config.changed(position_scale=1.0),
         config.changed(kind="canonical"),
         config.changed(kind="true-properties"),
-        config.changed(vocabulary=Vocabulary(("SPHERE", "CUBE", "C"), ("BLUE", "A"))),
+        config.changed(
+            vocabulary=Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A"))
+        ),
     ]
     assert {c.architecture for c in same} == {config.architecture}
     assert len({c.architecture for c in [config, *other]}) == 1 + len(other)

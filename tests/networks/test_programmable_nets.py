@@ -22,7 +22,9 @@ from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, 
 from pa_ros.networks.relevance import program_tensors
 from pa_ros.world.programs import ProgramTable
 
-WORDS = Vocabulary(("CUBE", "SPHERE", "CYLINDER", "C"), ("RED", "GREEN", "BLUE", "A", "B"))
+WORDS = Vocabulary.of(
+    shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A", "B")
+)
 TEXTS = (
     "NEAR(HAND, AND(RED, CUBE))",
     "NEAR(HAND, GREEN)",

@@ -124,7 +124,8 @@ def test_agents_are_counted_apart(bench):
 
 def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
     bad = replace(
-        trajectory(0), program=parse("NEAR(HAND, PINK)", Vocabulary(("CUBE",), ("PINK",)))
+        trajectory(0),
+        program=parse("NEAR(HAND, PINK)", Vocabulary.of(shape=("CUBE",), color=("PINK",))),
     )
     answer = bench.submit(bad)
     assert [error.code for error in bench.refused] == ["program.unknown_word"]

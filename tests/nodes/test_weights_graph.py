@@ -61,7 +61,10 @@ def _missing_tensor():
     ("bad", "code"),
     [
         (codec.encode_weights(policy(9, hidden=8)), "learning.policy"),
-        (codec.encode_weights(policy(9, Vocabulary(("CUBE",), ("RED",)))), "wire.vocabulary"),
+        (
+            codec.encode_weights(policy(9, Vocabulary.of(shape=("CUBE",), color=("RED",)))),
+            "wire.vocabulary",
+        ),
         (_truncated(), "wire.truncated"),
         (_wrong_checksum(), "wire.checksum"),
         (_missing_tensor(), "learning.policy"),
@@ -89,7 +92,9 @@ def test_weights_of_another_vocabulary_than_the_arenas_are_refused_first_of_all(
         assert probe.until(lambda: probe.count(topics.ARENA_INFO) > 0)
         speaker = probe.speaker(topics.POLICY_WEIGHTS)
         probe.until(lambda: False, 0.3)
-        speaker.publish(codec.encode_weights(policy(9, Vocabulary(("CUBE",), ("RED",)))))
+        speaker.publish(
+            codec.encode_weights(policy(9, Vocabulary.of(shape=("CUBE",), color=("RED",))))
+        )
         assert probe.until(lambda: probe.nodes[1].refusals.counts["wire.vocabulary"] == 1)
         assert not probe.nodes[1].agent.has_weights
 

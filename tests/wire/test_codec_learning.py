@@ -21,7 +21,7 @@ from pa_ros.wire import codec, errors
 from pa_ros.world import Trajectory
 
 DIGEST = "0123456789abcdef"
-WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 
 
 def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Trajectory:

@@ -9,7 +9,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.errors import RangeError, VersionError
 from pa_ros.wire.records import LearnerOrigin, Origin
 
-WORDS = Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 
 ORIGIN = Origin(
     node="/arena1/learner_node",

@@ -35,7 +35,9 @@ ARENA = ArenaDescription(
     shapes=("CUBE", "SPHERE"),
     colors=("RED", "BLUE"),
     vocabulary_digest="0" * 16,
-    training_programs=(parse("NEAR(HAND, RED)", Vocabulary(("CUBE", "SPHERE"), ("RED", "BLUE"))),),
+    training_programs=(
+        parse("NEAR(HAND, RED)", Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))),
+    ),
     joint_names=("a", "b", "c", "d", "e", "f"),
     joint_lower=(-math.inf, -1.0, -1.0, -1.0, -1.0, -1.0),
     joint_upper=(math.inf, 1.0, 1.0, 1.0, 1.0, 1.0),

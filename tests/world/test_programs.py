@@ -28,7 +28,7 @@ from pa_ros.world.programs import ProgramTable, crisp
 
 torch.set_num_threads(1)
 
-VOCABULARY = Vocabulary(("CUBE", "SPHERE", "C"), ("RED", "GREEN", "A"))
+VOCABULARY = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "GREEN", "A"))
 WORDS = len(VOCABULARY.words)
 FLOAT32 = 1e-5  # a deep program rounds once for each of its nodes
 
@@ -181,7 +181,7 @@ def test_a_table_counts_equal_programs_once_and_pads_with_copies() -> None:
 def test_refusals() -> None:
     table = ProgramTable(VOCABULARY)
     with pytest.raises(ProgramError, match="BLUE"):
-        table.add(parse("NEAR(HAND, BLUE)", Vocabulary(("CUBE",), ("BLUE",))))
+        table.add(parse("NEAR(HAND, BLUE)", Vocabulary.of(shape=("CUBE",), color=("BLUE",))))
     assert len(table) == 0
     table.add(parse("NEAR(HAND, RED)", VOCABULARY))
     with pytest.raises(ConfigError, match="one of 5 objects, got 5"):

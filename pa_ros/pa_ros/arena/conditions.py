@@ -71,7 +71,7 @@ def program_for(
     for axis, term in (("color", condition.color), ("shape", condition.shape)):
         own = getattr(target, axis)
         known = getattr(design, axis + "s")
-        words = getattr(design.vocabulary, axis + "s")
+        words = design.vocabulary[axis]
         match term:
             case Term.NAMED:
                 terms.append(own)
@@ -143,8 +143,8 @@ def _conditions(design: Design, n: int) -> dict[str, Condition]:
 
 def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition]:
     """Targets with a new property; only where the vocabulary has words to spare for it."""
-    spare_shape = len(design.vocabulary.shapes) > len(design.shapes)
-    spare_color = len(design.vocabulary.colors) > len(design.colors)
+    spare_shape = len(design.vocabulary["shape"]) > len(design.shapes)
+    spare_color = len(design.vocabulary["color"]) > len(design.colors)
     new_shapes = kinds(design.colors, (design.new_shape,))
     new_colors = kinds((design.new_color,), design.shapes)
     both = (Kind(design.new_color, design.new_shape),)

@@ -46,8 +46,8 @@ class Design:
                 raise ConfigError(
                     f"design {self.name}: {group}: expected some of {known}, got {words}"
                 )
-        unnamed = (set(self.shapes) - set(self.vocabulary.shapes)) | (
-            set(self.colors) - set(self.vocabulary.colors)
+        unnamed = (set(self.shapes) - set(self.vocabulary["shape"])) | (
+            set(self.colors) - set(self.vocabulary["color"])
         )
         if unnamed:
             raise ConfigError(f"design {self.name}: no word in the vocabulary for {unnamed}")
@@ -81,9 +81,11 @@ def kinds(colors: tuple[str, ...], shapes: tuple[str, ...]) -> tuple[Kind, ...]:
 
 _SHAPES_2, _COLORS_2 = ("CUBE", "SPHERE"), ("RED", "BLUE")
 _SHAPES_3, _COLORS_3 = ("CUBE", "SPHERE", "CYLINDER"), ("RED", "GREEN", "BLUE")
-_WORDS_2 = Vocabulary(_SHAPES_2, _COLORS_2)
-_WORDS_3 = Vocabulary((*_SHAPES_3, "C"), (*_COLORS_3, "A", "B"))
-_WORDS_3_EXACT = Vocabulary(_SHAPES_3, _COLORS_3)  # without words for what is not there yet
+_WORDS_2 = Vocabulary.of(shape=_SHAPES_2, color=_COLORS_2)
+_WORDS_3 = Vocabulary.of(shape=(*_SHAPES_3, "C"), color=(*_COLORS_3, "A", "B"))
+_WORDS_3_EXACT = Vocabulary.of(
+    shape=_SHAPES_3, color=_COLORS_3
+)  # without words for what is not there yet
 _ALL_2, _ALL_3 = kinds(_COLORS_2, _SHAPES_2), kinds(_COLORS_3, _SHAPES_3)
 _CORNER = Kind("BLUE", "SPHERE")
 _DIAGONAL = tuple(Kind(color, shape) for color, shape in zip(_COLORS_3, _SHAPES_3, strict=True))

@@ -169,11 +169,11 @@ def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
 def vocabulary_of(bag: Bag, namespace: str | None = None) -> Vocabulary:
     """The words of a recording. ProvenanceError if no learner and no arena tells them."""
     for arena in arenas_of(bag, namespace):
-        return Vocabulary(arena.shapes, arena.colors)
+        return Vocabulary.of(shape=arena.shapes, color=arena.colors)
     for recorded in _of_type(bag, PROVENANCE, namespace):
         origin = bag.through(recorded, codec.decode_provenance)
         if origin.shapes:
-            return Vocabulary(origin.shapes, origin.colors)
+            return Vocabulary.of(shape=origin.shapes, color=origin.colors)
     raise ProvenanceError(
         f"bag: {bag.path}: expected an arena's description or a learner's provenance, got none: "
         "nothing says which words programs are made of"

@@ -26,7 +26,7 @@ from pa_ros.wire.records import Command
 from pa_ros.world import Trajectory
 
 JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
-_WORDS = Vocabulary(SHAPES, COLORS)
+_WORDS = Vocabulary.of(shape=SHAPES, color=COLORS)
 _OBJECTS = 5
 _TRANSITIONS = 100
 _WEIGHTS = {"message.0.weight": (150, 68), "message.1.weight": (150, 150), "all.else": (40_000,)}

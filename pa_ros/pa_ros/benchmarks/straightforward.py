@@ -68,7 +68,7 @@ def properties(network: NetworkConfig, named: Named, seen: Scenes) -> Named:
     logits = linear(named, "detectors", columns(network, seen)).unbind(-1)
     exponentials = dict(zip(words, map(torch.exp, logits), strict=True))
     phi: Named = {}
-    for group in (network.vocabulary.shapes, network.vocabulary.colors):
+    for group in (network.vocabulary["shape"], network.vocabulary["color"]):
         total = torch.stack([exponentials[word] for word in group]).sum(0)
         phi |= {word: exponentials[word] / total for word in group}
     return phi

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from pa_ros import __version__
+from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
@@ -36,12 +37,29 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     """The parser; only the chosen subcommand's module is imported (torch and rclpy are slow)."""
     parser = argparse.ArgumentParser(prog="pa_ros", description=__doc__)
     parser.add_argument("--version", action="version", version=f"pa_ros {__version__}")
+    add_extension(parser)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (module, summary) in COMMANDS.items():
         subparser = subparsers.add_parser(name, help=summary, description=summary)
         if name == chosen:
             importlib.import_module(module).add_arguments(subparser)
+            add_extension(subparser)
     return parser
+
+
+def add_extension(parser: argparse.ArgumentParser) -> None:
+    """Declare `--extension`, which stands before or after the command."""
+    parser.add_argument(
+        "--extension", action="append", default=[], metavar="MODULE|FILE.py",
+        help="import what registers arms, designs, relations … of your own; repeatable",
+    )  # fmt: skip
+
+
+def load_extensions(arguments: Sequence[str]) -> None:
+    """Import them before the command's options are made, whose choices they add to."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    add_extension(parser)
+    extensions.load(parser.parse_known_args(arguments)[0].extension)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = next((a for a in arguments if a in COMMANDS), None)
     try:
+        load_extensions(arguments)
         options = build_parser(chosen).parse_args(arguments)
         status = int(importlib.import_module(COMMANDS[options.command][0]).run(options))
         sys.stdout.flush()

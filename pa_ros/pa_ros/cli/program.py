@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def vocabulary(design: str | None) -> Vocabulary:
     """The vocabulary of a design, or the arena's own words."""
     if design is None:
-        return Vocabulary(SHAPES, COLORS)
+        return Vocabulary.of(shape=SHAPES, color=COLORS)
     from pa_ros.arena.designs import design_named
 
     return design_named(design).vocabulary

@@ -12,20 +12,37 @@ RESERVED = frozenset({"NEAR", "HAND", "AND", "OR", "NOT"})
 
 
 @dataclass(frozen=True)
+class WordGroup:
+    """Words of which exactly one is true of an object: "shape", CUBE, SPHERE."""
+
+    name: str
+    words: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not (self.name.isascii() and self.name.isidentifier() and self.name.islower()):
+            raise ConfigError(
+                f"vocabulary: expected a lower-case ASCII name of a group, got {self.name!r}"
+            )
+        if not self.words:
+            raise ConfigError(f"vocabulary: expected at least one word in {self.name}, got none")
+
+
+@dataclass(frozen=True)
 class Vocabulary:
-    """Property words by group; the order fixes the rows of Φ: shapes first, then colors.
+    """Property words by group; the order fixes the rows of Φ.
 
     Each object has exactly one property of each group (paper, "Learned grounding"), so the
     detectors of a group are coupled by one softmax.
     """
 
-    shapes: tuple[str, ...]
-    colors: tuple[str, ...]
+    groups: tuple[WordGroup, ...]
 
     def __post_init__(self) -> None:
-        for group, words in (("shapes", self.shapes), ("colors", self.colors)):
-            if len(words) < 1:
-                raise ConfigError(f"vocabulary: expected at least one word in {group}, got none")
+        if len({group.name for group in self.groups}) < len(self.groups):
+            raise ConfigError(
+                "vocabulary: expected groups of different names, got "
+                f"{[group.name for group in self.groups]}"
+            )
         seen: set[str] = set()
         for word in self.words:
             if not (word.isascii() and word.isidentifier() and word == word.upper()):
@@ -34,23 +51,42 @@ class Vocabulary:
                 raise ConfigError(f"vocabulary: {word!r} is reserved or named twice")
             seen.add(word)
 
-    @property
+    @classmethod
+    def of(cls, **groups: tuple[str, ...]) -> Vocabulary:
+        """`Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED",))`."""
+        return cls(tuple(WordGroup(name, tuple(words)) for name, words in groups.items()))
+
+    def __getitem__(self, group: str) -> tuple[str, ...]:
+        """Words of a group; ConfigError names the known ones."""
+        for one in self.groups:
+            if one.name == group:
+                return one.words
+        known = [one.name for one in self.groups]
+        raise ConfigError(f"unknown group of words: expected one of {known}, got {group!r}")
+
+    @cached_property
     def words(self) -> tuple[str, ...]:
         """All property words in the order of the rows of Φ."""
-        return self.shapes + self.colors
+        return tuple(word for group in self.groups for word in group.words)
 
     @property
-    def group_sizes(self) -> tuple[int, int]:
+    def group_sizes(self) -> tuple[int, ...]:
         """Number of words in each softmax group, in row order."""
-        return (len(self.shapes), len(self.colors))
+        return tuple(len(group.words) for group in self.groups)
 
     @cached_property
     def row(self) -> dict[str, int]:
         """Row of Φ for each word."""
         return {word: i for i, word in enumerate(self.words)}
 
+    @property
+    def by_group(self) -> dict[str, tuple[str, ...]]:
+        """Words by the name of their group, in order."""
+        return {group.name: group.words for group in self.groups}
+
     @cached_property
     def digest(self) -> str:
-        """16 hexadecimal digits that two equal vocabularies share and two different ones do not."""
-        text = ",".join(self.shapes) + ";" + ",".join(self.colors)
+        """16 hexadecimal digits that stand for the words in their groups, whatever the groups'
+        names."""
+        text = ";".join(",".join(group.words) for group in self.groups)
         return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]

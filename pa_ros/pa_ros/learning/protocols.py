@@ -64,7 +64,7 @@ class Protocol:
         path or a value that is refused.
         """
         changed = Protocol(self.name, {**self.values, **dict(map(_split, options))})
-        changed.network_config(Vocabulary(("ANY",), ("COLOR",)))
+        changed.network_config(Vocabulary.of(shape=("ANY",), color=("COLOR",)))
         _ = changed.learner
         return changed
 

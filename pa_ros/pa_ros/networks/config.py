@@ -79,8 +79,8 @@ class NetworkConfig(Settings):
             {
                 **self.family.sizes(self),
                 "actor": self.family.actor,
-                "shapes": list(self.vocabulary.shapes),
-                "colors": list(self.vocabulary.colors),
+                "shapes": list(self.vocabulary["shape"]),
+                "colors": list(self.vocabulary["color"]),
                 "position_scale": float(self.position_scale),
                 "object_features": OBJECT_FEATURES,
                 "arm_features": ARM_FEATURES,
@@ -91,7 +91,7 @@ class NetworkConfig(Settings):
     def to_json(self) -> str:
         """Canonical JSON of every setting, the vocabulary's words among them."""
         values = self.model_dump(mode="json", exclude={"vocabulary"})
-        words = {"shapes": self.vocabulary.shapes, "colors": self.vocabulary.colors}
+        words = {"shapes": self.vocabulary["shape"], "colors": self.vocabulary["color"]}
         return canonical_json({**values, **words})
 
     @classmethod
@@ -99,7 +99,9 @@ class NetworkConfig(Settings):
         """The inverse of `to_json`; ConfigError when the text is not such a description."""
         try:
             values = json.loads(text)
-            vocabulary = Vocabulary(tuple(values.pop("shapes")), tuple(values.pop("colors")))
+            vocabulary = Vocabulary.of(
+                shape=tuple(values.pop("shapes")), color=tuple(values.pop("colors"))
+            )
             return cls(vocabulary=vocabulary, **values)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise ConfigError(f"network description: {error}: got {text[:200]!r}") from error
@@ -114,7 +116,7 @@ def actor_config(architecture: str) -> NetworkConfig:
     try:
         values = json.loads(architecture)
         config = NetworkConfig(
-            vocabulary=Vocabulary(tuple(values["shapes"]), tuple(values["colors"])),
+            vocabulary=Vocabulary.of(shape=tuple(values["shapes"]), color=tuple(values["colors"])),
             kind=values["actor"],
             position_scale=values["position_scale"],
             **family_named(values["actor"]).fields(values),

@@ -22,8 +22,8 @@ def target_one_hots(program: Program, vocabulary: Vocabulary) -> Float32:
     Raises UnsupportedProgramError unless the program is an AND of one color and one shape.
     """
     words = program.words
-    shapes = [word for word in words if word in vocabulary.shapes]
-    colors = [word for word in words if word in vocabulary.colors]
+    shapes = [word for word in words if word in vocabulary["shape"]]
+    colors = [word for word in words if word in vocabulary["color"]]
     target = program.target
     flat = isinstance(target, And) and all(isinstance(part, Word) for part in target.operands)
     if not (flat and len(words) == 2 and len(shapes) == len(colors) == 1):
@@ -46,8 +46,8 @@ def slot_matrices(vocabulary: Vocabulary) -> tuple[Float32, Float32]:
 
 def slot_words(vocabulary: Vocabulary) -> list[tuple[str, str]]:
     """(shape, color) of each block slot of the canonical networks' flattened Ω, in order."""
-    shapes = [word for word in vocabulary.shapes if word in SHAPES]
-    colors = [word for word in vocabulary.colors if word in COLORS]
+    shapes = [word for word in vocabulary["shape"] if word in SHAPES]
+    colors = [word for word in vocabulary["color"] if word in COLORS]
     return [(shape, color) for shape in shapes for color in colors]
 
 

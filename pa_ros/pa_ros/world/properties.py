@@ -17,7 +17,7 @@ def truth_matrix(vocabulary: Vocabulary) -> Float32:
     matrix = np.zeros((OBJECT_FEATURES, len(vocabulary.words)), np.float32)
     for offset, (named, words) in zip(
         (SHAPE.start, COLOR.start),
-        ((SHAPES, vocabulary.shapes), (COLORS, vocabulary.colors)),
+        ((SHAPES, vocabulary["shape"]), (COLORS, vocabulary["color"])),
         strict=True,
     ):
         for word in words:

@@ -136,8 +136,8 @@ def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
     found = [(word, word, frozenset({word})) for word in (*design.shapes, *design.colors)]
     vocabulary = design.vocabulary
     for name, known, words, new in (
-        (NEW_SHAPE, design.shapes, vocabulary.shapes, design.new_shape),
-        (NEW_COLOR, design.colors, vocabulary.colors, design.new_color),
+        (NEW_SHAPE, design.shapes, vocabulary["shape"], design.new_shape),
+        (NEW_COLOR, design.colors, vocabulary["color"], design.new_color),
     ):
         spare = tuple(word for word in words if word not in known)
         if spare:

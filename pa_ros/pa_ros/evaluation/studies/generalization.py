@@ -175,8 +175,8 @@ def setting(agents: Mapping[int, TrainedAgent], episodes: int) -> dict[str, obje
     return {
         "design": design.name,
         "preset": arena.preset,
-        "shapes": design.vocabulary.shapes,  # with the spare words
-        "colors": design.vocabulary.colors,
+        "shapes": design.vocabulary["shape"],  # with the spare words
+        "colors": design.vocabulary["color"],
         "episodes": episodes,
         "episodes_seed": EPISODES_SEED,
         "agents": {

@@ -35,7 +35,7 @@ def read_programs(message: ArenaInfo | Provenance) -> tuple[LanguageProgram, ...
     """Training programs over the message's own words. Raises ConfigError, ProgramError."""
     if not message.training_programs:
         return ()
-    vocabulary = Vocabulary(tuple(message.shapes), tuple(message.colors))
+    vocabulary = Vocabulary.of(shape=tuple(message.shapes), color=tuple(message.colors))
     return tuple(parse(text, vocabulary) for text in message.training_programs)
 
 

@@ -1,0 +1,279 @@
+"""What an observation says of an object: its pose, then any number of groups of properties."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
+from math import dist, inf, isfinite, prod
+from typing import Any
+
+import numpy as np
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32
+from pa_ros.core.settings import canonical_json
+from pa_ros.language.vocabulary import Vocabulary, WordGroup
+
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Metres, then the orientation, both in the frame of the hand; qw >= 0."""
+
+MAX_FEATURES = 256  # of an object
+MAX_GROUPS = 8
+MAX_WORDS = 128
+MAX_KINDS = 4096  # combinations of one value of each group
+
+
+@dataclass(frozen=True)
+class OneHot:
+    """One feature for each value; words that are no value are spare."""
+
+    values: tuple[str, ...]
+
+    def names(self, group: str) -> tuple[str, ...]:
+        """Of the features."""
+        return tuple(f"{group}_{value.lower()}" for value in self.values)
+
+    @property
+    def prototypes(self) -> dict[str, tuple[float, ...]]:
+        """What a value looks like."""
+        rows = np.eye(len(self.values)).tolist()
+        return {value: tuple(row) for value, row in zip(self.values, rows, strict=True)}
+
+    @property
+    def tolerance(self) -> float:
+        """Two one-hots are √2 apart."""
+        return 0.5
+
+    @property
+    def scale(self) -> float:
+        """Of the network's input."""
+        return 1.0
+
+    def to_data(self) -> dict[str, Any]:
+        """As JSON."""
+        return {"values": list(self.values)}
+
+
+@dataclass(frozen=True)
+class Real:
+    """Numbers of a meaning of their own (a size in m, an RGB, an embedding), one or more.
+
+    `of` has the numbers of each value; a word is true of an object that is within the tolerance of
+    its value. Networks see the raw numbers, `scale` network units per unit, and learn to read them.
+    """
+
+    features: tuple[str, ...]
+    of: Mapping[str, tuple[float, ...]] = field(hash=False)
+    tolerance: float
+    scale: float = 1.0
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """Names of the values."""
+        return tuple(self.of)
+
+    def names(self, group: str) -> tuple[str, ...]:
+        """Of the features."""
+        return tuple(f"{group}_{feature}" for feature in self.features)
+
+    @property
+    def prototypes(self) -> dict[str, tuple[float, ...]]:
+        """What a value looks like."""
+        return {value: tuple(map(float, numbers)) for value, numbers in self.of.items()}
+
+    def to_data(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "features": list(self.features),
+            "of": [[value, list(numbers)] for value, numbers in self.prototypes.items()],
+            "tolerance": float(self.tolerance),
+            "scale": float(self.scale),
+        }
+
+
+@dataclass(frozen=True)
+class PropertyGroup:
+    """Values of which an object has exactly one, the words for them, and how they are seen."""
+
+    name: str
+    words: tuple[str, ...]  # spare ones, for what is not there yet, included
+    features: OneHot | Real
+
+    def __post_init__(self) -> None:
+        WordGroup(self.name, self.words)
+        prototypes, tolerance = self.features.prototypes, self.features.tolerance
+        width = len(self.features.names(self.name))
+        if not prototypes or not width:
+            raise ConfigError(f"{self}: expected at least one value and one feature, got none")
+        for value, numbers in prototypes.items():
+            if len(numbers) != width or not all(map(isfinite, numbers)):
+                raise ConfigError(f"{self}: {value}: expected {width} numbers, got {numbers}")
+        if not (0 < tolerance < inf and 0 < self.features.scale < inf):
+            raise ConfigError(
+                f"{self}: expected a positive tolerance and scale, got {tolerance} and "
+                f"{self.features.scale}"
+            )
+        for (one, here), (other, there) in combinations(prototypes.items(), 2):
+            if dist(here, there) <= 2 * tolerance:
+                raise ConfigError(
+                    f"{self}: expected values more than twice the tolerance {tolerance} apart, got "
+                    f"{one} {here} and {other} {there}"
+                )
+
+    def __str__(self) -> str:
+        return f"property group {self.name}"
+
+
+@dataclass(frozen=True)
+class ObjectSchema:
+    """Groups of properties in the order of their features and words."""
+
+    groups: tuple[PropertyGroup, ...]
+
+    def __post_init__(self) -> None:
+        combined = prod(len(group.features.values) for group in self.groups)
+        for what, count, most in (
+            ("property groups", len(self.groups), MAX_GROUPS),
+            ("features of an object", len(self.feature_names), MAX_FEATURES),
+            ("words", len(self.vocabulary.words), MAX_WORDS),
+            ("combinations of values", combined, MAX_KINDS),
+        ):
+            if not 1 <= count <= most:
+                raise ConfigError(f"object schema: {what}: expected 1 to {most}, got {count}")
+        if len(set(self.feature_names)) < self.width:
+            raise ConfigError(
+                f"object schema: expected different features, got {list(self.feature_names)}"
+            )
+
+    def __iter__(self) -> Iterator[PropertyGroup]:
+        return iter(self.groups)
+
+    def __getitem__(self, name: str) -> PropertyGroup:
+        """A group by name; ConfigError names the known ones."""
+        for group in self.groups:
+            if group.name == name:
+                return group
+        raise ConfigError(
+            f"unknown property group: expected one of {[g.name for g in self]}, got {name!r}"
+        )
+
+    @cached_property
+    def vocabulary(self) -> Vocabulary:
+        """The words of all groups."""
+        return Vocabulary(tuple(WordGroup(group.name, group.words) for group in self))
+
+    @cached_property
+    def feature_names(self) -> tuple[str, ...]:
+        """Of an object's features, in order: x y z qx qy qz qw shape_cube …"""
+        return POSE + tuple(name for group in self for name in group.features.names(group.name))
+
+    @property
+    def width(self) -> int:
+        """Number of an object's features, F."""
+        return len(self.feature_names)
+
+    @property
+    def properties(self) -> slice:
+        """Features of all groups."""
+        return slice(len(POSE), self.width)
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Features of each group."""
+        slices, start = {}, len(POSE)
+        for group in self:
+            stop = start + len(group.features.names(group.name))
+            slices[group.name], start = slice(start, stop), stop
+        return slices
+
+    @cached_property
+    def prototypes(self) -> tuple[Float32, ...]:
+        """Of each group, [values, features of the group]."""
+        return tuple(np.array([*g.features.prototypes.values()], np.float32) for g in self)
+
+    def features(self, values: Mapping[str, str]) -> Float32:
+        """What an object with a value of each group is seen as, its pose zero: [F].
+
+        ConfigError for an unknown group, value, or a group without one.
+        """
+        row = np.zeros(self.width, np.float32)
+        for name in (*values, *self.slices):
+            known = self[name].features.prototypes
+            value = values.get(name, "")
+            if value not in known:
+                raise ConfigError(
+                    f"{self[name]}: expected a value of {sorted(known)}, got {value!r}"
+                )
+            row[self.slices[name]] = known[value]
+        return row
+
+    def has(self, objects: Any) -> list[Any]:
+        """Whether objects [..., F] have each value: of each group bool [..., values].
+
+        Arrays of NumPy or tensors of torch, if `prototypes` are such.
+        """
+        return [
+            within(objects[..., self.slices[group.name]], known, group.features.tolerance)
+            for group, known in zip(self, self.prototypes, strict=True)
+        ]
+
+    def truth(self, objects: Float32, vocabulary: Vocabulary | None = None) -> Float32:
+        """True properties [..., N, V] of objects [..., N, F]: 1 where a word is true, else 0.
+
+        Privileged: of the verifier, relabeling and the distilled critic. Words that are no value
+        are true of nothing; V is the schema's own number unless another vocabulary is given.
+        """
+        words = vocabulary or self.vocabulary
+        truth = np.zeros((*objects.shape[:-1], len(words.words)), np.float32)
+        for group, true in zip(self, self.has(objects), strict=True):
+            for i, value in enumerate(group.features.values):
+                if value in words[group.name]:
+                    truth[..., words.row[value]] = true[..., i]
+        return truth
+
+    def to_data(self) -> list[dict[str, Any]]:
+        """As JSON."""
+        return [{"name": g.name, "words": list(g.words), **g.features.to_data()} for g in self]
+
+    @classmethod
+    def from_data(cls, data: Any) -> ObjectSchema:
+        """The inverse of `to_data`; ConfigError if it isn't."""
+        try:
+            return cls(tuple(_group(dict(one)) for one in data))
+        except (TypeError, ValueError, KeyError, AttributeError) as error:
+            raise ConfigError(
+                f"object schema: expected groups of properties as JSON: {error!r}, "
+                f"got {str(data)[:200]}"
+            ) from error
+
+    @cached_property
+    def digest(self) -> str:
+        """16 hexadecimal digits that equal schemas share and others do not."""
+        return hashlib.sha256(canonical_json(self.to_data()).encode()).hexdigest()[:16]
+
+
+def within(features: Any, prototypes: Any, tolerance: float) -> Any:
+    """Which of P prototypes [P, W] features [..., W] are within the tolerance of, [..., P]."""
+    return ((features[..., None, :] - prototypes) ** 2).sum(-1) <= tolerance**2
+
+
+def _group(data: dict[str, Any]) -> PropertyGroup:
+    name, words = data.pop("name"), tuple(data.pop("words"))
+    if "values" in data:
+        return PropertyGroup(name, words, OneHot(tuple(data.pop("values")), **data))
+    numbers = {value: tuple(row) for value, row in data.pop("of")}
+    return PropertyGroup(name, words, Real(tuple(data.pop("features")), numbers, **data))
+
+
+SHAPES = ("CUBE", "SPHERE", "CYLINDER", "CAPSULE")
+COLORS = ("RED", "GREEN", "BLUE", "YELLOW", "MAGENTA")
+PAPER = ObjectSchema(
+    (
+        PropertyGroup("shape", SHAPES, OneHot(SHAPES)),
+        PropertyGroup("color", COLORS, OneHot(COLORS)),
+    )
+)
+"""Shapes and colors of the paper's blocks, and one more of each."""

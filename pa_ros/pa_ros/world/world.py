@@ -1,0 +1,99 @@
+"""A world: all that sizes, words and meanings follow from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import canonical_json
+from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.world.schema import MAX_WORDS, ObjectSchema
+
+MAX_JOINTS = 16
+
+
+@dataclass(frozen=True)
+class World:
+    """What agents and learner have to agree on: objects, words, joints, relations.
+
+    The vocabulary has the schema's groups, with all their words, fewer, or other spare ones.
+    """
+
+    schema: ObjectSchema
+    vocabulary: Vocabulary
+    joints: int = 6
+    relations: tuple[str, ...] = ("NEAR",)
+
+    def __post_init__(self) -> None:
+        ours, theirs = [g.name for g in self.schema], list(self.vocabulary.by_group)
+        if ours != theirs:
+            raise ConfigError(f"world: groups of words: expected {ours}, got {theirs}")
+        words = len(self.vocabulary.words)
+        if words > MAX_WORDS:
+            raise ConfigError(f"world: words: expected 1 to {MAX_WORDS}, got {words}")
+        if not 1 <= self.joints <= MAX_JOINTS:
+            raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints}")
+        if not self.relations or len(set(self.relations)) < len(self.relations):
+            raise ConfigError(f"world: expected different relations, got {self.relations}")
+
+    @property
+    def object_features(self) -> int:
+        """Features of an object, F."""
+        return self.schema.width
+
+    @property
+    def arm_features(self) -> int:
+        """Features of the arm: sin, cos and velocity of each joint."""
+        return 3 * self.joints
+
+    @property
+    def columns(self) -> int:
+        """Features of ω, a column of Ω: an object's, then the arm's (paper, appendix)."""
+        return self.object_features + self.arm_features
+
+    @property
+    def actions(self) -> int:
+        """Elements of an action: one for each joint."""
+        return self.joints
+
+    def to_data(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "objects": self.schema.to_data(),
+            "words": [[group.name, list(group.words)] for group in self.vocabulary.groups],
+            "joints": self.joints,
+            "relations": list(self.relations),
+        }
+
+    @classmethod
+    def from_data(cls, data: Any) -> World:
+        """The inverse of `to_data`; ConfigError if it isn't."""
+        try:
+            vocabulary = Vocabulary.of(**{name: tuple(words) for name, words in data["words"]})
+            schema, relations = ObjectSchema.from_data(data["objects"]), tuple(data["relations"])
+            return cls(schema, vocabulary, data["joints"], relations)
+        except (TypeError, ValueError, KeyError, AttributeError) as error:
+            raise ConfigError(
+                f"world: expected its JSON: {error!r}, got {str(data)[:200]}"
+            ) from error
+
+    def to_json(self) -> str:
+        """Canonical JSON."""
+        return canonical_json(self.to_data())
+
+    @classmethod
+    def from_json(cls, text: str) -> World:
+        """The inverse of `to_json`; ConfigError if it isn't."""
+        try:
+            return cls.from_data(json.loads(text))
+        except ValueError as error:
+            raise ConfigError(f"world: expected JSON: {error}: got {text[:200]!r}") from error
+
+    @cached_property
+    def digest(self) -> str:
+        """16 hexadecimal digits that equal worlds share and different ones do not."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()[:16]

@@ -1,0 +1,168 @@
+"""Object schemas and worlds: sizes, true words, JSON, limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import Vocabulary
+from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, OneHot, PropertyGroup, Real
+from pa_ros.world.world import World
+
+SIZE = PropertyGroup(
+    "size", ("SMALL", "LARGE", "D"), Real(("m",), {"SMALL": (0.04,), "LARGE": (0.08,)}, 0.01, 50.0)
+)
+SIZED = ObjectSchema((*PAPER.groups, SIZE))
+
+
+def test_the_papers_objects_have_sixteen_features() -> None:
+    names = ("x", "y", "z", "qx", "qy", "qz", "qw", "shape_cube", "shape_sphere", "shape_cylinder",
+             "shape_capsule", "color_red", "color_green", "color_blue", "color_yellow",
+             "color_magenta")  # fmt: skip
+    assert PAPER.feature_names == names and PAPER.width == 16
+    assert PAPER.slices == {"shape": slice(7, 11), "color": slice(11, 16)}
+    assert PAPER.properties == slice(7, 16)
+    assert PAPER.vocabulary.words == SHAPES + COLORS
+
+
+def test_a_group_of_numbers_is_one_more() -> None:
+    assert SIZED.feature_names[16:] == ("size_m",) and SIZED.slices["size"] == slice(16, 17)
+    row = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "LARGE"})
+    assert row[16] == np.float32(0.08) and set(np.flatnonzero(row)) == {7, 13, 16}
+
+
+def test_words_are_true_of_what_is_near_enough() -> None:
+    row = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "SMALL"})
+    scene = np.stack([row, row, np.zeros_like(row)])
+    scene[1, 16] = 0.06  # of no size that has a word
+    words = Vocabulary.of(shape=("CUBE", "C"), color=("RED", "BLUE"), size=("SMALL", "LARGE", "X"))
+    truth = SIZED.truth(scene[None], words)
+    assert truth.shape == (1, 3, 7) and truth.dtype == np.float32
+    named = [{w for w, true in zip(words.words, one, strict=True) if true} for one in truth[0]]
+    assert named == [{"CUBE", "BLUE", "SMALL"}, {"CUBE", "BLUE"}, set()]
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        ({"shape": "CUBE", "color": "PINK"}, "group color: expected a value of .*, got 'PINK'"),
+        ({"shape": "CUBE"}, "group color: expected a value of .*, got ''"),
+        (
+            {"weight": "HEAVY"},
+            r"unknown property group: expected one of \['shape', 'color'\], got 'weight'",
+        ),
+    ],
+)
+def test_what_an_object_cannot_be_is_refused(values: dict[str, str], why: str) -> None:
+    with pytest.raises(ConfigError, match=why):
+        PAPER.features(values)
+
+
+def group(words: tuple[str, ...] = ("A",), name: str = "g", **changed: object) -> PropertyGroup:
+    given = {"features": ("x",), "of": {"A": (0.0,), "B": (1.0,)}, "tolerance": 0.1} | changed
+    return PropertyGroup(name, words, Real(**given))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"tolerance": 0.5}, "more than twice the tolerance 0.5 apart, got A .* and B"),
+        ({"tolerance": 0.0}, "positive tolerance"),
+        ({"scale": float("inf")}, "positive tolerance and scale"),
+        ({"of": {"A": (0.0, 1.0)}}, r"property group g: A: expected 1 numbers, got \(0.0, 1.0\)"),
+        ({"of": {"A": (float("nan"),)}}, "A: expected 1 numbers"),
+        ({"of": {}}, "at least one value"),
+        ({"words": ()}, "at least one word in g"),
+        ({"name": "Größe"}, "lower-case ASCII name"),
+    ],
+)
+def test_a_group_that_cannot_be_seen_is_refused(changed: dict[str, object], why: str) -> None:
+    with pytest.raises(ConfigError, match=why):
+        group(**changed)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("groups", "why"),
+    [
+        ([group((f"W{i}",), f"g{i}") for i in range(9)], "property groups: expected 1 to 8, got 9"),
+        ([], "property groups: expected 1 to 8, got 0"),
+        (
+            [PropertyGroup("g", ("A",), OneHot(tuple(f"V{i}" for i in range(250))))],
+            "features of an object: expected 1 to 256, got 257",
+        ),
+        ([group(tuple(f"W{i}" for i in range(129)))], "words: expected 1 to 128, got 129"),
+        (
+            [
+                PropertyGroup(name, (name.upper(),), OneHot(tuple(f"V{i}" for i in range(20))))
+                for name in ("a", "b", "c")
+            ],
+            "combinations of values: expected 1 to 4096, got 8000",
+        ),
+        ([group(), group()], "different names"),
+        ([group(), group(("B",), "h"), group(("A",), "i")], "'A' is reserved or named twice"),
+    ],
+)
+def test_limits_are_checked_where_the_schema_is_made(groups: list[PropertyGroup], why: str) -> None:
+    with pytest.raises(ConfigError, match=why):
+        ObjectSchema(tuple(groups))
+
+
+WORLD = World(SIZED, SIZED.vocabulary, joints=7)
+
+
+def test_sizes_follow_from_the_world() -> None:
+    assert (WORLD.object_features, WORLD.arm_features, WORLD.actions) == (17, 21, 7)
+    assert WORLD.columns == 38
+
+
+def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
+    assert World.from_json(WORLD.to_json()) == WORLD
+    assert list(World.from_json(WORLD.to_json()).schema["size"].features.values) == [
+        "SMALL",
+        "LARGE",
+    ]
+    fewer = Vocabulary.of(shape=("CUBE",), color=("RED",), size=("SMALL", "LARGE"))
+    others = [
+        World(PAPER, PAPER.vocabulary),
+        World(PAPER, PAPER.vocabulary, joints=7),
+        World(SIZED, SIZED.vocabulary, joints=6),
+        World(SIZED, fewer, joints=7),
+        World(SIZED, SIZED.vocabulary, 7, ("NEAR", "ABOVE")),
+    ]
+    digests = {world.digest for world in (WORLD, *others)}
+    assert len(digests) == 6 and {len(digest) for digest in digests} == {16}
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"objects": 3}', "null"])
+def test_what_is_no_world_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="world: expected"):
+        World.from_json(text)
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"joints": 17}, "joints: expected 1 to 16, got 17"),
+        ({"joints": 0}, "joints: expected 1 to 16, got 0"),
+        ({"relations": ()}, "different relations"),
+        (
+            {"vocabulary": Vocabulary.of(color=("RED",), shape=("CUBE",))},
+            r"expected \['shape', 'color'\], got \['color', 'shape'\]",
+        ),
+        (
+            {
+                "vocabulary": Vocabulary.of(
+                    shape=("CUBE",), color=tuple(f"C{i}" for i in range(128))
+                )
+            },
+            "words: expected 1 to 128, got 129",
+        ),
+    ],
+)
+def test_a_world_that_nothing_here_can_compute_is_refused(
+    changed: dict[str, object], why: str
+) -> None:
+    given = {"schema": PAPER, "vocabulary": PAPER.vocabulary} | changed
+    with pytest.raises(ConfigError, match=why):
+        World(**given)  # type: ignore[arg-type]
