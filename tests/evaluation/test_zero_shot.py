@@ -1,7 +1,9 @@
 """Experiments on trained agents leave tables that can be read back, and pictures."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pa_ros.cli.main import main
@@ -33,6 +35,21 @@ def test_generalization(agents, tmp_path):
     picture.unlink()
     assert results.redraw_generalization(out / "generalization.x.csv") == picture
     assert picture.read_bytes() == before
+
+
+def test_a_digest_is_of_tensors_by_name_whatever_their_order(novice: TrainedAgent):
+    tensors = novice.snapshot.tensors
+    turned = replace(novice.snapshot, tensors=dict(reversed(tensors.items())))
+    assert list(turned.tensors) != list(tensors)
+    assert replace(novice, snapshot=turned).digest == novice.digest
+
+
+def test_random_weights_have_a_random_stream_of_their_own(novice: TrainedAgent):
+    first = next(iter(without_training(novice, 7).snapshot.tensors.values()))
+    streams = range(6)  # 0 arena, 1 exploration, 2 learner, 3 the random reference
+    drawn = [np.random.default_rng([7, i]).uniform(-1, 1, first.shape) for i in streams]
+    alike = [np.corrcoef(first.ravel(), numbers.ravel())[0, 1] > 0.999 for numbers in drawn]
+    assert alike == [False, False, False, False, True, False]
 
 
 def test_equalities_and_detectors(agents, tmp_path):
