@@ -11,7 +11,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: reference install install-dev install-bench run train test bench same-results lint sanitize clean
+.PHONY: reference install install-dev install-bench run train test fuzz bench same-results lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -52,6 +52,13 @@ lint: install-dev
 
 test: lint
 	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
+
+# A million programs, a hundred thousand messages, damaged checkpoints and bags; then, where atheris
+# can be installed, cases led by coverage. `make test` looks at a thousandth of them.
+fuzz: install-dev
+	PA_ROS_FUZZ=1 $(BIN)/python -m pytest -q tests/fuzz
+	-$(PIP_INSTALL) $(call extra,fuzz)
+	$(BIN)/python tests/fuzz/guided.py -max_total_time=120
 
 # The fused engine's own tests: plain, with AddressSanitizer and UBSan, and with ThreadSanitizer.
 sanitize: sanitize-none sanitize-address,undefined sanitize-thread

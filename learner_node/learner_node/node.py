@@ -12,8 +12,8 @@ from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import PublishedPolicy
-from pa_ros.learning.checkpoints import find_checkpoint
 from pa_ros.learning.folder import checkpoint_of, refuse_used
+from pa_ros.learning.newest import newest_whole
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
@@ -59,7 +59,7 @@ class LearnerNode(Node):
         self.refusals = Refusals(self.get_logger().warning)
         self.worker: LearnerWorker | None = None
         if self.config.resume:
-            find_checkpoint(checkpoint_of(Path(self.config.out)))
+            newest_whole(checkpoint_of(Path(self.config.out)))
         elif self.config.out:
             refuse_used(Path(self.config.out))
         self._failure: BaseException | None = None

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
@@ -23,6 +23,7 @@ from pa_ros.learning.errors import (
     FolderUsedError,
 )
 from pa_ros.learning.folder import checkpoint_of, claim
+from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin
@@ -49,7 +50,7 @@ class LearnerWorker:
         self._config, self._arena, self._sinks = config, arena, sinks
         self._folder = self._claimed()
         self._learner = _make_learner(config, arena, self.vocabulary)
-        extra = restore(checkpoint_of(Path(config.out)), self._learner) if config.resume else {}
+        extra = self._resumed() if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self.metrics = self._learner.metrics()
@@ -159,6 +160,14 @@ class LearnerWorker:
         except PaError as error:  # a full disk: the one before is still whole
             self.unsaved = error
             self._sinks.refuse("checkpoint", error)
+
+    def _resumed(self) -> dict[str, Any]:
+        """Go on from the newest whole checkpoint, and say so if another was damaged."""
+        checkpoint, passed_over = newest_whole(checkpoint_of(Path(self._config.out)))
+        if passed_over:
+            self._sinks.refuse("checkpoint", CheckpointError(passed_over))
+            make_latest(checkpoint)
+        return restore(checkpoint, self._learner)
 
     def _claimed(self) -> IO[bytes] | None:
         """The folder, kept from other runs; None where nothing can be written, which is said."""

@@ -243,6 +243,13 @@ def saved(tmp_path) -> Path:
     return tmp_path / "run" / "checkpoint"
 
 
+@pytest.fixture
+def edited(saved) -> Path:
+    """A checkpoint that may be edited: without checksums, as earlier versions wrote them."""
+    (find_checkpoint(saved) / "SHA256SUMS").unlink()
+    return saved
+
+
 def test_a_checkpoint_is_plain_and_acts(saved) -> None:
     values = read_metadata(saved)
     assert values["counters"]["frames"] == 100
@@ -255,7 +262,7 @@ def test_a_checkpoint_is_plain_and_acts(saved) -> None:
     observation, _ = PointWorld().reset(0)
     assert actor.act(observation, PROGRAMS[0]).shape == (6,)
     files = {p.suffix for p in find_checkpoint(saved).iterdir()}
-    assert files == {".json", ".safetensors"}
+    assert files == {".json", ".safetensors", ""}
 
 
 @pytest.mark.parametrize(
@@ -276,21 +283,21 @@ def test_another_learners_checkpoint_is_refused(saved, network, settings, messag
 
 
 @pytest.mark.parametrize("room", ["learner", "network"])
-def test_an_option_that_is_younger_than_the_checkpoint_had_its_default(saved, room) -> None:
-    path = find_checkpoint(saved) / "metadata.json"
+def test_an_option_that_is_younger_than_the_checkpoint_had_its_default(edited, room) -> None:
+    path = find_checkpoint(edited) / "metadata.json"
     values = json.loads(path.read_text())
     option = {"learner": "detectors.decay", "network": "self_weight"}[room]
     kept = json.loads(values[room])
     part, _, name = option.rpartition(".")
     del (kept[part] if part else kept)[name]
     path.write_text(json.dumps(values | {room: json.dumps(kept)}))
-    restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
+    restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
     changed = {
         "learner": (NETWORK, dpg(SETTINGS, detectors__decay=0.5)),
         "network": (NETWORK.changed(self_weight=0.5), SETTINGS),
     }[room]
     with pytest.raises(CheckpointError, match=f"{option}: checkpoint .*, here 0.5"):
-        restore(saved, Learner(*changed, PROGRAMS, 3, SCORING))
+        restore(edited, Learner(*changed, PROGRAMS, 3, SCORING))
 
 
 def test_other_training_programs_are_refused(saved) -> None:
@@ -302,15 +309,15 @@ def test_other_training_programs_are_refused(saved) -> None:
     "name", ["metadata.json", "engine.safetensors", "replay.safetensors", "policies.safetensors"]
 )
 @pytest.mark.parametrize("damage", ["missing", "truncated", "empty"])
-def test_a_damaged_checkpoint_is_refused(saved, name, damage) -> None:
-    path = find_checkpoint(saved) / name
+def test_a_damaged_checkpoint_is_refused(edited, name, damage) -> None:
+    path = find_checkpoint(edited) / name
     content = path.read_bytes()
     if damage == "missing":
         path.unlink()
     else:
         path.write_bytes(content[: len(content) // 2] if damage == "truncated" else b"")
     with pytest.raises(CheckpointError):
-        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
+        restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
 @pytest.mark.parametrize("latest", [b"\xff\xfe", b"version\0", b"", b"../elsewhere", b"x" * 4000])
@@ -324,32 +331,32 @@ def test_an_edited_latest_is_refused(saved, latest) -> None:
 @pytest.mark.parametrize(
     "name", ["rng", "counters", "replay", "network", "learner", "published", "programs", "format"]
 )
-def test_metadata_that_was_edited_is_refused_by_type(saved, name, value) -> None:
-    path = find_checkpoint(saved) / "metadata.json"
+def test_metadata_that_was_edited_is_refused_by_type(edited, name, value) -> None:
+    path = find_checkpoint(edited) / "metadata.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {name: value}))
     with pytest.raises(CheckpointError):
-        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
+        restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
 @pytest.mark.parametrize("missing", ["rng", "counters", "replay", "network", "published", "extra"])
-def test_metadata_that_lacks_something_is_refused(saved, missing) -> None:
-    path = find_checkpoint(saved) / "metadata.json"
+def test_metadata_that_lacks_something_is_refused(edited, missing) -> None:
+    path = find_checkpoint(edited) / "metadata.json"
     values = json.loads(path.read_text())
     del values[missing]
     path.write_text(json.dumps(values))
     with pytest.raises(CheckpointError):
-        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
+        restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
-def test_no_checkpoint_and_another_format(saved, tmp_path) -> None:
+def test_no_checkpoint_and_another_format(edited, tmp_path) -> None:
     with pytest.raises(CheckpointError, match="found none"):
         load_policy(tmp_path / "nowhere")
     with pytest.raises(CheckpointError, match="found none"):
         run(tmp_path / "nowhere", 20, resume=True)
-    path = find_checkpoint(saved) / "metadata.json"
+    path = find_checkpoint(edited) / "metadata.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 99}))
     with pytest.raises(CheckpointError, match="expected format 2 or 1, got 99"):
-        load_policy(saved)
+        load_policy(edited)
 
 
 def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) -> None:

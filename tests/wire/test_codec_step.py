@@ -116,9 +116,12 @@ def _poke(name, index, value):
         (0, _set("hand_index", 5), errors.RangeError),
         (0, _poke("features", 17, math.nan), errors.NonFiniteError),
         (0, _poke("features", 17, -math.inf), errors.NonFiniteError),
+        (0, _poke("features", 17, -3e38), errors.RangeError),  # networks would add up to inf
         (1, _set("position", [0.0] * 5), errors.SizeError),
         (1, _set("velocity", []), errors.SizeError),
         (1, _poke("velocity", 2, math.nan), errors.NonFiniteError),
+        (1, _poke("velocity", 2, 1e300), errors.RangeError),  # inf as an arm feature, float32
+        (1, _poke("position", 0, 1e5), errors.RangeError),
         (1, _set("name", ["a", "b", "c", "d", "e", "f"]), errors.JointNamesError),
         (1, _set("name", []), errors.JointNamesError),
         (1, lambda message: setattr(message.header.stamp, "nanosec", 5), errors.StampError),

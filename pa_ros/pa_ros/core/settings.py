@@ -187,7 +187,7 @@ class Settings(BaseModel):
     def from_json(cls, text: str) -> Self:
         """The inverse of `to_json`; what is absent keeps its default. ConfigError if it isn't."""
         try:
-            return cls(**json.loads(text))
+            return cls(**read_json(text))
         except (ValueError, TypeError) as error:
             raise ConfigError(
                 f"{cls.SECTION or cls.__name__}: expected the JSON of settings: {error}: "
@@ -210,6 +210,14 @@ class Settings(BaseModel):
             return f"{where}: expected {expected}, got nothing"
         got = _given(values, path, found["input"])
         return f"{where}: expected {expected}, got {got!r}"
+
+
+def read_json(text: str) -> Any:
+    """What JSON says; ValueError if it isn't, or is nested too deeply to be read."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
 
 
 def canonical_json(values: Any) -> str:

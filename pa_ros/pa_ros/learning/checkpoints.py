@@ -22,10 +22,12 @@ from safetensors.numpy import load_file, save
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import PolicySnapshot
+from pa_ros.core.settings import read_json
 from pa_ros.language import parse
 from pa_ros.learning import edition1
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import Counters, Learner
+from pa_ros.learning.checksums import SUMS, check_files, checksums
 from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.networks.config import NetworkConfig
 
@@ -51,7 +53,8 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
     try:
         root.mkdir(parents=True, exist_ok=True)
         if _latest_name(root) != name:
-            _write_directory(root, name, _files(learner, extra or {}))
+            files = _files(learner, extra or {})
+            _write_directory(root, name, {**files, SUMS: checksums(files)})
             _write_file(root / f".{LATEST}", name.encode())
             os.replace(root / f".{LATEST}", root / LATEST)
             _sync_directory(root)
@@ -85,7 +88,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
     """
     directory = find_checkpoint(path)
     try:
-        values = json.loads((directory / METADATA).read_text())
+        values = read_json((directory / METADATA).read_text())
         if values["format"] == edition1.FORMAT:
             values = edition1.read(values)
         elif values["format"] != FORMAT:
@@ -101,7 +104,9 @@ def read_metadata(path: Path) -> dict[str, Any]:
 def load_policy(path: Path) -> PolicySnapshot:
     """The newest published weights of a checkpoint: all that acting needs."""
     values = read_metadata(path)
-    return _load_policies(find_checkpoint(path), values)[-1]
+    directory = find_checkpoint(path)
+    check_files(directory)
+    return _load_policies(directory, values)[-1]
 
 
 def restore(path: Path, learner: Learner) -> dict[str, Any]:
@@ -111,6 +116,7 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
     missing or damaged; the learner is then not to be used.
     """
     directory, values = find_checkpoint(path), read_metadata(path)
+    check_files(directory)
     try:
         _check_same(directory, values, learner)
         for text in values["programs"]:

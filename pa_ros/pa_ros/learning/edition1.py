@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import read_json
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.world import Scoring
 
@@ -56,7 +56,7 @@ _NAMES = {  # there: here
 def read(values: dict[str, Any]) -> dict[str, Any]:
     """A checkpoint's metadata as the next format has it; ConfigError if it is not 0.1's."""
     try:
-        given = json.loads(values["learner"])
+        given = read_json(values["learner"])
         near_m = given["near_threshold"]
         settings = {_NAMES[name]: value for name, value in given.items() if name not in _FACTS}
     except (ValueError, AttributeError, TypeError, KeyError) as error:

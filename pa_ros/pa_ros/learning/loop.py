@@ -31,6 +31,7 @@ from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, claim
+from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.progress import Progress
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
@@ -137,7 +138,10 @@ def train(
 
 def _resume(config: TrainConfig, learner: Learner) -> dict[str, Any]:
     """Restore the learner of the same run; what else its checkpoint says."""
-    path = checkpoint_of(config.out)
+    path, passed_over = newest_whole(checkpoint_of(config.out))
+    if passed_over:
+        log.warning(passed_over)
+        make_latest(path)
     extra = restore(path, learner)
     for name in ("seed", "design", "preset"):
         if extra.get(name) != getattr(config, name):

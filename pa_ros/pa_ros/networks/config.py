@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import cached_property
 from typing import Annotated, ClassVar
 
@@ -10,7 +9,7 @@ from pydantic import Field
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
-from pa_ros.core.settings import OneOf, Settings, canonical_json
+from pa_ros.core.settings import OneOf, Settings, canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.networks.families import FAMILIES, Family, family_named
 
@@ -98,7 +97,7 @@ class NetworkConfig(Settings):
     def from_json(cls, text: str) -> NetworkConfig:
         """The inverse of `to_json`; ConfigError when the text is not such a description."""
         try:
-            values = json.loads(text)
+            values = read_json(text)
             vocabulary = Vocabulary.of(
                 shape=tuple(values.pop("shapes")), color=tuple(values.pop("colors"))
             )
@@ -114,7 +113,7 @@ def actor_config(architecture: str) -> NetworkConfig:
     Raises ConfigError if this version builds no such actor.
     """
     try:
-        values = json.loads(architecture)
+        values = read_json(architecture)
         config = NetworkConfig(
             vocabulary=Vocabulary.of(shape=tuple(values["shapes"]), color=tuple(values["colors"])),
             kind=values["actor"],

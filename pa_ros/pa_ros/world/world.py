@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.settings import canonical_json
+from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.schema import MAX_WORDS, ObjectSchema
 
@@ -89,7 +88,7 @@ class World:
     def from_json(cls, text: str) -> World:
         """The inverse of `to_json`; ConfigError if it isn't."""
         try:
-            return cls.from_data(json.loads(text))
+            return cls.from_data(read_json(text))
         except ValueError as error:
             raise ConfigError(f"world: expected JSON: {error}: got {text[:200]!r}") from error
 

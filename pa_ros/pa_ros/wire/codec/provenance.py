@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from pa_ros.core.settings import read_json
 from pa_ros.wire import errors
 from pa_ros.wire.codec.program import read_programs
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
@@ -70,7 +71,7 @@ def _learner(message: Provenance) -> LearnerOrigin | None:
 
 def _parameters(text: str) -> dict[str, Any]:
     try:
-        values = json.loads(text)
+        values = read_json(text)
     except ValueError:
         values = None
     if not isinstance(values, dict):

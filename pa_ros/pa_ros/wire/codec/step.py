@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from pa_ros.core.experience import (
     JOINTS,
     OBJECT_FEATURES,
@@ -21,6 +23,7 @@ from pa_ros.wire.records import Command, StepMark
 
 HAND_FRAME = "hand"
 MAX_OBJECTS = 64
+LARGEST = 1e4  # m, rad, rad/s: far beyond any arena, and far within what networks can add up
 
 
 def encode_observation(
@@ -95,7 +98,9 @@ def decode_objects(message: ObjectFeatures) -> tuple[Float32, int]:
     """
     count, hand_index = objects_and_hand("object_features", message)
     shape = (count, OBJECT_FEATURES)
-    return read_float32("object_features.features", message.features, shape), hand_index
+    features = read_float32("object_features.features", message.features, shape)
+    _check_sane("object_features.features", features)
+    return features, hand_index
 
 
 def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[int, int]:
@@ -110,17 +115,25 @@ def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[
 
 def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
     """Positions (rad) and velocities (rad/s) of the joints named, in that order; of six as they
-    come if none is named. Raises SizeError, NonFiniteError, JointNamesError."""
+    come if none is named. Raises SizeError, NonFiniteError, RangeError, JointNamesError."""
     received = tuple(joints.name)
     if not set(names) <= set(received):
         raise errors.JointNamesError("joint_states.name", names, received)
     shape = (len(received),) if names else (JOINTS,)
     position = read_float64("joint_states.position", joints.position, shape)
     velocity = read_float64("joint_states.velocity", joints.velocity, shape)
+    _check_sane("joint_states.position", position)
+    _check_sane("joint_states.velocity", velocity)
     if not names or received == names:
         return position, velocity
     order = [received.index(name) for name in names]
     return position[order], velocity[order]
+
+
+def _check_sane(field: str, values: Float32 | Float64) -> None:
+    largest = np.abs(values).max()
+    if largest > LARGEST:
+        raise errors.RangeError(field, f"within ±{LARGEST:g}", largest)
 
 
 def encode_verdict(verdict: Verdict, evaluation: bool = False) -> VerdictMessage:

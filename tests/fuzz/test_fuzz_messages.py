@@ -1,0 +1,151 @@
+"""Any message that travels is understood or refused by type, and what is understood is usable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import learner_input
+import numpy as np
+import pytest
+from damage import damaged
+from fuzzing import explore
+from learners import FACTS, LEARNER, ME, NETWORK, published
+
+from agent_node.programs import ProgramBook, vocabulary_of
+from pa_ros.acting.agent import Agent
+from pa_ros.acting.answer import Load
+from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.benchmarks.codec import JOINT_NAMES, sample_step
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import TrajectoryKey
+from pa_ros.language import parse
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.run import LearningRun
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Reset, SetSpeed, Step
+from pa_ros.wire.records import Health, Origin, ProgramJudgement, ProgramRequest
+
+MESSAGES = 100_000  # of all kinds together
+OBSERVATION, VERDICT, COMMAND = sample_step()
+FEATURES, JOINTS = codec.encode_observation(OBSERVATION, JOINT_NAMES)
+SETTINGS = DPGConfig().changed(
+    **{"replay.capacity_frames": 500, "replay.batch_size": 4, "replay.warmup_frames": 5}
+)
+ORIGIN = Origin("/sim_node", "a", "0.2", "numpy 2", 0, {"a": 1}, "2-L", "fast", ("CUBE",), ("RED",))
+JUDGEMENT = ProgramJudgement("p", "/sim_node", True, "NEAR(HAND, RED)")
+
+
+def arena(message: Any) -> None:
+    described = codec.decode_arena_info(message)
+    words = vocabulary_of(described)
+    ProgramBook(words).accept(ProgramRequest("p", f"NEAR(HAND, {words.words[0]})"))
+    assert 0 < described.control_period < math.inf
+    NetworkConfig(vocabulary=words, hidden=4, attention=4).architecture.encode()
+
+
+def features(message: Any) -> None:
+    seen = codec.decode_observation(message, JOINTS, JOINT_NAMES)
+    assert np.isfinite(seen.objects).all()
+
+
+def joints(message: Any) -> None:
+    assert np.isfinite(codec.decode_observation(FEATURES, message, JOINT_NAMES).arm).all()
+
+
+def command(message: Any) -> None:
+    assert np.isfinite(codec.decode_command(message).action).all()
+
+
+def learner(message: Any) -> None:
+    agent = LearningAgent(ME, 0)
+    agent.follow(codec.decode_learner_info(message), FACTS)
+    agent.answer()
+
+
+def weights(message: Any) -> None:
+    """By an agent that has none yet, and by one that follows a learner."""
+    policy = codec.decode_weights(message)
+    _acts(Agent(ME), policy)
+    follower = LearningAgent(ME, 0)
+    follower.follow(LEARNER, FACTS)
+    follower.offer(published(0))
+    _acts(follower, policy)
+
+
+def _acts(agent: Agent, policy: Any) -> None:
+    agent.offer(policy)
+    while isinstance(answer := agent.answer(), Load):
+        agent.load(answer.policy)
+
+
+def trajectory(message: Any) -> None:
+    """By a learner, which then still learns from what is good, and from finite numbers."""
+    received = codec.decode_trajectory(message, learner_input.DESIGN.vocabulary)
+    network = replace_words(NETWORK)
+    run = LearningRun(Learner(network, SETTINGS, learner_input.ARENA.training_programs, 0), 0.1)
+    before = run.learner.counters.version
+    try:
+        run.consume(received)
+    except PaError:
+        assert run.learner.counters.version == before
+        raise
+    assert all(np.isfinite(t).all() for t in run.policy().snapshot.tensors.values())
+
+
+def replace_words(network: NetworkConfig) -> NetworkConfig:
+    return network.changed(vocabulary=learner_input.DESIGN.vocabulary)
+
+
+def program(message: Any) -> None:
+    request = codec.decode_program(message)
+    assert request.program_id
+    parse(request.text, learner_input.DESIGN.vocabulary)
+
+
+DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
+    "arena_info": (codec.encode_arena_info(learner_input.ARENA), arena),
+    "object_features": (FEATURES, features),
+    "joint_states": (JOINTS, joints),
+    "verdict": (codec.encode_verdict(VERDICT), codec.decode_verdict),
+    "joint_command": (codec.encode_command(COMMAND), command),
+    "learner_info": (codec.encode_learner_info(LEARNER), learner),
+    "policy_weights": (
+        codec.encode_weights(replace(published(1, 1), latest=TrajectoryKey(*ME, 0))),
+        weights,
+    ),
+    "trajectory": (codec.encode_trajectory(learner_input.trajectory(0)), trajectory),
+    "program": (codec.encode_program(ProgramRequest("p", "NEAR(HAND, RED)")), program),
+    "program_status": (codec.encode_program_status(JUDGEMENT), codec.decode_program_status),
+    "provenance": (codec.encode_provenance(ORIGIN), codec.decode_provenance),
+    "diagnostics": (
+        codec.encode_diagnostics([Health("/a", 1, "x", {"k": "v"})], 5),
+        codec.decode_diagnostics,
+    ),
+    "reset": (Reset.Request(episode=3), codec.decode_reset),
+    "step": (Step.Request(steps=3), codec.decode_steps),
+    "speed": (SetSpeed.Request(real_time_factor=1.0), codec.decode_speed),
+}
+
+
+def judge(name: str, message: Any) -> None:
+    try:
+        DOORS[name][1](message)
+    except PaError as error:
+        assert error.code and str(error)
+
+
+@pytest.mark.timeout(0)
+@pytest.mark.parametrize("name", DOORS)
+def test_messages(name: str):
+    explore(damaged(DOORS[name][0]), lambda message: judge(name, message), MESSAGES // len(DOORS))
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_what_is_not_damaged_is_understood(name: str):
+    message, door = DOORS[name]
+    door(message)

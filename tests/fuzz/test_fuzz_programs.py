@@ -1,0 +1,55 @@
+"""Any text is a program or a refusal, whatever a million of them say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from fuzzing import explore
+from hypothesis import strategies as st
+
+from pa_ros.arena import design_named
+from pa_ros.language import ProgramError, parse
+from pa_ros.language.limits import MAX_LENGTH
+from pa_ros.world.programs import ProgramTable
+
+PROGRAMS = 1_000_000
+AT_ONCE = 20  # programs of one case
+WORDS = design_named("2-L").vocabulary
+KEPT = json.loads(Path(__file__).with_name("programs.json").read_text())
+
+TOKENS = (
+    *("NEAR", "NEAR(", "HAND", "HAND,", "AND(", "OR(", "NOT(", "(", ")", "))", ",", ",,", " "),
+    *("\t", "\n", "NEAR(HAND, RED)", "NOT(NOT(", "near", "É", "（", "\0", "\ud800", "\u202e", "1"),
+    *WORDS.words,
+)
+texts = st.one_of(
+    st.lists(st.sampled_from(TOKENS), max_size=24).map("".join),
+    st.tuples(st.sampled_from(TOKENS), st.integers(1, MAX_LENGTH)).map(lambda t: t[0] * t[1]),
+    st.text(max_size=40),
+    st.text("NEARHDOTU(), ", max_size=40).map(lambda text: f"NEAR(HAND, {text})"),
+)
+
+
+def judge(text: str) -> object:
+    """Parsed and compiled, and the same when printed; or refused within its text."""
+    try:
+        program = parse(text, WORDS)
+    except ProgramError as error:
+        assert error.code.startswith("program.") and -1 <= error.position <= len(text)
+        assert str(error).isascii()
+        return None
+    assert parse(str(program), WORDS) == program
+    return ProgramTable(WORDS).add(program)
+
+
+@pytest.mark.parametrize("text", KEPT)
+def test_cases_found_before(text: str):
+    judge(text)
+
+
+@pytest.mark.timeout(0)
+def test_programs():
+    cases = st.lists(texts, min_size=AT_ONCE, max_size=AT_ONCE)
+    explore(cases, lambda several: list(map(judge, several)), PROGRAMS // AT_ONCE)
