@@ -15,6 +15,9 @@ class LearnerNodeConfig(LearningChoice):
     options: tuple[str, ...] = Field(
         (), description="learner.PART.NAME=VALUE or network.NAME=VALUE over the protocol"
     )
+    arenas: tuple[str, ...] = Field(
+        (), description="namespaces of the arenas that are learned about; empty: the learner's own"
+    )
     out: str = Field("", description="folder of the checkpoint; empty: none is written")
     resume: bool = Field(False, description="go on from the checkpoint in out")
     checkpoint_every_frames: int = Field(50_000, ge=0, description="0: only when the node stops")

@@ -69,8 +69,9 @@ class LearnerNode(Node):
         self._weights = topics.POLICY_WEIGHTS.publisher(self)
         self._announcement = topics.LEARNER_INFO.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
-        info = topics.ARENA_INFO
-        info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
+        for arena in self.config.arenas or ("",):
+            info = topics.ARENA_INFO.within(arena)
+            info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
         topics.TRAJECTORIES.subscribe(self, self._take)
         HealthReporter(self, self.refusals, self._collect, self._progress)
         steady_timer(self, WATCH_S, self._watch)

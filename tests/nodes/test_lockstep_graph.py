@@ -39,6 +39,16 @@ def test_everything_of_a_step_says_which_step_it_is():
     assert {m.step for m in probe.heard["object_features"]} >= set(range(21))
 
 
+def test_an_episodes_last_step_is_answered_by_no_command():
+    with graph(SimNode, AgentNode, sim_node__episode_steps=10, **RANDOM) as probe:
+        assert probe.until(lambda: probe.last(topics.OBJECT_FEATURES).episode > 2
+                           if probe.count(topics.OBJECT_FEATURES) else False)  # fmt: skip
+        assert probe.until(lambda: probe.value("sim_node", "refused") != "")
+        assert probe.value("sim_node", "refused") == "0"
+    steps = {message.step for message in probe.heard["joint_commands"]}
+    assert steps == set(range(10))
+
+
 def test_one_command_moves_one_control_period_and_none_moves_nothing():
     with graph(SimNode, sim_node__resend_period_s=0.3) as probe:
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 2)

@@ -8,6 +8,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.learning.errors import FolderUsedError
 from pa_ros.tools.launch_params import (
     chosen,
+    fleet,
     learning_into,
     load_parameters,
     merged,
@@ -65,12 +66,58 @@ def test_refusals_say_what_came(tmp_path, text, reason):
 
 
 @pytest.mark.parametrize(
-    "keys", [("/arena1/sim_node", "/arena0/sim_node"), ("/arena1/sim_node", "/agent_node")]
-)
-def test_nodes_of_two_namespaces_are_not_merged_but_refused(tmp_path, keys):
+    "keys", [("/arena1/sim_node", "/agent_node"), ("/arena1/sim_node", "/a/learner_node"),
+             ("/arena1/sim_node", "/arena2/agent_node")]
+)  # fmt: skip
+def test_nodes_that_belong_to_no_arena_are_refused(tmp_path, keys):
     text = yaml.dump({key: {"ros__parameters": {"seed": i}} for i, key in enumerate(keys)})
-    with pytest.raises(ConfigError, match="of one namespace, got /.*/arena1"):
+    with pytest.raises(ConfigError, match=f"an arena in each .*, got {keys[1]}"):
         load_parameters(written(tmp_path, text))
+
+
+FLEET = """
+/**: {ros__parameters: {extra: 1}}
+/arena1/sim_node: {ros__parameters: {seed: 4}}
+/**/sim_node: {ros__parameters: {seed: 3, design: 2-L}}
+/arena2/sim_node: {ros__parameters: {preset: paper}}
+/arena2/agent_node: {ros__parameters: {learning: true}}
+/learner_node: {ros__parameters: {seed: 9}}
+"""
+
+
+def test_nodes_of_several_namespaces_are_a_fleet(tmp_path):
+    parameters = load_parameters(written(tmp_path, FLEET))
+    assert parameters == {
+        "arena1/sim_node": {"extra": 1, "seed": 4, "design": "2-L"},
+        "arena2/sim_node": {"extra": 1, "seed": 3, "design": "2-L", "preset": "paper"},
+        "arena2/agent_node": {"extra": 1, "learning": True},
+        "learner_node": {"extra": 1, "seed": 9, "arenas": ["arena1", "arena2"]},
+    }
+
+
+def test_one_arena_becomes_many(tmp_path):
+    one = load_parameters(packaged("train_2l"))
+    many = fleet(merged(one, {"sim_node": {"seed": 5}}), 3)
+    assert list(many) == [
+        *(f"arena{k}/{name}" for k in (1, 2, 3) for name in ("sim_node", "agent_node")),
+        "learner_node",
+    ]
+    assert [many[f"arena{k}/sim_node"]["seed"] for k in (1, 2, 3)] == [5, 6, 7]
+    assert many["learner_node"]["arenas"] == ["arena1", "arena2", "arena3"]
+    path = tmp_path / "fleet.yaml"
+    write_parameters(path, many)
+    assert load_parameters(path) == many
+
+
+@pytest.mark.parametrize("arenas", [-1, 0, 65, 1000])
+def test_no_arenas_and_too_many_are_refused(arenas):
+    with pytest.raises(ConfigError, match=f"expected 1 to 64, got {arenas}"):
+        fleet(load_parameters(packaged("train_2l")), arenas)
+
+
+def test_a_fleet_of_a_fleet_or_of_no_arena_is_refused():
+    with pytest.raises(ConfigError, match="expected one sim_node"):
+        fleet({"learner_node": {}}, 2)
 
 
 def test_a_missing_file_is_refused(tmp_path):

@@ -37,7 +37,6 @@ def filled(clock=None) -> GraphFigures:
 
 def test_rows_hold_the_newest_figures():
     figures = filled()
-    figures.take([Health("/other/sim_node", 0, "running", {"real_time_factor": "2.46"})])
     rows = dict(figures.rows())
     assert rows["frames/s"] == "512"
     assert rows["weights version, agent"] == "7"
@@ -48,6 +47,23 @@ def test_rows_hold_the_newest_figures():
     assert rows["alarms"] == "/a/agent_node: stuck"
     figures.take([Health("/sim_node", 0, "running", {"steps_per_s": "7"})])
     assert dict(figures.rows())["frames/s"] == "7"
+
+
+def test_a_fleet_has_a_row_for_each_arena_and_figures_of_all():
+    figures = GraphFigures(Clock())
+    one = {"steps_per_s": "80", "train.reward_per_step": "-1.0", "refused.wire.size": "1"}
+    two = {"steps_per_s": "100", "train.reward_per_step": "-0.5"}
+    figures.take([Health("/arena2/sim_node", 0, "", two), Health("/arena1/sim_node", 0, "", one)])
+    versions = {"/arena1/agent_node": "9", "/arena2/agent_node": "7"}
+    figures.take([Health(name, 0, "", {"policy_version": v}) for name, v in versions.items()])
+    rows = dict(figures.rows())
+    assert rows["frames/s"] == "180" and rows["reward/step, training"] == "-0.750"
+    assert rows["weights version, agent"] == "7"  # the one that lags
+    assert rows["/arena1"] == "frames/s 80  train -1.000  weights version 9"
+    assert rows["/arena2"] == "frames/s 100  train -0.500  weights version 7"
+    labels = [label for label, _ in figures.rows()]
+    assert labels.index("/arena1") < labels.index("/arena2") < labels.index("refused messages")
+    assert "/arena1" not in dict(filled().rows())
 
 
 def test_silence_is_an_alarm():

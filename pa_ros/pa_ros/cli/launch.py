@@ -10,6 +10,7 @@ from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import refuse_occupied, signals_noted, start_nodes, watch
 from pa_ros.tools.launch_params import (
     chosen,
+    fleet,
     learning_into,
     load_parameters,
     new_folder,
@@ -32,6 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
     parser.add_argument(
+        "--arenas", type=int, metavar="N",
+        help="make N of the file's arena and agent, in namespaces arena1 … with seeds of their "
+        "own, and one learner that hears them all",
+    )  # fmt: skip
+    parser.add_argument(
         "--out", type=Path, metavar="DIR",
         help="where parameters, logs and, if the file names no place, what is learned go "
         "(default: a new runs/launch-<time>)",
@@ -42,8 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Launch, and show figures until a signal comes or a node ends by itself."""
+    wanted = load_parameters(chosen(options.params))
+    if options.arenas is not None:
+        wanted = fleet(wanted, options.arenas)
     folder = options.out or new_folder("launch")
-    parameters = learning_into(folder, load_parameters(chosen(options.params)))
+    parameters = learning_into(folder, wanted)
     figures = GraphFigures()
     with signals_noted() as interrupted, client_node("launcher", options.namespace) as node:
         refuse_occupied(node, parameters)

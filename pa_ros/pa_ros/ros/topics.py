@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rclpy.node import Node
@@ -45,6 +45,10 @@ class Topic:
     type: Any
     writer: QoSProfile
     reader: QoSProfile
+
+    def within(self, namespace: str) -> Topic:
+        """The same topic in a namespace below the node's (or, with a slash, anywhere)."""
+        return replace(self, name=f"{namespace.rstrip('/')}/{self.name}") if namespace else self
 
     def publisher(self, node: Node) -> Any:
         """What a node publishes with."""

@@ -13,39 +13,48 @@ from rclpy.node import Node
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.executor import spin_until, steady_timer
+from pa_ros.ros.topics import LEARNER_INFO, POLICY_WEIGHTS, TRAJECTORIES
 from pa_ros.tools.launch_params import Parameters, write_parameters
 from pa_ros.tools.launcher import Supervisor, node_command
 from pa_ros.tools.monitor import REFRESH_S
 
+WITH_LEARNER = (TRAJECTORIES, POLICY_WEIGHTS, LEARNER_INFO)  # what an agent and the learner share
 DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 3 s
 
 
 def start_nodes(
     supervisor: Supervisor, parameters: Parameters, folder: Path, namespace: str = ""
 ) -> None:
-    """Write `folder`/params.yaml and start every node in it."""
+    """Write `folder`/params.yaml and start every node in it; one in a namespace of its own
+    (`arena1/agent_node`) as `arena1.agent_node`, and speaking with the learner of `namespace`."""
     path = folder / "params.yaml"
     write_parameters(path, parameters, namespace)
-    for name in parameters:
-        supervisor.start(name, node_command(name, path, namespace))
+    for place in parameters:
+        within, _, name = place.rpartition("/")
+        above = f"/{namespace.strip('/')}".rstrip("/")
+        remaps = {topic.name: f"{above}/{topic.name}" for topic in WITH_LEARNER} if within else {}
+        command = node_command(name, path, f"{above}/{within}", remaps)
+        supervisor.start(place.replace("/", "."), command)
 
 
 def refuse_occupied(node: Node, parameters: Parameters) -> None:
     """Raise ConfigError if a node to be started is in the graph already: two would be mixed up."""
     namespace = node.get_namespace()
-
-    def present() -> set[str]:
-        seen = node.get_node_names_and_namespaces()
-        return {name for name, where in seen if where == namespace} & set(parameters)
-
-    spin_until(node, lambda: bool(present()), DISCOVERY_S)
-    occupied = sorted(present())
+    spin_until(node, lambda: bool(present(node, parameters)), DISCOVERY_S)
+    occupied = sorted(present(node, parameters))
     if occupied:
         raise ConfigError(
             f"{', '.join(occupied)} already in the graph of ROS domain "
             f"{os.environ.get('ROS_DOMAIN_ID', '0')}, namespace {namespace}: choose another "
             "namespace or ROS_DOMAIN_ID (a node that was killed vanishes within half a minute)"
         )
+
+
+def present(node: Node, parameters: Parameters) -> set[str]:
+    """Which of the nodes to be started, in the namespace of `node`, are in the graph."""
+    above = node.get_namespace().rstrip("/")
+    seen = {f"{where.rstrip('/')}/{name}" for name, where in node.get_node_names_and_namespaces()}
+    return {place for place in parameters if f"{above}/{place}" in seen}
 
 
 def watch(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,10 @@ NODES = ("sim_node", "agent_node", "learner_node")
 _EVERY = "**"
 _KEY = "ros__parameters"
 
+MOST_ARENAS = 64
+
 Parameters = dict[str, dict[str, Any]]
-"""Parameters by node, in the order of NODES."""
+"""Parameters by node, in the order of NODES: `sim_node`, or `arena1/sim_node` in a fleet."""
 
 
 def packaged(name: str) -> Path:
@@ -43,10 +45,11 @@ def chosen(named: str) -> Path:
 def load_parameters(path: Path) -> Parameters:
     """Read a ROS 2 parameters file: each node that it names is started.
 
-    Keys are names of nodes (`sim_node`, `/arena1/sim_node`, `/**/sim_node`: the last part counts,
-    but the keys may name one namespace only) or `/**`, whose parameters go to every node started; a
-    file with `/**` alone starts all three. Raises ConfigError if the file is missing, is not YAML,
-    names nodes of several namespaces or has another structure.
+    Keys are names of nodes or `/**`, whose parameters go to every node started; a file with `/**`
+    alone starts all three. Where all keys name one namespace (`/arena1/sim_node`, `/**/sim_node`)
+    the last part counts; nodes of several (`/arena1/sim_node`, `/arena2/sim_node`, `/learner_node`)
+    are a fleet, and keep theirs. Raises ConfigError if the file is missing, is not YAML, names two
+    learners or has another structure.
     """
     try:
         content = yaml.safe_load(path.read_text())
@@ -55,14 +58,57 @@ def load_parameters(path: Path) -> Parameters:
     if not isinstance(content, dict) or not content:
         shown = type(content).__name__ if content else "nothing"
         raise ConfigError(f"parameters: {path}: expected nodes by name, got {shown}")
-    _check_one_namespace(path, content)
-    by_node: dict[str, dict[str, Any]] = {}
+    common: dict[str, Any] = {}
+    wild: Parameters = {}  # of every node of a name, wherever it is
+    named: Parameters = {}
     for key, value in content.items():
-        name = _node_name(path, key)
-        by_node[name] = by_node.get(name, {}) | _values(path, key, value)
-    common = by_node.pop(_EVERY, {})
-    started = by_node or dict.fromkeys(NODES, {})
-    return {name: common | started[name] for name in NODES if name in started}
+        name, values = _node_name(path, key), _values(path, key, value)
+        if name == _EVERY:
+            common |= values
+        else:
+            kept = wild if _namespace(key) == _EVERY else named
+            place = name if kept is wild else str(key).strip("/")
+            kept[place] = kept.get(place, {}) | values
+    if len({_namespace(place) for place in named}) > 1:
+        return gathered(_fleet_of(path, common, wild, named))
+    own = {_last(place): values for place, values in named.items()}
+    started = {*own, *wild} or {*NODES}
+    return {
+        name: common | wild.get(name, {}) | own.get(name, {}) for name in NODES if name in started
+    }
+
+
+def fleet(parameters: Parameters, arenas: int) -> Parameters:
+    """The same nodes with `arenas` arenas, each with its agent in a namespace `arenaK` of its own
+    and a seed of its own (the file's, then the next ones), and one learner that hears them all.
+
+    Raises ConfigError for a number outside 1 to MOST_ARENAS, or for a fleet already.
+    """
+    if not 1 <= arenas <= MOST_ARENAS:
+        raise ConfigError(f"arenas: expected 1 to {MOST_ARENAS}, got {arenas}")
+    if "sim_node" not in parameters:
+        raise ConfigError(
+            f"arenas: expected one sim_node to make {arenas} of, got {', '.join(parameters)}"
+        )
+    spread: Parameters = {}
+    for number in range(arenas):
+        for name in ("sim_node", "agent_node"):
+            if name in parameters:
+                seed = int(parameters[name].get("seed", 0)) + number
+                spread[f"arena{number + 1}/{name}"] = parameters[name] | {"seed": seed}
+    if "learner_node" in parameters:
+        spread["learner_node"] = parameters["learner_node"]
+    return gathered(spread)
+
+
+def gathered(parameters: Parameters) -> Parameters:
+    """A fleet whose learner is told where its arenas are."""
+    arenas = [place.rpartition("/")[0] for place in parameters if place.endswith("/sim_node")]
+    if not arenas or "learner_node" not in parameters:
+        return parameters
+    if arenas == [""]:
+        return parameters
+    return merged(parameters, {"learner_node": {"arenas": arenas}})
 
 
 def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> Parameters:
@@ -124,18 +170,29 @@ def _node_name(path: Path, key: object) -> str:
     return name
 
 
-def _check_one_namespace(path: Path, keys: Iterable[object]) -> None:
-    """A launch is one arena with its nodes: those of another namespace are another launch."""
-    within = {
-        str(key).strip("/").rpartition("/")[0] for key in keys if _node_name(path, key) != _EVERY
-    }
-    within.discard(_EVERY)
-    if len(within) > 1:
-        shown = ", ".join(sorted(f"/{namespace}" for namespace in within))
-        raise ConfigError(
-            f"parameters: {path}: expected nodes of one namespace, got {shown}: "
-            "a launch (and a file) for each"
-        )
+def _namespace(key: object) -> str:
+    return str(key).strip("/").rpartition("/")[0]
+
+
+def _last(place: str) -> str:
+    return place.rpartition("/")[2]
+
+
+def _fleet_of(
+    path: Path, common: dict[str, Any], wild: Parameters, named: Parameters
+) -> Parameters:
+    """Nodes of several namespaces: an arena in each, and one learner in none."""
+    learner = {"learner_node": {}} if "learner_node" in wild else {}
+    places: Parameters = {**named, **{k: named.get(k, v) for k, v in learner.items()}}
+    arenas = {_namespace(place) for place in places if _last(place) == "sim_node"}
+    for place in places:
+        alone = _last(place) == "agent_node" and _namespace(place) not in arenas
+        if alone or (_last(place) == "learner_node" and _namespace(place)):
+            raise ConfigError(
+                f"parameters: {path}: expected nodes of one namespace, or of several an arena in "
+                f"each and /learner_node in none, got /{place}"
+            )
+    return {place: common | wild.get(_last(place), {}) | values for place, values in places.items()}
 
 
 def _values(path: Path, key: object, value: object) -> dict[str, Any]:

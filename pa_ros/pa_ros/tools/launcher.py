@@ -147,10 +147,12 @@ class Supervisor:
             running = [child for child in running if child.process.poll() is None]
 
 
-def node_command(name: str, params: Path, namespace: str = "") -> list[str]:
+def node_command(
+    name: str, params: Path, namespace: str = "", remaps: Mapping[str, str] | None = None
+) -> list[str]:
     """Command of a node, run by this interpreter with a parameters file."""
     within = f"/{namespace.strip('/')}" if namespace.strip("/") else None
-    arguments = ros_arguments(params_file=params.resolve(), namespace=within)
+    arguments = ros_arguments(params_file=params.resolve(), namespace=within, remaps=remaps)
     return [sys.executable, "-m", f"{name}.main", *arguments]
 
 

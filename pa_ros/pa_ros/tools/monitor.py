@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 from typing import TextIO
 
 from rclpy.node import Node
@@ -36,19 +37,20 @@ class Figure:
     key: str
     form: str = "{:.0f}"
     short: str = ""  # label in plain lines; empty: not in them
+    over_arenas: Callable[[Sequence[float]], float] = fmean  # one number of a fleet's
 
 
 FIGURES = (
     Figure("frames", "learner_node", "frames", short="frames"),
-    Figure("frames/s", "sim_node", "steps_per_s", short="frames/s"),
+    Figure("frames/s", "sim_node", "steps_per_s", short="frames/s", over_arenas=sum),
     Figure("updates/s", "learner_node", "updates_per_s", short="updates/s"),
     Figure("reward/step, training", "sim_node", "train.reward_per_step", "{:+.3f}", "train"),
     Figure("reward/step, zero-shot", "sim_node", "eval.reward_per_step", "{:+.3f}", "zero-shot"),
     Figure("weights version, learner", "learner_node", "version", short="version"),
-    Figure("weights version, agent", "agent_node", "policy_version"),
+    Figure("weights version, agent", "agent_node", "policy_version", over_arenas=min),
     Figure("critic loss", "learner_node", "critic_loss", "{:.5f}", "critic"),
     Figure("actor loss (minus mean Q)", "learner_node", "mean_q", "{:+.4f}", "actor"),
-    Figure("real-time factor", "sim_node", "real_time_factor", "{:.1f}", "x real time"),
+    Figure("real-time factor", "sim_node", "real_time_factor", "{:.1f}", "x real time", sum),
 )
 NEGATED = {"mean_q"}  # the actor ascends Q
 
@@ -65,16 +67,21 @@ class GraphFigures:
         for entry in entries:
             self._health[entry.name] = (entry, self._now())
 
-    def value(self, node: str, key: str) -> float | None:
-        """A figure as a number; None if it was not reported or is not one."""
-        try:
-            return float(self._values(node)[key])
-        except (KeyError, ValueError):
-            return None
+    def value(
+        self, node: str, key: str, over_arenas: Callable[[Sequence[float]], float] = fmean
+    ) -> float | None:
+        """A figure as a number, in a fleet one of all; None if nobody reported one."""
+        values = [_number(entry, key) for entry in self._of(node)]
+        known = [value for value in values if value is not None]
+        return over_arenas(known) if known else None
 
     def rows(self) -> list[tuple[str, str]]:
-        """(label, text) of every figure, then refusals and alarms, node by node."""
+        """(label, text) of every figure, in a fleet also of every arena, then refusals and alarms,
+        node by node."""
         found = [(figure.label, self._text(figure)) for figure in FIGURES]
+        arenas = self._of("sim_node")
+        if len(arenas) > 1:
+            found += [(_namespace(arena.name), self._arena_text(arena)) for arena in arenas]
         return [*found, ("refused messages", self._refusals()), ("alarms", self._alarms())]
 
     def line(self) -> str:
@@ -82,18 +89,26 @@ class GraphFigures:
         parts = [f"{figure.short} {self._text(figure)}" for figure in FIGURES if figure.short]
         return "  ".join([*parts, f"refused {self._refusals()}", f"alarms {self._alarms()}"])
 
-    def _values(self, node: str) -> Mapping[str, str]:
-        return next(
-            (entry.values for name, (entry, _) in self._health.items()
-             if name.rpartition("/")[2] == node),
-            {},
-        )  # fmt: skip
+    def _of(self, node: str) -> list[Health]:
+        """The entries of all nodes of a name, by namespace."""
+        known = sorted(self._health.items())
+        return [entry for name, (entry, _) in known if name.rpartition("/")[2] == node]
 
     def _text(self, figure: Figure) -> str:
-        value = self.value(figure.node, figure.key)
-        if value is None:
-            return UNKNOWN
-        return figure.form.format(-value if figure.key in NEGATED else value)
+        return _written(figure, self.value(figure.node, figure.key, figure.over_arenas))
+
+    def _arena_text(self, arena: Health) -> str:
+        """An arena's own figures, and its agent's."""
+        agents = [a for a in self._of("agent_node") if _namespace(a.name) == _namespace(arena.name)]
+        parts = []
+        for figure in FIGURES:
+            entry = {"sim_node": arena, "agent_node": agents[0] if agents else None}.get(
+                figure.node
+            )
+            if entry is not None and _number(entry, figure.key) is not None:
+                value = _written(figure, _number(entry, figure.key))
+                parts.append(f"{figure.short or figure.label.partition(',')[0]} {value}")
+        return "  ".join(parts) or arena.message
 
     def _refusals(self) -> str:
         counts: dict[str, int] = {}
@@ -112,6 +127,23 @@ class GraphFigures:
             elif entry.level:
                 alarms.append(f"{name}: {entry.message}")
         return "; ".join(alarms) or "none"
+
+
+def _number(entry: Health, key: str) -> float | None:
+    try:
+        return float(entry.values[key])
+    except (KeyError, ValueError):
+        return None
+
+
+def _written(figure: Figure, value: float | None) -> str:
+    if value is None:
+        return UNKNOWN
+    return figure.form.format(-value if figure.key in NEGATED else value)
+
+
+def _namespace(node: str) -> str:
+    return node.rpartition("/")[0] or "/"
 
 
 def watch_diagnostics(node: Node, figures: GraphFigures) -> None:

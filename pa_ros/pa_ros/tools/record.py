@@ -33,7 +33,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.arena_client import ArenaClient
-from pa_ros.tools.graph import DISCOVERY_S, start_nodes, watch
+from pa_ros.tools.graph import DISCOVERY_S, present, start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, merged
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
@@ -306,12 +306,10 @@ def start_recorded(
     arena = parameters.get("sim_node")
     held = arena is not None and not arena.get("paused", False)
     changes = {"sim_node": {"paused": True}} if held else {}
-    namespace = node.get_namespace()
-    start_nodes(supervisor, merged(parameters, changes), folder, namespace)
+    start_nodes(supervisor, merged(parameters, changes), folder, node.get_namespace())
 
     def gathered() -> bool:
-        seen = node.get_node_names_and_namespaces()
-        return set(parameters) <= {name for name, where in seen if where == namespace}
+        return present(node, parameters) == set(parameters)
 
     if not watch(node, supervisor, lambda: None, gathered, READY_S):
         raise BagError(f"record: expected {', '.join(parameters)} within {READY_S:g} s")
