@@ -182,8 +182,9 @@ def _fleet_of(
     path: Path, common: dict[str, Any], wild: Parameters, named: Parameters
 ) -> Parameters:
     """Nodes of several namespaces: an arena in each, and one learner in none."""
-    learner = {"learner_node": {}} if "learner_node" in wild else {}
-    places: Parameters = {**named, **{k: named.get(k, v) for k, v in learner.items()}}
+    places = dict(named)
+    if "learner_node" in wild:
+        places.setdefault("learner_node", {})
     arenas = {_namespace(place) for place in places if _last(place) == "sim_node"}
     for place in places:
         alone = _last(place) == "agent_node" and _namespace(place) not in arenas
