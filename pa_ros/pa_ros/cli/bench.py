@@ -1,4 +1,4 @@
-"""`pa_ros bench codec|sim|graph|learner|train`: the figures of this machine."""
+"""`pa_ros bench codec|sim|graph|learner|load|train`: the figures of this machine."""
 
 from __future__ import annotations
 
@@ -59,11 +59,18 @@ def _train(options: argparse.Namespace) -> Report:
     return (bench_graph_loop if options.graph else bench_loop)(options.network)
 
 
+def _load(_: argparse.Namespace) -> Report:
+    from pa_ros.benchmarks.load import bench_load
+
+    return bench_load()
+
+
 BENCHMARKS = {
     "codec": _codec,
     "sim": _sim,
     "graph": _graph,
     "learner": _learner,
+    "load": _load,
     "train": _train,
 }
 

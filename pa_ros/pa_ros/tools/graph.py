@@ -24,17 +24,20 @@ DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 
 
 def start_nodes(
     supervisor: Supervisor, parameters: Parameters, folder: Path, namespace: str = ""
-) -> None:
+) -> dict[str, int]:
     """Write `folder`/params.yaml and start every node in it; one in a namespace of its own
-    (`arena1/agent_node`) as `arena1.agent_node`, and speaking with the learner of `namespace`."""
-    path = folder / "params.yaml"
+    (`arena1/agent_node`) as `arena1.agent_node`, and speaking with the learner of `namespace`.
+
+    Process ids by node."""
+    path, processes = folder / "params.yaml", {}
     write_parameters(path, parameters, namespace)
     for place in parameters:
         within, _, name = place.rpartition("/")
         above = f"/{namespace.strip('/')}".rstrip("/")
         remaps = {topic.name: f"{above}/{topic.name}" for topic in WITH_LEARNER} if within else {}
         command = node_command(name, path, f"{above}/{within}", remaps)
-        supervisor.start(place.replace("/", "."), command)
+        processes[place] = supervisor.start(place.replace("/", "."), command)
+    return processes
 
 
 def refuse_occupied(node: Node, parameters: Parameters) -> None:
