@@ -31,4 +31,4 @@ class LearnerNodeConfig(LearningChoice):
 
     def settings(self) -> Protocol:
         """How to learn; ConfigError for an unknown protocol or option."""
-        return protocol_named(self.protocol).with_options(self.options)
+        return protocol_named(self.protocol, self.algorithm).with_options(self.options)

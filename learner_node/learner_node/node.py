@@ -105,7 +105,8 @@ class LearnerNode(Node):
         self._announcement.publish(codec.encode_learner_info(self.worker.run.info))
         self.get_logger().info(
             f"run {self.worker.run.info.run_id}: design {arena.design}, arm {arena.preset}, "
-            f"protocol {self.config.protocol}, {self.worker.engine} updates; "
+            f"protocol {self.config.protocol}, {self.worker.engine} updates by "
+            f"{self.config.algorithm}; "
             f"checkpoints in {self.config.out or 'none (parameter out)'}"
         )
         metrics = self.worker.metrics

@@ -13,7 +13,7 @@ from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
 from pa_ros.language import ProgramError, Vocabulary, parse
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.learner import Learner
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.inference import TorchActor

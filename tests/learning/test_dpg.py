@@ -11,7 +11,7 @@ from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
+from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
@@ -62,7 +62,7 @@ def as_float64(tensors: dict) -> dict:
     return {name: value.astype(np.float64) for name, value in tensors.items()}
 
 
-def assert_close(engine: TorchEngine, prefix: str, expected: dict, tolerance: float) -> None:
+def assert_close(engine: TorchDPG, prefix: str, expected: dict, tolerance: float) -> None:
     ours = engine.tensors()
     for name, value in expected.items():
         np.testing.assert_allclose(ours[f"{prefix}.{name}"], value, rtol=0, atol=tolerance)
@@ -82,12 +82,12 @@ def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see) -> None:
         relations_see_properties=see,
     )
     given = network, CONFIG, table(), *networks(network)
-    engine, expected = TorchEngine(*given), StraightforwardEngine(*given)
+    engine, expected = TorchDPG(*given), StraightforwardEngine(*given)
     rng = np.random.default_rng(1)
     for made in range(5):
         if made == 3:
-            engine.copy_targets()
-            expected.copy_targets()
+            engine.end_episode()
+            expected.end_episode()
         batch = random_batch(rng, 4, k, len(TEXTS))
         for one in (engine, expected):
             one.update(batch, values_after(made, CONFIG))
@@ -148,7 +148,7 @@ def test_one_update_by_hand() -> None:
     actor, critic = networks(network)
     actor["output.weight"] *= 100.0
     critic["output.weight"] *= 30.0
-    engine = TorchEngine(network, CONFIG, table(TEXTS[:2]), actor, critic)
+    engine = TorchDPG(network, CONFIG, table(TEXTS[:2]), actor, critic)
     batch = random_batch(np.random.default_rng(3), 5, 2, 2)
     update(engine, batch, CONFIG)
 
@@ -182,10 +182,10 @@ def test_one_update_by_hand() -> None:
     assert engine.metrics()["actor_gradient_norm"] == pytest.approx(norm, rel=1e-10)
 
 
-def made(config: DPGConfig = CONFIG, kind: str = "programmable") -> TorchEngine:
+def made(config: DPGConfig = CONFIG, kind: str = "programmable") -> TorchDPG:
     network = NetworkConfig(vocabulary=WORDS, kind=kind, hidden=8, attention=5)
     engine = make_engine(network, config, table(), np.random.default_rng(4))
-    assert isinstance(engine, TorchEngine)
+    assert isinstance(engine, TorchDPG)
     return engine
 
 
@@ -199,7 +199,7 @@ def test_targets_move_only_when_copied() -> None:
         np.testing.assert_array_equal(after[name], start[name])
         source = name.removeprefix("target_")
         np.testing.assert_array_equal(start[name], start[source])
-    engine.copy_targets()
+    engine.end_episode()
     copied = engine.tensors()
     for name in (n for n in start if n.startswith("target_")):
         np.testing.assert_array_equal(copied[name], after[name.removeprefix("target_")])

@@ -13,8 +13,8 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, Engine, UpdateValues
 from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.errors import NonFiniteError
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import UnsupportedProgramError
@@ -51,7 +51,7 @@ class Recorder:
         self.batches.append(batch)
         self.values.append(values)
 
-    def copy_targets(self) -> None:
+    def end_episode(self) -> None:
         self.calls.append("copy")
 
 

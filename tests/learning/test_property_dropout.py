@@ -11,7 +11,7 @@ from worlds import PROGRAMS, WORDS, dpg, random_trajectory
 from pa_ros.core.experience import COLORS, SHAPES, Float32
 from pa_ros.core.update import Engine
 from pa_ros.language import Vocabulary, parse
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable

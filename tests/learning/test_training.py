@@ -18,7 +18,6 @@ from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import ConsumeReport, Learner
 from pa_ros.learning.checkpoints import (
     find_checkpoint,
     load_policy,
@@ -28,6 +27,7 @@ from pa_ros.learning.checkpoints import (
 )
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import claim
+from pa_ros.learning.learner import ConsumeReport, Learner
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory

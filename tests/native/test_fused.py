@@ -32,7 +32,7 @@ from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
+from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.learning.schedule import values_after
 from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
@@ -129,8 +129,8 @@ def test_thousand_updates_stay_with_float64() -> None:
         for one in (engine, reference):
             one.update(batches[step % len(batches)], values_after(step, made.config))
         if step % 100 == 99:
-            engine.copy_targets()
-            reference.copy_targets()
+            engine.end_episode()
+            reference.end_episode()
     ours = engine.tensors()
     for name, expected in reference.tensors().items():
         if not name.startswith("adam."):
@@ -164,8 +164,8 @@ def test_state_survives_a_round_trip() -> None:
         update(whole, batch, made.config)
     for batch in batches[:2]:
         update(before, batch, made.config)
-    before.copy_targets()
-    whole.copy_targets()
+    before.end_episode()
+    whole.end_episode()
     state = before.tensors()
     assert state["adam.actor.step"] == 2
     after.load_tensors(state)
@@ -183,7 +183,7 @@ def test_exchanges_state_with_the_torch_engine() -> None:
     made = setting(vocabulary=SMALL)
     rng = np.random.default_rng(9)
     batches = [make_batch(rng, 16, 5, 1, len(made.table)) for _ in range(3)]
-    theirs = TorchEngine(made.network, made.config, made.table, made.actor, made.critic)
+    theirs = TorchDPG(made.network, made.config, made.table, made.actor, made.critic)
     ours = setting(vocabulary=SMALL, scale=2).engine()
     update(theirs, batches[0], made.config)
     ours.load_tensors(theirs.tensors())
@@ -203,7 +203,7 @@ def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str
     made = setting(kind, relations_see_properties=False)
     ours = made.engine()
     config = dpg(made.config, engine__name="torch", engine__dtype="float64")
-    theirs = TorchEngine(made.network, config, made.table, made.actor, made.critic)
+    theirs = TorchDPG(made.network, config, made.table, made.actor, made.critic)
     rng = np.random.default_rng(5)
     for _ in range(5):
         batch = make_batch(rng, 16, 5, 2, len(made.table))
@@ -227,7 +227,7 @@ def test_targets_change_only_when_copied() -> None:
     kept = engine.tensors()
     np.testing.assert_array_equal(kept["target_critic.output.weight"], made.critic["output.weight"])
     assert not np.array_equal(kept["critic.output.weight"], made.critic["output.weight"])
-    engine.copy_targets()
+    engine.end_episode()
     copied = engine.tensors()["target_critic.output.weight"]
     np.testing.assert_array_equal(copied, kept["critic.output.weight"])
 

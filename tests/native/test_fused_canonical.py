@@ -12,7 +12,7 @@ from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
+from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.native.engine import FusedActor, FusedEngine
 from pa_ros.networks.canonical import CanonicalActor
 from pa_ros.networks.config import NetworkConfig
@@ -51,13 +51,13 @@ def table() -> ProgramTable:
 
 def both(
     hidden: int = 40, programs: ProgramTable | None = None, **changes: object
-) -> tuple[FusedEngine, TorchEngine]:
+) -> tuple[FusedEngine, TorchDPG]:
     config, programs = network(hidden), programs or table()
     given = config, dpg(CONFIG, **changes), programs  # type: ignore[arg-type]
     reference = dpg(CONFIG, engine__name="torch", engine__dtype="float64")
     return (
         FusedEngine(*given, *tensors(config)),
-        TorchEngine(config, reference, programs, *tensors(config)),
+        TorchDPG(config, reference, programs, *tensors(config)),
     )
 
 
@@ -94,7 +94,7 @@ def test_thousand_updates_stay_with_float64() -> None:
         for engine in (ours, reference):
             update(engine, batches[step % len(batches)], CONFIG)
             if step % 100 == 99:
-                engine.copy_targets()
+                engine.end_episode()
     found, expected = ours.tensors(), reference.tensors()
     assert found.keys() == expected.keys()
     for name, tensor in expected.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from worlds import PROGRAMS, WORDS, dpg
 
 from pa_ros.arena import design_named, preset_named
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.provenance.origins import describe, learner_origin
 

@@ -16,8 +16,8 @@ from waiting import DEADLINE_S
 from pa_ros.arena import design_named, preset_named, training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tally import HeldOutTarget
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import load_policy, save_checkpoint
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.client import client_node
 from pa_ros.tools.demo import phases

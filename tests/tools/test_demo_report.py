@@ -7,8 +7,8 @@ from pa_ros.arena import ReachTask, design_named, preset_named, training_program
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget, StreamedEpisode
 from pa_ros.language import parse
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.demo.scenes import (
     FARTHER_M,

@@ -10,7 +10,6 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.published import LearnerInfo
 from pa_ros.networks.config import NetworkConfig, actor_config
 
-ALGORITHMS = ("dpg",)  # whose actors this agent can act with
 INFERENCES = ("auto", "torch")
 
 
@@ -23,18 +22,21 @@ class ArenaFacts(NamedTuple):
 
 
 def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:
-    """Raise LearnerRequestError unless the learner is one for the agent's arena."""
+    """Raise LearnerRequestError unless the learner is one for the agent's arena.
+
+    By which algorithm it learns doesn't matter here: how to act follows from the architecture, the
+    exploration and the inference that it asks for.
+    """
     for name, value in arena._asdict().items():
         received = getattr(learner, name)
         if received != value:
             raise LearnerRequestError(
                 f"learner_info.{name}: expected {value!r}, as this arena's, got {received!r}"
             )
-    for name, known in (("algorithm", ALGORITHMS), ("inference", INFERENCES)):
-        if getattr(learner, name) not in known:
-            raise LearnerRequestError(
-                f"learner_info.{name}: expected one of {known}, got {getattr(learner, name)!r}"
-            )
+    if learner.inference not in INFERENCES:
+        raise LearnerRequestError(
+            f"learner_info.inference: expected one of {INFERENCES}, got {learner.inference!r}"
+        )
 
 
 def network_of(learner: LearnerInfo) -> NetworkConfig:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pa_ros.bags.experience import Experience
 from pa_ros.core.errors import PaError
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
 

@@ -15,7 +15,7 @@ from pa_ros.bags.experience import Experience
 from pa_ros.bags.reenact import Reenactment
 from pa_ros.core.errors import PaError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.provenance.software import device, versions
 from pa_ros.wire import codec

@@ -18,7 +18,7 @@ from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.training import bench_train
 from pa_ros.core.report import Report
 from pa_ros.language import Program
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig
 
@@ -76,7 +76,7 @@ def bench_graph_loop(kind: str) -> Report:
     return {**bench_learning_graph(updates_per_s), "graph.design": DESIGN}
 
 
-def _setting(kind: str) -> tuple[NetworkConfig, DPGConfig, tuple[Program, ...]]:
+def _setting(kind: str) -> tuple[NetworkConfig, LearnerConfig, tuple[Program, ...]]:
     design, protocol = design_named(DESIGN), protocol_named("ours")
     network = protocol.network_config(design.vocabulary, kind)
     config = protocol.learner.changed(**{"relabeling.programs_per_transition": 1})

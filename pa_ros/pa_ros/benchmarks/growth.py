@@ -13,7 +13,7 @@ from pa_ros.benchmarks.machine import measure_rates
 from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.core.report import Report
 from pa_ros.language import Program
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 
 
@@ -43,7 +43,7 @@ FIGURES = (*WAYS, "floor")  # of each point, in µs
 
 def bench_growth(
     network: NetworkConfig,
-    config: DPGConfig,
+    config: LearnerConfig,
     programs: Sequence[Program],
     axes: Sequence[Axis] = AXES,
     rounds: int = 9,
@@ -99,7 +99,7 @@ def markdown_table(report: Report, axes: Sequence[Axis] = AXES) -> str:
 
 def _contender(
     network: NetworkConfig,
-    config: DPGConfig,
+    config: LearnerConfig,
     programs: Sequence[Program],
     name: str,
     sizes: Sizes,

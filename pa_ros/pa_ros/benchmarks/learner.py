@@ -18,9 +18,10 @@ from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation
 from pa_ros.core.report import Report
 from pa_ros.core.update import Batch, Engine, UpdateValues
 from pa_ros.language import Program
-from pa_ros.learning.algorithms.dpg.builder import make_engine
+from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.schedule import values_after
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
@@ -44,7 +45,7 @@ TRAJECTORY_STEPS, TRAJECTORIES = 100, 20
 
 def bench_learner(
     network: NetworkConfig,
-    config: DPGConfig,
+    config: LearnerConfig,
     programs: Sequence[Program],
     sizes: Sizes = Sizes(),  # noqa: B008 (frozen)
     others: Sequence[Contender] = (),
@@ -75,7 +76,7 @@ def bench_learner(
 
 
 def random_learner(
-    network: NetworkConfig, config: DPGConfig, programs: Sequence[Program], sizes: Sizes
+    network: NetworkConfig, config: LearnerConfig, programs: Sequence[Program], sizes: Sizes
 ) -> Learner:
     """A learner with random experience in its replay buffer and no update made."""
     frames = TRAJECTORY_STEPS * TRAJECTORIES
@@ -88,7 +89,7 @@ def random_learner(
 
 
 def bare_updates(
-    network: NetworkConfig, config: DPGConfig, programs: Sequence[Program]
+    network: NetworkConfig, config: LearnerConfig, programs: Sequence[Program]
 ) -> Contender:
     """Updates by the clock, with the configuration's batch, of tables with four blocks."""
     sizes = Sizes(config.replay.batch_size, 5, config.relabeling.programs_per_transition)
@@ -97,7 +98,9 @@ def bare_updates(
     return Contender("bare", run, wall=True)
 
 
-def repeated(update: Update, batches: Sequence[Batch], config: DPGConfig) -> Callable[[int], None]:
+def repeated(
+    update: Update, batches: Sequence[Batch], config: LearnerConfig
+) -> Callable[[int], None]:
     """Updates with these batches in turn."""
     endless = enumerate(cycle(batches))
 
@@ -113,6 +116,7 @@ def repeated(update: Update, batches: Sequence[Batch], config: DPGConfig) -> Cal
 def engine_of(learner: Learner, **changes: object) -> Engine:
     """A new engine for the learner's table, with some settings of the engine replaced."""
     config = learner.config.changed(**{f"engine.{name}": v for name, v in changes.items()})
+    make_engine = ALGORITHMS[config.ALGORITHM].make_engine
     return make_engine(learner.network, config, learner.table, np.random.default_rng(0))
 
 
@@ -142,7 +146,9 @@ def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
 def _straightforward(learner: Learner) -> StraightforwardEngine:
     rng, network = np.random.default_rng(0), learner.network
     tensors = initial_actor(network, rng), initial_critic(network, rng)
-    return StraightforwardEngine(network, learner.config, learner.table, *tensors)
+    config = learner.config
+    assert isinstance(config, DPGConfig)  # the benchmark's protocol is for no other algorithm
+    return StraightforwardEngine(network, config, learner.table, *tensors)
 
 
 def _actors(learner: Learner, program: Program) -> list[Contender]:

@@ -136,7 +136,7 @@ class StraightforwardEngine:
             name: parameters(tensors, self._dtype)
             for name, tensors in (("actor", actor), ("critic", critic))
         }
-        self.copy_targets()
+        self.end_episode()
         self._moments = {
             f"adam.{name}.{moment}.{k}": torch.zeros_like(tensor)
             for name in ("actor", "critic")
@@ -179,7 +179,7 @@ class StraightforwardEngine:
             "actor": _gradients(action, nets["actor"], -ascent / target.numel()),
         }
 
-    def copy_targets(self) -> None:
+    def end_episode(self) -> None:
         """Hard copies."""
         for name in ("actor", "critic"):
             copied = {k: tensor.detach().clone() for k, tensor in self.networks[name].items()}

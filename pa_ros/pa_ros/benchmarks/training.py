@@ -14,7 +14,7 @@ from pa_ros.benchmarks.rounds import Contender, Slice, measure
 from pa_ros.core.experience import Float64
 from pa_ros.core.report import Report
 from pa_ros.language import Program
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.loop import Environment, TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 
@@ -38,7 +38,7 @@ class _Alternation:
 
 def bench_train(
     network: NetworkConfig,
-    config: DPGConfig,
+    config: LearnerConfig,
     programs: Sequence[Program],
     environment: Environment,
     max_speed: Float64,

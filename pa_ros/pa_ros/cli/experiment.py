@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
     usual = "ours; ours-slow for preset paper"
     add_setting(parser, LearningChoice, "protocol", otherwise=usual)
+    add_setting(parser, LearningChoice, "algorithm")
     add_setting(parser, ArenaChoice, "preset")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
@@ -112,6 +113,7 @@ def _experiment(options: argparse.Namespace) -> Experiment:
     experiment = replace(
         experiment,
         preset=options.preset,
+        algorithm=options.algorithm,
         options=(*experiment.options, *options.options),
         tag=options.tag,
     )

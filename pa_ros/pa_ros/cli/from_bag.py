@@ -15,9 +15,9 @@ from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.folder import checkpoint_of, claim
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.codec import weights_checksum
@@ -65,7 +65,7 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
 
 def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, object]]:
     design, arena = design_named(options.design), preset_named(options.preset)
-    protocol = protocol_named(options.protocol).with_options(options.options)
+    protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
     seed = options.seed or 0
     learner = Learner(
         protocol.network_config(design.vocabulary, options.network),

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, ArenaChoice, "design", "preset")
     usual = "ours, or ours-slow for preset paper"
     add_setting(parser, LearningChoice, "protocol", otherwise=usual)
-    add_setting(parser, LearningChoice, "network")
+    add_settings(parser, LearningChoice, "algorithm", "network")
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
     add_settings(parser, TrainConfig, "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     if options.from_bag:
         return from_bag.run(options)
     design, arena = design_named(options.design), preset_named(options.preset)
-    protocol = protocol_named(options.protocol).with_options(options.options)
+    protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
     config = settings_from(options, TrainConfig)
     programs, seed = training_programs(design), config.seed
     with _run_log(options, arena, design, seed, programs) as run_log:
@@ -90,6 +90,6 @@ def _run_log(
 ) -> AbstractContextManager[RunLog | None]:
     if options.record is None:
         return nullcontext()
-    told = ("protocol", "network", "options", "frames", "resume")
+    told = ("protocol", "algorithm", "network", "options", "frames", "resume")
     parameters = {name: getattr(options, name) for name in told}
     return RunLog(options.record, arena, design, seed, programs, parameters)

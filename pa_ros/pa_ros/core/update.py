@@ -44,19 +44,18 @@ class UpdateValues:
 
 
 class Engine(Protocol):
-    """Actor, critic, their targets and optimizers, somewhere.
+    """An algorithm's actor, critics, their targets and optimizers, somewhere.
 
-    Built by `Engine(network, config, table, actor, critic)` with the initial tensors of both
-    networks; the targets start as copies. The table may grow between updates.
+    The targets start as copies. The table of programs may grow between updates.
     """
 
     name: str
 
     def update(self, batch: Batch, values: UpdateValues) -> None:
-        """One update of critic and actor, both gradients at the parameters before it."""
+        """One update, all gradients at the parameters before it."""
 
-    def copy_targets(self) -> None:
-        """Hard copy of both networks to their targets (paper, appendix)."""
+    def end_episode(self) -> None:
+        """An episode has ended: DPG copies both networks to their targets (paper, appendix)."""
 
     def actor_tensors(self) -> dict[str, Float32]:
         """The actor's weights now, float32, owned by the caller."""
@@ -67,9 +66,9 @@ class Engine(Protocol):
     def tensors(self) -> dict[str, NDArray[np.generic]]:
         """Everything an update depends on, owned by the caller.
 
-        Names: `actor.*`, `critic.*`, `target_actor.*`, `target_critic.*`, then for each of actor
-        and critic `adam.actor.m.*`, `adam.actor.v.*` (first and second moments, shaped as the
-        parameters) and `adam.actor.step` (int64 []).
+        Names: `actor.*`, `critic.*` (TD3's are `critic_1`, `critic_2`), `target_actor.*`,
+        `target_critic.*`, then for each network `adam.actor.m.*`, `adam.actor.v.*` (first and
+        second moments, shaped as the parameters) and `adam.actor.step` (int64 []).
         """
 
     def load_tensors(self, tensors: dict[str, NDArray[np.generic]]) -> None:

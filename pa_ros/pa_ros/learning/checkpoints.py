@@ -25,15 +25,15 @@ from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.settings import read_json
 from pa_ros.language import parse
 from pa_ros.learning import edition1
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Counters, Learner
 from pa_ros.learning.checksums import SUMS, check_files, checksums
 from pa_ros.learning.errors import CheckpointError, DivergedError
+from pa_ros.learning.learner import Counters, Learner
 from pa_ros.networks.config import NetworkConfig
 
 FORMAT = 2
 LATEST = "LATEST"
 METADATA = "metadata.json"
+DPG = "dpg"  # the algorithm of checkpoints that name none
 SHIPPED = Path(__file__).parents[1] / "shipped"
 SHIPPED_PREFIX = "shipped:"
 # On resuming: they say where, not what.
@@ -190,6 +190,7 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
         "format": FORMAT,
         "architecture": learner.network.architecture,
         "network": learner.network.to_json(),
+        "algorithm": learner.config.ALGORITHM,
         "learner": learner.config.to_json(),
         "scoring": repr(learner.scoring),
         "counters": asdict(learner.counters),
@@ -219,9 +220,15 @@ def _check_finite(arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> None:
+    algorithm, here = values.get("algorithm", DPG), learner.config.ALGORITHM
+    if algorithm != here:
+        raise CheckpointError(
+            f"checkpoint: {directory}: differs in algorithm: checkpoint {algorithm!r}, "
+            f"here {here!r}"
+        )
     # A setting that is younger than the checkpoint had what is its default now.
     network = NetworkConfig.from_json(values["network"])
-    config = DPGConfig.from_json(values["learner"])
+    config = type(learner.config).from_json(values["learner"])
     theirs = network.flat() | config.flat()
     ours = learner.network.flat() | learner.config.flat()
     theirs["scoring"], ours["scoring"] = values.get("scoring"), repr(learner.scoring)

@@ -97,6 +97,18 @@ class RelabelingConfig(Settings):
         return self
 
 
+class ActorConfig(Settings):
+    """What the actor pays for its actions."""
+
+    action_l2: float = Field(
+        0.0, ge=0, description="of ½|a|², taken from Q; keeps the actor's tanh alive"
+    )
+    action_l2_decay: float = Field(
+        0.0, ge=0, le=1, description="share of action_l2 that is lost, evenly"
+    )
+    action_l2_decay_updates: int = Field(20_000, ge=1, description="updates until it is lost")
+
+
 class EngineConfig(Settings):
     """What computes the updates, and where."""
 
@@ -109,9 +121,10 @@ class EngineConfig(Settings):
 
 
 class LearnerConfig(Settings):
-    """The parts that algorithms share."""
+    """The parts that algorithms share; a subclass names its algorithm and adds its own."""
 
     SECTION: ClassVar[str] = "learner"
+    ALGORITHM: ClassVar[str]  # its name in pa_ros.learning.algorithms.ALGORITHMS
 
     schedule: Schedule = Schedule()
     exploration: ExplorationConfig = ExplorationConfig()
@@ -121,6 +134,7 @@ class LearnerConfig(Settings):
     detectors: DetectorsConfig = DetectorsConfig()
     relabeling: RelabelingConfig = RelabelingConfig()
     engine: EngineConfig = EngineConfig()
+    actor: ActorConfig = ActorConfig()
 
     @property
     def acting(self) -> ActingConfig:

@@ -26,11 +26,11 @@ from pa_ros.core.experience import AgentKey, Float64, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.core.settings import Settings
 from pa_ros.language import Program
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import restore, save_checkpoint
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, claim
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.progress import Progress
 from pa_ros.learning.run import LearningRun
@@ -104,7 +104,7 @@ class TrainConfig(Settings):
 def train(
     config: TrainConfig,
     network: NetworkConfig,
-    learner_config: DPGConfig,
+    learner_config: LearnerConfig,
     environment: Environment,
     max_speed: Float64,
     training_programs: Sequence[Program],

@@ -13,12 +13,12 @@ from pydantic import Field
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import FAMILIES
 
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
-_PATHS = {"learner": DPGConfig.paths(), "network": NetworkConfig.paths()}
 
 
 class LearningChoice(Settings):
@@ -27,6 +27,9 @@ class LearningChoice(Settings):
     protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
         "ours", description="how to learn; ours-slow is for the preset paper"
     )
+    algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
+        "dpg", description="by which to learn"
+    )
     network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
         "programmable", description="family of actor and critic"
     )
@@ -34,15 +37,16 @@ class LearningChoice(Settings):
 
 @dataclass(frozen=True)
 class Protocol:
-    """How to learn: the values that differ from the defaults."""
+    """How to learn: the values that differ from the defaults, and by which algorithm."""
 
     name: str
     values: Values = field(default_factory=dict)
+    algorithm: str = "dpg"
 
     @cached_property
-    def learner(self) -> DPGConfig:
+    def learner(self) -> LearnerConfig:
         """The learner's settings; ConfigError for a value that they refuse."""
-        return DPGConfig().changed(**self.of("learner"))
+        return ALGORITHMS[self.algorithm].config().changed(**self.of("learner"))
 
     def network_config(self, vocabulary: Vocabulary, kind: str = "programmable") -> NetworkConfig:
         """The network's settings for a vocabulary; ConfigError likewise."""
@@ -63,24 +67,25 @@ class Protocol:
         Values are JSON where they parse as such, else text. Raises ConfigError for an unknown
         path or a value that is refused.
         """
-        changed = Protocol(self.name, {**self.values, **dict(map(_split, options))})
+        given = dict(map(self._split, options))
+        changed = Protocol(self.name, {**self.values, **given}, self.algorithm)
         changed.network_config(Vocabulary.of(shape=("ANY",), color=("COLOR",)))
         _ = changed.learner
         return changed
 
-
-def _split(option: str) -> tuple[str, Any]:
-    path, equals, text = option.partition("=")
-    room, _, inside = path.partition(".")
-    if not equals or room not in _PATHS or "." not in path:
-        raise ConfigError(
-            "option: expected learner.PART.NAME=VALUE or network.NAME=VALUE with a known name, "
-            f"got {option!r}"
-        )
-    try:
-        return path, json.loads(text)
-    except ValueError:
-        return path, text
+    @staticmethod
+    def _split(option: str) -> tuple[str, Any]:
+        path, equals, text = option.partition("=")
+        room, dot, _ = path.partition(".")
+        if not equals or not dot or room not in ("learner", "network"):
+            raise ConfigError(
+                "option: expected learner.PART.NAME=VALUE or network.NAME=VALUE with a known name, "
+                f"got {option!r}"
+            )
+        try:
+            return path, json.loads(text)
+        except ValueError:
+            return path, text
 
 
 # As in the appendix; of what it leaves open, the initial weights matter most: a critic that
@@ -148,8 +153,9 @@ def usual_protocol(preset: str) -> str:
     return "ours-slow" if preset == "paper" else "ours"
 
 
-def protocol_named(name: str) -> Protocol:
-    """Look up a protocol; ConfigError names the known ones."""
+def protocol_named(name: str, algorithm: str = "dpg") -> Protocol:
+    """Look up a protocol, for an algorithm; ConfigError names the known ones of either."""
     if name not in PROTOCOLS:
         raise ConfigError(f"learner: expected a protocol of {sorted(PROTOCOLS)}, got {name!r}")
-    return PROTOCOLS[name]
+    values = ALGORITHMS[algorithm].values.get(name, {})
+    return Protocol(name, {**PROTOCOLS[name].values, **values}, algorithm)

@@ -9,8 +9,8 @@ from pa_ros import __version__
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.errors import DivergedError, TrajectorySizeError
+from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
 
@@ -84,6 +84,7 @@ def _announcement(learner: Learner, control_period_s: float, run_id: str) -> Lea
         inference=acting.inference,
         control_period=control_period_s,
         near_threshold=learner.scoring.near_threshold_m,
+        algorithm=learner.config.ALGORITHM,
         software_version=__version__,
         stamp_ns=time.time_ns(),
     )

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pa_ros.core.update import UpdateValues
-from pa_ros.learning.algorithms.dpg.config import AscentConfig, DPGConfig
-from pa_ros.learning.config import DetectorsConfig, OptimizerConfig, UpdatesConfig
+from pa_ros.learning.config import (
+    ActorConfig,
+    DetectorsConfig,
+    LearnerConfig,
+    OptimizerConfig,
+    UpdatesConfig,
+)
 
 
-def values_after(updates: int, config: DPGConfig) -> UpdateValues:
+def values_after(updates: int, config: LearnerConfig) -> UpdateValues:
     """What the update that follows so many is made with."""
     optimizer, detectors, relabeling = config.optimizer, config.detectors, config.relabeling
     rate, discount = _rate_share(updates, optimizer), _discount(updates, config.updates)
@@ -43,7 +48,7 @@ def _discount(updates: int, config: UpdatesConfig) -> float:
     return min(config.discount, 1.0 - (1.0 - config.first_discount) / growth)
 
 
-def _action_l2(updates: int, config: AscentConfig) -> float:
+def _action_l2(updates: int, config: ActorConfig) -> float:
     """The weight of ½|a|²: falling evenly, then what is left of it."""
     spent = min(1.0, updates / config.action_l2_decay_updates)
     return config.action_l2 * (1.0 - config.action_l2_decay * spent)

@@ -137,7 +137,7 @@ class FusedEngine:
                 trained.forget_geometry(values.geometry_decay)
         self._warn_if_clamped(self._metrics.largest_part)
 
-    def copy_targets(self) -> None:
+    def end_episode(self) -> None:
         """Hard copy of both networks to their targets (paper, appendix)."""
         for trained in self._trained.values():
             trained.copy_target()

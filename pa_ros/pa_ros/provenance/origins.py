@@ -15,7 +15,7 @@ from pa_ros.provenance.software import device, versions
 from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
 
 if TYPE_CHECKING:
-    from pa_ros.learning.algorithms.dpg.learner import (
+    from pa_ros.learning.learner import (
         Learner,  # brings torch, which an arena can do without
     )
 

@@ -27,6 +27,7 @@ from pa_ros.provenance.software import device, versions
 
 SOLVED = 0.9  # held-out normalized score
 FINAL_EPISODES = 100
+DPG = "dpg"
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,14 @@ class Experiment:
     options: tuple[str, ...] = ()  # of the protocol, as `pa_ros train --set` takes them
     tag: str = ""  # names what `options` changed
     switch_frames: int = 0  # train on the held-out programs from here on; 0: never
+    algorithm: str = DPG
 
     @property
     def label(self) -> str:
-        """Name of its tables: the protocol, preset and tag are said where they are not usual."""
+        """Name of its tables: what is not usual of algorithm, protocol, preset and tag is said."""
         parts = [self.name]
+        if self.algorithm != DPG:
+            parts.append(self.algorithm)
         if self.protocol != usual_protocol(self.preset):
             parts.append(f"{self.protocol}-protocol")
         if self.preset != "fast":
@@ -58,7 +62,7 @@ class Experiment:
     @property
     def settings(self) -> Protocol:
         """The protocol with this experiment's options."""
-        return protocol_named(self.protocol).with_options(self.options)
+        return protocol_named(self.protocol, self.algorithm).with_options(self.options)
 
     def __post_init__(self) -> None:
         if self.frames < self.evaluate_every_frames:

@@ -1,4 +1,4 @@
-"""Which engine computes a learner's updates, and why."""
+"""DPG as an algorithm: which engine computes its updates, and why."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
+from pa_ros.learning.algorithms.algorithm import Algorithm
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.algorithms.dpg.networks import initial_networks
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
 
 log = logging.getLogger(__name__)
@@ -27,15 +28,15 @@ def make_engine(
 
     Raises ConfigError if `config.engine.name` is "fused" and it does not apply, with the reason.
     """
-    actor, critic = initial_actor(network, rng), initial_critic(network, rng)
+    actor, critic = initial_networks(network, rng).values()
     reason = "chosen" if config.engine.name == "torch" else why_not_fused(network, config)
     if config.engine.name == "fused" and reason:
         raise ConfigError(f"learner engine: expected one that applies, got 'fused': {reason}")
     made: Engine
     if reason:
-        from pa_ros.learning.algorithms.dpg.torch_engine import TorchEngine
+        from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 
-        made = TorchEngine(network, config, table, actor, critic)
+        made = TorchDPG(network, config, table, actor, critic)
     else:
         from pa_ros.native.engine import FusedEngine
 
@@ -50,3 +51,6 @@ def why_not_fused(network: NetworkConfig, config: DPGConfig) -> str:
     if device != "cpu" or dtype != "float32":
         return f"it is for float32 on the CPU, not {dtype} on {device}"
     return why_not_network(network)
+
+
+DPG = Algorithm(DPGConfig, make_engine)

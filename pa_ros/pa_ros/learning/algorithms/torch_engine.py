@@ -1,0 +1,278 @@
+"""What engines in torch share: networks, targets, Adam, bookkeeping; an algorithm adds its step."""
+
+from __future__ import annotations
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import (
+    COLUMN_FEATURES,
+    GEOMETRY,
+    Tensors,
+    actor_shapes,
+    check_shapes,
+    check_tensors,
+    critic_shapes,
+)
+from pa_ros.world.programs import ProgramTable
+
+Arrays = dict[str, NDArray[Any]]
+ACTOR = "actor"
+
+
+class Inputs(NamedTuple):
+    """A batch on the device, as `Batch` but for what the networks are told of each program."""
+
+    objects: Tensor
+    arm: Tensor
+    action: Tensor
+    next_objects: Tensor
+    next_arm: Tensor
+    reward: Tensor
+    discount: Tensor
+    goals: Any  # `Family.goals`
+
+    @property
+    def now(self) -> tuple[Tensor, Tensor, Any]:
+        """What networks see of s."""
+        return self.objects, self.arm, self.goals
+
+    @property
+    def then(self) -> tuple[Tensor, Tensor, Any]:
+        """What networks see of s'."""
+        return self.next_objects, self.next_arm, self.goals
+
+
+class TorchEngine(ABC):
+    """`Engine` with an actor and any number of critics, by name, with their targets and Adam.
+
+    A subclass says in `step` what one update does; targets are copied at each episode's end unless
+    it says otherwise in `end_episode`.
+    """
+
+    name = "torch"
+
+    def __init__(
+        self,
+        network: NetworkConfig,
+        config: LearnerConfig,
+        table: ProgramTable,
+        initial: Mapping[str, Tensors],
+    ) -> None:
+        """`initial`: weights of the networks by name, the one called "actor" first."""
+        torch.set_num_threads(config.engine.threads)
+        self._config = config
+        self.device = _device_named(config.engine.device)
+        self.dtype: torch.dtype = getattr(torch, config.engine.dtype)
+        self._table = _Goals(network, table, self.device, self.dtype)
+        # modules of pa_ros.networks: the actor is called with what is seen, critics have `trunk`
+        # and `head`
+        self.networks: dict[str, Any] = {
+            name: self._module(network, name, tensors) for name, tensors in initial.items()
+        }
+        self.targets: dict[str, Any] = {
+            name: copy.deepcopy(module).requires_grad_(False)
+            for name, module in self.networks.items()
+        }
+        self._adams = {name: self._adam(module) for name, module in self.networks.items()}
+        geometry = torch.zeros(COLUMN_FEATURES)
+        geometry[GEOMETRY] = 1.0
+        self._geometry = geometry.to(self.device, self.dtype)
+        self._latest: tuple[Tensor, ...] | None = None
+
+    @abstractmethod
+    def step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
+        """Make one update by `descend`; the critics' loss and mean Q, detached."""
+
+    def end_episode(self) -> None:
+        """Hard copy of all networks to their targets (paper, appendix)."""
+        for name, module in self.networks.items():
+            self.targets[name].load_state_dict(module.state_dict())
+
+    def update(self, batch: Batch, values: UpdateValues) -> None:
+        """One update. On a GPU it is queued: nothing here waits for it."""
+        tensors = {
+            field.name: torch.from_numpy(getattr(batch, field.name)).to(self.device)
+            for field in fields(batch)
+        }
+        floats = {k: tensors[k].to(self.dtype) for k in Inputs._fields if k != "goals"}
+        x = Inputs(**floats, goals=self.goals(batch.program))
+        self._latest = self.step(x, values)
+
+    def goals(self, program: NDArray[np.int32]) -> Any:
+        """What the networks are told of rows [B, K] of the table."""
+        self._table.refresh()
+        return self._table.of(torch.from_numpy(program).to(self.device))
+
+    def act(self, network: Any, seen: tuple[Tensor, Tensor, Any]) -> Tensor:
+        """Actions of an actor or its target, [B, K, 6]."""
+        action: Tensor = network(*seen, HAND_INDEX)
+        return action
+
+    def features(self, critic: Any, seen: tuple[Tensor, Tensor, Any]) -> Tensor:
+        """What a critic's `head` takes beside the action, [B, K, H]."""
+        h: Tensor = critic.trunk(*seen, HAND_INDEX)
+        return h
+
+    def descend(
+        self, name: str, rate: float, values: UpdateValues, loss: Tensor, gradient: Any = None
+    ) -> None:
+        """A step of Adam for one network by its loss, or, given dL/dy `gradient`, for L of y."""
+        adam = self._adams[name]
+        adam.zero_grad()
+        torch.autograd.backward(loss, gradient)
+        self._apply(adam, rate, values)
+
+    def _apply(self, adam: torch.optim.Adam, rate: float, values: UpdateValues) -> None:
+        """Adam's step; the detectors' weights decay before it and forget geometry after it.
+
+        Decay is apart from the gradient (Loshchilov & Hutter 2019).
+        """
+        others, *detectors = adam.param_groups
+        others["lr"] = rate
+        for group in detectors:
+            group["lr"] = rate * self._config.detectors.gain
+            with torch.no_grad():
+                group["params"][0].mul_(1.0 - group["lr"] * values.detector_decay)
+        adam.step()
+        for group in detectors:
+            with torch.no_grad():
+                group["params"][0].mul_(1.0 - values.geometry_decay * self._geometry)
+
+    def actor_tensors(self) -> Tensors:
+        """The actor's weights now, float32, owned by the caller."""
+        return {
+            name: value.detach().to("cpu", torch.float32).numpy().copy()
+            for name, value in self.networks[ACTOR].state_dict().items()
+        }
+
+    def metrics(self) -> dict[str, float]:
+        """Of the latest update: `critic_loss`, `mean_q`, `actor_gradient_norm`; {} before it."""
+        if self._latest is None:
+            return {}
+        gradients = [p.grad for p in self.networks[ACTOR].parameters() if p.grad is not None]
+        norms = [g.norm() for g in gradients] or [torch.zeros(())]  # an actor that waits its turn
+        norm = torch.stack(norms).norm()
+        values = torch.stack([*self._latest, norm]).tolist()  # the only wait for the device
+        return dict(zip(("critic_loss", "mean_q", "actor_gradient_norm"), values, strict=True))
+
+    def tensors(self) -> Arrays:
+        """Everything an update depends on; see `Engine.tensors` for the names."""
+        tensors: Arrays = {k: value.cpu().numpy().copy() for k, value in self._named().items()}
+        return tensors | {k: np.array(value, np.int64) for k, value in self._steps().items()}
+
+    def load_tensors(self, tensors: Arrays) -> None:
+        """The inverse of `tensors`; TensorError when names or shapes differ."""
+        named = self._named()
+        shapes = {k: tuple(v.shape) for k, v in named.items()} | dict.fromkeys(self._steps(), ())
+        check_shapes(tensors, shapes, "engine")
+        for name, value in named.items():
+            value.copy_(torch.from_numpy(tensors[name]))
+        for name, adam in self._adams.items():
+            for moments in adam.state.values():
+                moments["step"].fill_(int(tensors[f"adam.{name}.step"]))
+
+    def gradients(self) -> Tensors:
+        """Of the latest update, `actor.*`, `critic.*`: what Adam was given."""
+        return {
+            f"{owner}.{name}": parameter.grad.cpu().numpy()
+            for owner, module in self.networks.items()
+            for name, parameter in module.named_parameters()
+            if parameter.grad is not None
+        }
+
+    def updates(self, name: str) -> int:
+        """How many steps of Adam a network has had."""
+        return int(next(iter(self._adams[name].state.values()))["step"])
+
+    def _steps(self) -> dict[str, int]:
+        return {f"adam.{name}.step": self.updates(name) for name in self._adams}
+
+    def _named(self) -> dict[str, Tensor]:
+        """The live tensors by the names of `Engine.tensors`."""
+        named: dict[str, Tensor] = {}
+        for prefix, modules in (("", self.networks), ("target_", self.targets)):
+            for owner, module in modules.items():
+                named |= {f"{prefix}{owner}.{k}": v for k, v in module.state_dict().items()}
+        for owner, module in self.networks.items():
+            state = self._adams[owner].state
+            moments = {name: state[p] for name, p in module.named_parameters()}
+            named |= {f"adam.{owner}.m.{k}": m["exp_avg"] for k, m in moments.items()}
+            named |= {f"adam.{owner}.v.{k}": m["exp_avg_sq"] for k, m in moments.items()}
+        return named
+
+    def _module(self, network: NetworkConfig, name: str, tensors: Tensors) -> nn.Module:
+        """The actor, or a critic, with these weights; TensorError if they do not fit."""
+        critic = name != ACTOR
+        check_tensors(tensors, (critic_shapes if critic else actor_shapes)(network), name)
+        module: nn.Module = network.family.modules()[critic](network)
+        module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
+        return module.to(self.device, self.dtype)
+
+    def _adam(self, module: nn.Module) -> torch.optim.Adam:
+        """Adam of all parameters, then, as a group of their own, of the detectors if any."""
+        config = self._config
+        named = dict(module.named_parameters())
+        detectors = [named.pop(k) for k in tuple(named) if k.startswith("detectors.")]
+        groups: list[dict[str, Any]] = [{"params": list(named.values())}]
+        if detectors:
+            groups.append({"params": detectors})
+        betas = (config.optimizer.beta1, config.optimizer.beta2)
+        adam = torch.optim.Adam(groups, betas=betas, eps=config.optimizer.epsilon, fused=True)
+        for parameter in module.parameters():  # else made by the first step, too late to load
+            adam.state[parameter] = {
+                "step": torch.zeros((), dtype=torch.float32, device=self.device),
+                "exp_avg": torch.zeros_like(parameter),
+                "exp_avg_sq": torch.zeros_like(parameter),
+            }
+        return adam
+
+
+def _device_named(name: str) -> torch.device:
+    try:
+        return torch.zeros(0, device=name).device
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ConfigError(
+            f"learner device: expected one that torch has here, got {name!r}: {reason}"
+        ) from error
+
+
+class _Goals:
+    """What the networks are told of each program of a table."""
+
+    def __init__(
+        self, network: NetworkConfig, table: ProgramTable, device: torch.device, dtype: torch.dtype
+    ) -> None:
+        self._family = network.family
+        self._table = table
+        self._device, self._dtype = device, dtype
+        self._size = 0  # rows of the table that are on the device
+        self._rows: list[Tensor] = []
+
+    def refresh(self) -> None:
+        """Bring rows that joined the table to the device."""
+        if self._size != len(self._table):
+            codes = map(torch.from_numpy, self._family.codes(self._table))
+            self._rows = [
+                code.to(self._device, self._dtype if code.is_floating_point() else torch.int64)
+                for code in codes
+            ]
+            self._size = len(self._table)
+
+    def of(self, program: Tensor) -> Any:
+        """For rows [B, K] of the table."""
+        index = program.long()
+        return self._family.goals(*(rows[index] for rows in self._rows))

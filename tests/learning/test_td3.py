@@ -1,0 +1,156 @@
+"""TD3: one update by hand, its delay and targets, and all that DPG has through the same learner."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from updates import update
+from worlds import PROGRAMS, WORDS, PointWorld, random_batch
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.update import Batch
+from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.algorithms.td3.builder import make_engine
+from pa_ros.learning.algorithms.td3.config import TD3Config
+from pa_ros.learning.algorithms.td3.learner import SMOOTHING_STREAM, TorchTD3
+from pa_ros.learning.algorithms.td3.networks import CRITICS
+from pa_ros.learning.checkpoints import read_metadata
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.folder import checkpoint_of
+from pa_ros.learning.learner import Learner
+from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.protocols import LearningChoice, protocol_named
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.world.programs import ProgramTable
+
+NETWORK = NetworkConfig(vocabulary=WORDS, kind="true-properties", hidden=6, attention=4)
+CONFIG = TD3Config().changed(**{"engine.dtype": "float64", "targets.tau": 0.25})
+LEARNS = TD3Config().changed(
+    **{
+        "replay.batch_size": 4,
+        "replay.warmup_frames": 30,
+        "schedule.trajectory_steps": 20,
+        "relabeling.rule": "all-goals",
+    }
+)
+
+
+def made(config: TD3Config = CONFIG) -> TorchTD3:
+    table = ProgramTable(WORDS)
+    for program in PROGRAMS:
+        table.add(program)
+    engine = make_engine(NETWORK, config, table, np.random.default_rng(4))
+    assert isinstance(engine, TorchTD3)
+    return engine
+
+
+def q_of(engine: TorchTD3, critic: Any, batch: Batch, action: np.ndarray, then: bool) -> np.ndarray:
+    """Of one critic, or of a target, as its module computes it, [B]."""
+    objects, arm = (batch.next_objects, batch.next_arm) if then else (batch.objects, batch.arm)
+    seen = [torch.from_numpy(x).double() for x in (objects, arm)]
+    with torch.no_grad():
+        q = critic(*seen, engine.goals(batch.program), torch.from_numpy(action).double())
+    return np.asarray(q[:, 0])
+
+
+def test_the_target_is_of_the_lesser_critic_at_a_clipped_noisy_action() -> None:
+    """With σ far above the clip every noise is ±clip, and with clip 0 there is none."""
+    quiet = made(CONFIG.changed(**{"smoothing.clip": 0.0}))
+    noisy = made(CONFIG.changed(**{"smoothing.sigma": 1e6, "smoothing.clip": 0.3}))
+    batch = random_batch(np.random.default_rng(0), 6, 1, 2)
+    losses = []
+    for engine in (quiet, noisy):
+        expected = by_hand(engine, batch, engine is noisy)
+        update(engine, batch, CONFIG)
+        assert engine.metrics()["critic_loss"] == pytest.approx(expected, rel=1e-9)
+        losses.append(expected)
+    assert losses[0] != losses[1]
+
+
+def by_hand(engine: TorchTD3, batch: Batch, noisy: bool) -> float:
+    """Mean of both critics' losses before an update."""
+    seen = [torch.from_numpy(x).double() for x in (batch.next_objects, batch.next_arm)]
+    with torch.no_grad():
+        action = engine.targets["actor"](*seen, engine.goals(batch.program))[:, 0].numpy()
+    if noisy:
+        drawn = np.random.default_rng([SMOOTHING_STREAM, 0]).normal(size=(6, 1, 6))[:, 0]
+        action = np.clip(action + 0.3 * np.sign(drawn), -1, 1)
+    both = [q_of(engine, engine.targets[name], batch, action, True) for name in CRITICS]
+    target = batch.reward[:, 0] + batch.discount * np.minimum(*both)
+    errors = [
+        q_of(engine, engine.networks[name], batch, batch.action, False) - target for name in CRITICS
+    ]
+    return float(np.mean([np.square(error).mean() for error in errors]))
+
+
+def test_actor_and_targets_move_at_every_second_update_and_targets_a_share() -> None:
+    engine = made()
+    start = engine.tensors()
+    rng = np.random.default_rng(0)
+    update(engine, random_batch(rng, 4, 1, 2), CONFIG)
+    once = engine.tensors()
+    assert engine.metrics()["actor_gradient_norm"] == 0.0
+    assert moved(start, once) == {"critic_1", "critic_2"}
+    update(engine, random_batch(rng, 4, 1, 2), CONFIG)
+    twice = engine.tensors()
+    names = {"actor", "critic_1", "critic_2"}
+    assert moved(once, twice) == names | {f"target_{name}" for name in names}
+    for name in ("actor.output.weight", "critic_2.output.weight"):
+        between = 0.75 * once[f"target_{name}"] + 0.25 * twice[name]
+        np.testing.assert_allclose(twice[f"target_{name}"], between, rtol=1e-12)
+    engine.end_episode()
+    assert not moved(twice, engine.tensors())
+
+
+def moved(before: dict, after: dict) -> set[str]:
+    """Networks of which any weight differs."""
+    weights = [name for name in before if not name.startswith("adam.")]
+    return {n.partition(".")[0] for n in weights if not np.array_equal(before[n], after[n])}
+
+
+def run(out: Path, frames: int, config: LearnerConfig = LEARNS, resume: bool = False) -> Learner:
+    asked = TrainConfig(out=out, seed=3, frames=frames)
+    return train(asked, NETWORK, config, PointWorld(3), np.ones(6), PROGRAMS, None, resume)
+
+
+def test_a_resumed_run_ends_where_an_unbroken_one_does(tmp_path: Path) -> None:
+    whole = run(tmp_path / "whole", 120)
+    run(tmp_path / "parts", 60)
+    parts = run(tmp_path / "parts", 120, resume=True)
+    theirs = parts.engine.tensors()
+    assert whole.counters.updates == 100
+    for name, tensor in whole.engine.tensors().items():
+        np.testing.assert_array_equal(tensor, theirs[name], err_msg=name)
+    assert read_metadata(checkpoint_of(tmp_path / "whole"))["algorithm"] == "td3"
+
+
+def test_a_checkpoint_of_another_algorithm_is_refused_with_both_named(tmp_path: Path) -> None:
+    run(tmp_path, 60)
+    with pytest.raises(CheckpointError, match="algorithm: checkpoint 'td3', here 'dpg'"):
+        run(tmp_path, 120, ALGORITHMS["dpg"].config(), resume=True)
+
+
+def test_an_unknown_algorithm_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match=r"unknown algorithm: .*'dpg', 'td3'.*got 'sac'"):
+        protocol_named("ours", "sac")
+    with pytest.raises(ConfigError, match=r"algorithm: .*'dpg', 'td3'.*got 'sac'"):
+        LearningChoice(algorithm="sac")
+
+
+def test_the_fused_engine_is_refused_for_it() -> None:
+    with pytest.raises(ConfigError, match="td3 is computed by torch alone"):
+        made(CONFIG.changed(**{"engine.name": "fused"}))
+
+
+def test_its_settings_are_options_of_its_own_and_not_of_dpg() -> None:
+    option = "learner.targets.tau=0.1"
+    learner = protocol_named("ours", "td3").with_options([option]).learner
+    assert isinstance(learner, TD3Config) and learner.targets.tau == 0.1
+    assert learner.updates.discount == 0.9  # the protocol's
+    with pytest.raises(ConfigError, match="targets"):
+        protocol_named("ours").with_options([option])
