@@ -17,7 +17,9 @@ from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import PRESETS, ArenaConfig
 from pa_ros.core.settings import Leaf, Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.protocols import PROTOCOLS
+from pa_ros.learning.algorithms.td3.config import TD3Config
+from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.protocols import PROTOCOLS, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from sim_node.config import SimConfig
 
@@ -42,11 +44,13 @@ PURPOSES: dict[str, dict[str, dict[str, object]]] = {
 SETS: dict[str, dict[str, dict[str, Any]]] = {  # marker: named sets of values, by path
     "arena": {name: preset.flat() for name, preset in PRESETS.items()},
     "learner": {name: protocol.of("learner") for name, protocol in PROTOCOLS.items()},
+    "td3": {name: protocol_named(name, "td3").of("learner") for name in PROTOCOLS},
     "network": {name: protocol.of("network") for name, protocol in PROTOCOLS.items()},
 }
 TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "arena": ("docs/arena.md", ArenaConfig),
     "learner": ("docs/learning.md", DPGConfig),
+    "td3": ("docs/learning.md", TD3Config),
     "network": ("docs/learning.md", NetworkConfig),
     **{node: ("docs/graph.md", kind) for node, kind in NODES.items()},
 }
@@ -73,11 +77,13 @@ def parameters_yaml(node: str, purpose: str) -> str:
 def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     """A row for each setting, with its value in each named set.
 
-    A vocabulary is no setting that one gives.
+    A vocabulary is no setting that one gives; of TD3's settings those that DPG lacks.
     """
     names = ["Name", "Default", *(f"`{name}`" for name in sets), "Expected", "Meaning"]
     rows = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
-    rows += [_row(leaf, sets) for leaf in kind.leaves() if leaf.default is not ...]
+    shared = set(LearnerConfig.paths()) if kind is TD3Config else set()
+    leaves = [leaf for leaf in kind.leaves() if leaf.path not in shared]
+    rows += [_row(leaf, sets) for leaf in leaves if leaf.default is not ...]
     return "\n".join(rows)
 
 
