@@ -15,8 +15,8 @@ from learners import NETWORK
 
 from pa_ros.core.errors import PaError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import LATEST, load_policy, restore, save_checkpoint
+from pa_ros.learning.learner import Learner
 
 CHECKPOINTS = 20_000
 FILES = ("metadata.json", "engine.safetensors", "replay.safetensors", "policies.safetensors")

@@ -23,7 +23,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire import codec

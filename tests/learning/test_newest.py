@@ -10,9 +10,9 @@ from learner_input import ARENA, DESIGN, trajectory
 from learners import NETWORK
 
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.learner import Learner
 from pa_ros.learning.checkpoints import LATEST, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
 
 FILES = ("metadata.json", "engine.safetensors", "replay.safetensors", "policies.safetensors")
