@@ -8,7 +8,7 @@ import ast
 SOURCES = {"Message", "deserialize", "deserialize_cdr", "deserialize_message", "take_message"}
 CALLBACK_TAKERS = {"create_subscription", "create_service", "guard", "subscribe", "through"}
 NAMES = {"message", "msg", "response"}  # parameters that are called so are messages
-READERS = {"header_stamp", "is_evaluation", "commanded_by"}  # and whatever begins with decode_
+READERS = {"header_stamp", "is_evaluation", "arena_of"}  # and whatever begins with decode_
 BY_NAME = {"getattr", "setattr", "hasattr", "delattr", "vars"}
 FROM_CONTAINER = {"get", "items", "pop", "popleft", "values"}
 

@@ -10,22 +10,25 @@ import numpy as np
 from rclpy.node import Node
 
 from agent_node.config import AgentConfig
-from agent_node.programs import HeardByOthers, ProgramBook, vocabulary_of
+from agent_node.programs import ProgramBook, vocabulary_of
 from agent_node.steps import StepMatcher
+from agent_node.watch import Watch
 from pa_ros.acting.agent import Agent, Step
-from pa_ros.acting.answer import Answer, Load, Wait
+from pa_ros.acting.answer import Load, Wait
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.language import Vocabulary
+from pa_ros.language import Program, Vocabulary
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.parameters import initial_actor
+from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
+from pa_ros.ros.arenas import Arenas
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
+from pa_ros.ros.health import HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
@@ -44,22 +47,21 @@ class AgentNode(Node):
         self.refusals = Refusals(self.get_logger().warning)
         self.agent = self._make_agent()
         self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
-        self._arena: ArenaDescription | None = None
+        self._arenas = Arenas()
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
-        self._elsewhere = HeardByOthers()
         self._learner: LearnerInfo | None = None  # the newest announced
-        self._unread: dict[str, Message] | None = None  # newest step whose program is not known yet
+        self._watch = Watch(self.agent.key, self.config.stuck_after_s)
         self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
         self._commands = self._trajectories = 0
         self._core_s = 0.0  # spent in the policy itself
         self._reported = (0, 0.0)  # commands and core_s at the last report
-        self._heard_at = self._progress_at = time.monotonic()
         self._make_publishers()
         self._make_subscriptions()
-        HealthReporter(self, self.refusals, self._collect)
+        alone = topics.JOINT_COMMANDS, f"{self.agent_id}/{self.agent.key.incarnation}"
+        HealthReporter(self, self.refusals, self._collect, alone)
         source = self.config.checkpoint or self.config.weights
         doing = "explores and learns" if self.config.learning else "executes programs"
         self.get_logger().info(f"agent {self.agent_id}: {doing}, with weights from {source}")
@@ -93,12 +95,11 @@ class AgentNode(Node):
             (topics.OBJECT_FEATURES, lambda m: self._on_part("features", m)),
             (topics.JOINT_STATES, lambda m: self._on_part("joints", m)),
             (topics.PROGRAM, lambda m: self._on_program(codec.decode_program(m))),
-            (topics.PROGRAM_STATUS, self._on_judgement),
         ]
         if self.config.learning:
             callbacks.append((topics.VERDICT, lambda m: self._on_part("verdict", m)))
-            callbacks.append((topics.LEARNER_INFO, self._on_learner))
         if self.config.weights == "topic":
+            callbacks.append((topics.LEARNER_INFO, self._on_learner))
             callbacks.append((topics.POLICY_WEIGHTS, self._on_policy))
         for topic, callback in callbacks:
             topic.subscribe(self, self.refusals.guard(topic.name, callback))
@@ -107,14 +108,22 @@ class AgentNode(Node):
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
+        vocabulary_of(arena)
+        before = self._arenas.current
+        if self._arenas.announce(arena):
+            self._belong(before)
+
+    def _belong(self, before: ArenaDescription | None) -> None:
+        """Another arena counts than before, or the same describes itself anew."""
+        arena = self._arenas.current
+        assert arena is not None
         vocabulary = vocabulary_of(arena)
-        restarted = self._arena is not None and self._arena.arena_id != arena.arena_id
         if self._book is None or self._book.vocabulary != vocabulary:
-            self._book = ProgramBook(vocabulary)
-        self._arena = arena
-        if restarted:
+            self._book = ProgramBook(vocabulary, self.agent.check_program)
+        if before is None or before.arena_id != arena.arena_id:
             self._matcher.restart()
-            self._handled, self._command, self._unread = -1, None, None
+            self._handled, self._command = -1, None
+            self.get_logger().info(f"arena {arena.arena_id}: design {arena.design}, {arena.preset}")
         if self.config.weights == "random" and not self.agent.has_weights:
             self.agent.offer(_fixed(_random_policy(vocabulary, self.config)))
         early, self._early = self._early, []
@@ -123,35 +132,39 @@ class AgentNode(Node):
         self._follow()
 
     def _on_part(self, part: str, message: Message) -> None:
-        if self._arena is None:
+        before = self._arenas.current
+        if self._arenas.step(codec.arena_of(message)):
+            self._belong(before)
+        if before is None:
             return  # arena_info is on its way; the arena repeats a step that nobody answers
-        self._heard_at = time.monotonic()
+        self._watch.heard()
         step = self._matcher.add(part, codec.header_stamp(message), message)
         if step is not None:
             self._on_step(step)
 
     def _on_step(self, parts: dict[str, Message]) -> None:
-        assert self._arena is not None and self._book is not None
+        arena, book = self._arenas.current, self._book
+        assert arena is not None and book is not None
         observation = codec.decode_observation(
-            parts["features"], parts["joints"], self._arena.joint_names
+            parts["features"], parts["joints"], arena.joint_names
         )
         if observation.stamp_ns == self._handled:
             self._answer_again()
             return
-        program = self._book.program_of(observation.program_id)
-        if program is None:
-            self._unread = parts
-            self._recall(observation.program_id)
-            return
-        self._unread = None
+        context = codec.decode_context(parts["features"])
+        self._watch.idle = not context.program
+        self._watch.executed(context.executed)
+        if not context.program:
+            return  # nothing is to be done yet
+        program = self._in_force(book, ProgramRequest(observation.program_id, context.program))
         verdict = codec.decode_verdict(parts["verdict"]) if "verdict" in parts else None
         step = Step(
             observation,
             program,
             verdict,
-            codec.is_evaluation(parts["features"]),
-            codec.commanded_by(parts["features"]),
-            ends_episode=observation.step >= self._arena.episode_steps,
+            context.evaluation,
+            context.executed,
+            ends_episode=observation.step >= arena.episode_steps,
         )
         started = time.perf_counter()
         trajectory = self.agent.observe(step)
@@ -163,6 +176,13 @@ class AgentNode(Node):
             self._transitions_out.publish(codec.encode_trajectory(trajectory))
         self._act()
 
+    def _in_force(self, book: ProgramBook, request: ProgramRequest) -> Program:
+        """The program that the arena says is in force; judged if it wasn't heard of before."""
+        if book.stands_for(request.program_id) != request.text:
+            book.note(request.program_id, request.text)
+            self._judge(book, request)
+        return book.program(request.text)
+
     def _act(self) -> None:
         observation = self._observation
         started = time.perf_counter()
@@ -170,57 +190,52 @@ class AgentNode(Node):
             self.agent.load(answer.policy)
         if isinstance(answer, Wait) or observation is None:
             return
-        action = self.agent.act()
+        self._choose()
         self._core_s += time.perf_counter() - started
+        sent = self.agent.sent
+        assert sent is not None
         self._command = Command(
             observation.episode,
             observation.step,
             observation.stamp_ns,
             self.agent_id,
             self.agent.version,
-            action,
+            sent.action,
+            sent.command.incarnation,
+            sent.command.number,
         )
         self._commands += 1
-        self._progress_at = time.monotonic()
+        self._watch.progress()
         self._commands_out.publish(codec.encode_command(self._command))
+
+    def _choose(self) -> None:
+        """Decide on the next command: to hold still, if the program can't be acted on."""
+        self._watch.held = ""
+        try:
+            self.agent.act()
+        except UnsupportedProgramError as error:
+            self.refusals.refuse("program", error)
+            self._watch.held = str(error)
+            self.agent.hold()
 
     def _answer_again(self) -> None:
         """The arena repeats a step that was answered: the answer was lost."""
         if self._command is not None and self._command.stamp_ns == self._handled:
             self._commands_out.publish(codec.encode_command(self._command))
 
-    def _retry(self) -> None:
-        """Something that a step waited for has come."""
-        if self._unread is not None:
-            self._on_step(self._unread)
-        else:
-            self._act()
-
     # What people and the learner say
 
     def _on_program(self, request: ProgramRequest) -> None:
-        if self._book is None:
+        arena, book = self._arenas.current, self._book
+        if arena is None or book is None:
             self._early = [*self._early[-31:], request]
-            return
+        elif not request.program_id.startswith(f"{arena.arena_id}/"):  # its own come with steps
+            self._judge(book, request)
+
+    def _judge(self, book: ProgramBook, request: ProgramRequest) -> None:
         name, stamp_ns = self.get_fully_qualified_name(), max(self._handled, 0)
-        judgement = judge(request, name, stamp_ns, self._book.accept, self.refusals)
+        judgement = judge(request, name, stamp_ns, book.accept, self.refusals)
         self._status_out.publish(codec.encode_program_status(judgement))
-        if judgement.accepted:
-            self._retry()
-
-    def _on_judgement(self, message: Message) -> None:
-        judgement = codec.decode_program_status(message)
-        if judgement.node == self.get_fully_qualified_name():
-            return
-        self._elsewhere.note(judgement)
-        if self._unread is not None:
-            self._retry()
-
-    def _recall(self, program_id: str) -> None:
-        """A program whose sender has gone: what the arena called it when it accepted it."""
-        request = self._elsewhere.take(program_id)
-        if request is not None:
-            self._on_program(request)
 
     def _on_learner(self, message: Message) -> None:
         self._learner = codec.decode_learner_info(message)
@@ -228,20 +243,20 @@ class AgentNode(Node):
 
     def _follow(self) -> None:
         """Act for the learner in this arena, once both have announced themselves."""
-        arena, learner = self._arena, self._learner
-        if isinstance(self.agent, LearningAgent) and arena is not None and learner is not None:
+        arena, learner = self._arenas.current, self._learner
+        if arena is not None and learner is not None:
             facts = arena.vocabulary_digest, arena.control_period, arena.near_threshold
             self.agent.follow(learner, ArenaFacts(*facts))
-            self._retry()
+            self._act()
 
     def _on_policy(self, message: Message) -> None:
         digest = self._book.vocabulary.digest if self._book else None
         self.agent.offer(codec.decode_weights(message, digest))
-        self._retry()
+        self._act()
 
     def _send_again(self) -> None:
         """Trajectories that the awaited weights should have taken in: perhaps none heard them."""
-        late = time.monotonic() - self._progress_at > self.config.resend_period_s
+        late = self._watch.idle_s > self.config.resend_period_s
         if isinstance(self.agent, LearningAgent) and self.agent.waiting and late:
             for trajectory in self.agent.unaccounted:
                 self._transitions_out.publish(codec.encode_trajectory(trajectory))
@@ -249,7 +264,7 @@ class AgentNode(Node):
     # Health
 
     def _collect(self) -> tuple[int, str, dict[str, str]]:
-        now, (commands, core_s) = time.monotonic(), self._reported
+        commands, core_s = self._reported
         self._reported = (self._commands, self._core_s)
         core_us = (self._core_s - core_s) * 1e6 / max(self._commands - commands, 1)
         values = {
@@ -258,32 +273,12 @@ class AgentNode(Node):
             "commands": str(self._commands),
             "core_us": f"{core_us:.1f}",
             "trajectories": str(self._trajectories),
-            "observation_age_s": f"{now - self._heard_at:.2f}",
+            "observation_age_s": f"{self._watch.observation_age_s:.2f}",
         }
         if isinstance(self.agent, LearningAgent):
             values["interrupted"] = str(self.agent.interrupted)
             values["lost_trajectories"] = str(self.agent.lost)
-        return *self._state(now), values
-
-    def _state(self, now: float) -> tuple[int, str]:
-        """Level and message: what the agent is doing, or waits for."""
-        agent, answer = self.agent, self.agent.answer()
-        if isinstance(agent, LearningAgent) and agent.refusal:
-            return ERROR, f"does not act for the learner: {agent.refusal}"
-        if self._arena is None:
-            return WARN, f"waits for an arena ({topics.ARENA_INFO.name})"
-        if not agent.has_weights:
-            return WARN, f"no weights yet{_reason(answer)}"
-        stuck = now - self._progress_at > self.config.stuck_after_s
-        if isinstance(agent, LearningAgent) and agent.waiting and stuck:
-            return ERROR, f"policy version stuck at {agent.version}{_reason(answer)}"
-        if now - self._heard_at > 1.0:
-            return WARN, f"waits for observations ({topics.OBJECT_FEATURES.name})"
-        return OK, "acting"
-
-
-def _reason(answer: Answer) -> str:
-    return f": waits for {answer.reason}" if isinstance(answer, Wait) else ""
+        return *self._watch.state(self.agent, self._arenas), values
 
 
 def _fixed(snapshot: PolicySnapshot) -> PublishedPolicy:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -73,7 +74,8 @@ class LearnerNode(Node):
             info = topics.ARENA_INFO.within(arena)
             info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
         topics.TRAJECTORIES.subscribe(self, self._take)
-        HealthReporter(self, self.refusals, self._collect, self._progress)
+        alone = topics.POLICY_WEIGHTS, uuid.uuid4().hex
+        HealthReporter(self, self.refusals, self._collect, alone, self._progress)
         steady_timer(self, WATCH_S, self._watch)
 
     def close(self) -> int:

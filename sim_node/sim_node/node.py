@@ -12,15 +12,17 @@ from rclpy.node import Node
 
 from pa_ros.arena import DivergedError
 from pa_ros.core.errors import PaError
+from pa_ros.core.experience import AgentKey
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
+from pa_ros.ros.rivals import Commanders
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Outcome, ProgramJudgement, ProgramRequest
+from pa_ros.wire.records import Outcome, ProgramJudgement, ProgramRequest, StepContext
 from sim_node.config import SimConfig
 from sim_node.description import JOINT_NAMES, describe, origin
 from sim_node.errors import LockstepError, NotPausedError, PausedError
@@ -37,6 +39,7 @@ class SimNode(Node):
         self.session = Session(self.config, arena_id=uuid.uuid4().hex[:8])
         self.watchdog = Watchdog(self.session, self.config.command_timeout_s)
         self.refusals = Refusals(self.get_logger().warning)
+        self._commanders = Commanders()
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
         self._announced: Ordered | None = None
@@ -47,7 +50,9 @@ class SimNode(Node):
         self._make_publishers()
         self._make_subscriptions()
         self._make_services()
-        self._health = HealthReporter(self, self.refusals, self._collect)
+        self._health = HealthReporter(
+            self, self.refusals, self._collect, (topics.ARENA_INFO, self.session.arena_id)
+        )
         self.get_logger().info(
             f"arena {self.session.arena_id}: design {self.config.design}, arm "
             f"{self.config.preset}, {self.config.mode}, programs from {self.config.program_source}"
@@ -97,6 +102,7 @@ class SimNode(Node):
 
     def _on_command(self, message: Message) -> None:
         command = codec.decode_command(message)
+        self._commanders.note(AgentKey(command.agent_id, command.incarnation))
         if self.paused:
             raise PausedError("joint_commands: expected none while the arena is paused")
         if self._real_time:
@@ -123,13 +129,13 @@ class SimNode(Node):
     def _send(self, frame: Frame) -> None:
         """The observation first: a greedy agent decides while the rest is still being sent."""
         self._announce()
-        observation, evaluation = frame.observation, frame.evaluation
-        features, joints = codec.encode_observation(
-            observation, JOINT_NAMES, evaluation, frame.commanded_by
-        )
+        observation = frame.observation
+        arena_id, evaluation = self.session.arena_id, frame.evaluation
+        context = StepContext(arena_id, evaluation, frame.executed, frame.program)
+        features, joints = codec.encode_observation(observation, JOINT_NAMES, context)
         self._joints.publish(joints)
         self._features.publish(features)
-        self._verdict.publish(codec.encode_verdict(frame.verdict, evaluation))
+        self._verdict.publish(codec.encode_verdict(frame.verdict, evaluation, arena_id))
         self._clock_topic.publish(codec.encode_clock(observation.stamp_ns))
         self._sent_at = time.monotonic()
 
@@ -145,8 +151,8 @@ class SimNode(Node):
     def _announce(self) -> None:
         program = self.session.program
         if program is not self._announced and program is not None:
-            if program.program_id.startswith(f"{self.session.arena_id}/"):
-                request = ProgramRequest(program.program_id, str(program.program))
+            if self.session.program_ids.is_own(program.program_id):
+                request = ProgramRequest(program.program_id, program.text)
                 self._program.publish(codec.encode_program(request))
                 ours = ProgramJudgement(
                     request.program_id,
@@ -160,8 +166,8 @@ class SimNode(Node):
 
     def _on_program(self, message: Message) -> None:
         request = codec.decode_program(message)
-        if request.program_id.startswith(f"{self.session.arena_id}/"):
-            return  # our own
+        if self.session.program_ids.is_echo(request.program_id, request.text):
+            return
         self._announce()  # what the standing frame is under, before it is replaced
         idle = self.session.program is None
         stamp_ns = self.session.frame.observation.stamp_ns
@@ -261,6 +267,9 @@ class SimNode(Node):
             return OK, f"paused: waits for the service {topics.PAUSE[0]}"
         if self.session.program is None:
             return OK, f"waits for a program ({topics.PROGRAM.name})"
+        if self._commanders.alarm:
+            return WARN, self._commanders.alarm
         if not self._real_time and rate == 0.0:
-            return WARN, f"waits for an agent's command ({topics.JOINT_COMMANDS.name})"
+            name = topics.JOINT_COMMANDS.name
+            return WARN, f"waits for an agent's command ({name}): does agent_node run, and act?"
         return OK, "running"

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 
 import numpy as np
 
 from pa_ros.arena import Episode, EpisodeError, ReachTask, generate
-from pa_ros.core.experience import JOINTS, Float64, Observation, Verdict
+from pa_ros.core.experience import JOINTS, Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
 from sim_node.config import LAST_EPISODE, SimConfig
 from sim_node.errors import NoProgramError, StaleCommandError
+from sim_node.program_ids import ProgramIds
 
 RECENT = 20  # episodes that the reported means are over
 
@@ -27,15 +29,21 @@ class Frame:
     observation: Observation
     verdict: Verdict
     evaluation: bool
-    commanded_by: str  # the agent whose command, exactly, led here; empty: none's
+    executed: Executed | None  # the command that, exactly, led here; None: no one's
+    program: str  # that the observation's program id stands for; empty: none
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Ordered:
     """A program that was asked for, by the id under which it is announced."""
 
     program_id: str
     program: Program
+
+    @cached_property
+    def text(self) -> str:
+        """Canonical."""
+        return str(self.program)
 
 
 class Session:
@@ -60,6 +68,7 @@ class Session:
         self._next = {False: config.first_episode, True: config.first_episode // (every or 1)}
         self._evaluation_due = False
         self._user: Ordered | None = None  # the newest program that someone sent
+        self.program_ids = ProgramIds(arena_id)
         self._episode_rewards: list[float] = []
 
     @property
@@ -93,18 +102,20 @@ class Session:
     def submit(self, request: ProgramRequest) -> str:
         """Put someone's program in force from the next step on; its canonical text.
 
-        Where none was in force, the step that stands is the first one under it. Raises
-        ProgramError, with nothing changed, if it is not a program or names no block here.
+        Where none was in force, the step that stands is the first one under it. Raises, with
+        nothing changed, ProgramError if it is not a program or names no block here, and
+        ProgramIdError if its id has another meaning.
         """
         assert self.task.episode is not None
         program = self._checked(request, self.task.episode)
+        self.program_ids.bind(program.program_id, program.text)
         self._user = program
         if self.program is None:
             self._stand(program, self.frame.evaluation)
         else:
             self.program = program
             self.task.set_program(program.program, program.program_id)
-        return str(program.program)
+        return program.text
 
     def check(self, command: Command) -> None:
         """Raise StaleCommandError unless it answers the step that stands, NoProgramError if
@@ -125,16 +136,17 @@ class Session:
         exact = bool((action == command.action).all())
         self.clamped += not exact
         stands = self.frame.observation
-        by = command.agent_id if exact and command.stamp_ns == stands.stamp_ns else ""
-        return self.advance(action.astype(np.float64) * self.speed_limits, by)
+        answered = exact and bool(command.agent_id) and command.stamp_ns == stands.stamp_ns
+        executed = Executed(command.key, action) if answered else None
+        return self.advance(action.astype(np.float64) * self.speed_limits, executed)
 
-    def advance(self, velocity: Float64, commanded_by: str = "") -> Iterator[Frame]:
+    def advance(self, velocity: Float64, executed: Executed | None = None) -> Iterator[Frame]:
         """Act for one control period, rad/s; yield the step it led to and, if that was the
         episode's last, the next episode's first. Raises DivergedError, the episode then void."""
         evaluation = self.frame.evaluation
         observation, verdict = self.task.step(velocity)
         self.steps += 1
-        self.frame = Frame(*self._masked(observation, verdict), evaluation, commanded_by)
+        self._frame(observation, verdict, evaluation, executed)
         self._episode_rewards.append(verdict.reward)
         yield self.frame
         if verdict.truncated:
@@ -148,7 +160,17 @@ class Session:
         executed = program.program if program else self.task.episode.program
         program_id = program.program_id if program else None
         observation, verdict = self.task.set_program(executed, program_id)
-        self.frame = Frame(*self._masked(observation, verdict), evaluation, "")
+        self._frame(observation, verdict, evaluation, None)
+
+    def _frame(
+        self,
+        observation: Observation,
+        verdict: Verdict,
+        evaluation: bool,
+        executed: Executed | None,
+    ) -> None:
+        text = self.program.text if self.program else ""
+        self.frame = Frame(*self._masked(observation, verdict), evaluation, executed, text)
 
     def _masked(self, observation: Observation, verdict: Verdict) -> tuple[Observation, Verdict]:
         """Without a program in force there is nothing to satisfy."""
@@ -161,11 +183,15 @@ class Session:
     def _program_of(self, episode: Episode, evaluation: bool, wanted: str) -> Ordered | None:
         """The program that an episode begins with."""
         if wanted:
-            self._user = self._checked(ProgramRequest(program_id_of(wanted), wanted), episode)
-            return self._user
+            asked = self._checked(ProgramRequest(program_id_of(wanted), wanted), episode)
+            self.program_ids.bind(asked.program_id, asked.text)
+            self._user = asked
+            return asked
         if self.config.program_source == "generator":
             kind = "eval" if evaluation else "train"
-            return Ordered(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
+            own = Ordered(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
+            self.program_ids.announce(own.program_id, own.text)
+            return own
         try:
             return self._user and self._naming(self._user, episode)
         except ProgramError:  # accepted in another scene; here it names nothing

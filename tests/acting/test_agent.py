@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,12 +15,25 @@ from pa_ros.acting.answer import Act, Load, Wait
 from pa_ros.acting.errors import LearnerRequestError, PolicyError, StepError
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.arena import ReachTask
-from pa_ros.core.experience import Observation, Verdict
-from pa_ros.core.published import LearnerInfo
+from pa_ros.core.experience import Executed, Observation, Verdict
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import parse
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.world import Trajectory
 
 FAR_BEHIND = replace(LEARNER, policy_lag=10**6)  # never waited for
+
+
+Says = Callable[[Executed], Executed | None]
+
+
+def _as_sent(sent: Executed) -> Executed | None:
+    return Executed(sent.command, sent.action.copy())
+
+
+def _of(sent: Executed, **fields: Any) -> Executed:
+    return Executed(sent.command._replace(**fields), sent.action)
 
 
 class Arm:
@@ -32,9 +46,13 @@ class Arm:
         self.velocity = np.zeros(6)
 
     def show(
-        self, observation: Observation, verdict: Verdict, by: str, evaluation: bool = False
+        self,
+        observation: Observation,
+        verdict: Verdict,
+        executed: Executed | None,
+        evaluation: bool = False,
     ) -> None:
-        step = Step(observation, self.task.program, verdict, evaluation, by)
+        step = Step(observation, self.task.program, verdict, evaluation, executed)
         trajectory = self.agent.observe(step)
         if trajectory is not None:
             self.sent.append(trajectory)
@@ -47,11 +65,13 @@ class Arm:
 
     def reset(self, episode: int, evaluation: bool = False) -> None:
         condition = "eval" if evaluation else "train"
-        self.show(*self.task.reset(episode, condition), by="", evaluation=evaluation)
+        self.show(*self.task.reset(episode, condition), None, evaluation=evaluation)
 
-    def run(self, steps: int, by: str = "me", evaluation: bool = False) -> None:
+    def run(self, steps: int, says: Says = _as_sent, evaluation: bool = False) -> None:
+        """`says`: what the arena says it has carried out, of what the agent sent."""
         for _ in range(steps):
-            self.show(*self.task.step(self.velocity), by=by, evaluation=evaluation)
+            executed = says(self.agent.sent)
+            self.show(*self.task.step(self.velocity), executed, evaluation=evaluation)
 
     @property
     def spans(self) -> list[tuple[int, int, int]]:
@@ -112,15 +132,66 @@ def test_a_change_of_program_cuts_the_trajectory_and_nothing_crosses_it(arm) -> 
     assert [one.program for one in arm.sent] == [before, arm.task.program]
 
 
-def test_what_another_hand_did_is_not_experience(arm) -> None:
+NOT_MINE: dict[str, Says] = {
+    "nobody's": lambda sent: None,  # the watchdog held, or the command was clamped
+    "another agent's": lambda sent: _of(sent, agent_id="someone"),
+    "of one that has my name": lambda sent: _of(sent, incarnation=sent.command.incarnation + 1),
+    "an earlier one of mine": lambda sent: _of(sent, number=sent.command.number - 1),
+    "forged": lambda sent: Executed(sent.command, sent.action + np.float32(1e-3)),
+}
+
+
+@pytest.mark.parametrize("says", NOT_MINE.values(), ids=NOT_MINE)
+def test_what_another_command_did_is_not_experience(arm, says) -> None:
     arm.reset(0)
     arm.run(10)
     arm.run(3)
-    arm.run(1, by="")  # the watchdog held, or the command was clamped
-    arm.run(2, by="someone")
+    arm.run(3, says)
     arm.run(10)
     assert arm.spans == [(0, 0, 10), (1, 16, 10)]
     assert arm.agent.interrupted == 3
+
+
+def test_commands_are_numbered_and_a_held_step_is_no_experience(arm) -> None:
+    arm.reset(0)
+    arm.run(3)
+    assert arm.agent.sent.command == (*ME, 4)
+    observation, verdict = arm.task.step(arm.velocity)
+    arm.agent.observe(Step(observation, arm.task.program, verdict, False, arm.agent.sent))
+    arm.velocity = arm.agent.hold()
+    assert not arm.velocity.any() and arm.agent.sent.command == (*ME, 5)
+    arm.run(11)
+    assert arm.spans == [(0, 0, 4), (1, 5, 10)]
+
+
+def test_a_program_that_the_networks_cannot_be_told_is_refused_before_it_is_acted_on() -> None:
+    network = NetworkConfig(vocabulary=DESIGN.vocabulary, kind="canonical", canonical_hidden=4)
+    agent, either = Agent(ME), parse("NEAR(HAND, RED)", DESIGN.vocabulary)
+    agent.check_program(either)  # before there are weights nothing can be said
+    agent.offer(PublishedPolicy(snapshot(0, network), "run", "learner"))
+    agent.check_program(parse("NEAR(HAND, AND(RED, CUBE))", DESIGN.vocabulary))
+    with pytest.raises(UnsupportedProgramError):
+        agent.check_program(either)
+
+
+def test_a_greedy_agent_takes_the_announced_learners_weights_whatever_came_first() -> None:
+    other = NetworkConfig(vocabulary=DESIGN.vocabulary, hidden=4, attention=2)
+    agent = Agent(ME)
+    agent.offer(PublishedPolicy(snapshot(9, other), "strange", "stranger"))
+    with pytest.raises(PolicyError, match="expected architecture"):
+        agent.offer(published(1))  # nothing says yet whose weights these should be
+    agent.follow(LEARNER, FACTS)
+    assert agent.version == 1  # it was kept
+    with pytest.raises(PolicyError, match="'learner', got version 10 of 'stranger'"):
+        agent.offer(PublishedPolicy(snapshot(10, other), "strange", "stranger"))
+    agent.offer(published(2))
+    assert agent.version == 2
+    agent.follow(replace(LEARNER, learner_id="before", stamp_ns=0), FACTS)  # came before: ignored
+    agent.offer(published(3))
+    with pytest.raises(LearnerRequestError, match="vocabulary_digest"):
+        agent.follow(again(LEARNER, 4, vocabulary_digest="f" * 16), FACTS)
+    agent.offer(published(4))
+    assert agent.version == 4
 
 
 def test_evaluation_episodes_leave_no_trace(arm) -> None:

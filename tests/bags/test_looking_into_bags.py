@@ -23,7 +23,7 @@ from pa_ros.language import Program, parse
 from pa_ros.provenance.origins import JOINT_NAMES, describe
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
-from pa_ros.wire.records import Command, ProgramRequest
+from pa_ros.wire.records import Command, ProgramRequest, StepContext
 
 pytestmark = pytest.mark.xdist_group("looking into bags")  # its recordings are made once
 STEPS = 30
@@ -74,7 +74,9 @@ def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
             if observation.step == 0:
                 request = ProgramRequest(observation.program_id, str(program))
                 write("/program", codec.encode_program(request))
-            features, joints = codec.encode_observation(observation, JOINT_NAMES, evaluation)
+            features, joints = codec.encode_observation(
+                observation, JOINT_NAMES, StepContext(evaluation=evaluation)
+            )
             parts = [
                 ("/joint_states", joints),
                 ("/object_features", features),

@@ -20,7 +20,7 @@ from pa_ros.acting.answer import Load
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.benchmarks.codec import JOINT_NAMES, sample_step
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import TrajectoryKey
+from pa_ros.core.experience import Executed, TrajectoryKey
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.learner import Learner
@@ -28,11 +28,14 @@ from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Reset, SetSpeed, Step
-from pa_ros.wire.records import Health, Origin, ProgramJudgement, ProgramRequest
+from pa_ros.wire.records import Health, Origin, ProgramJudgement, ProgramRequest, StepContext
 
 MESSAGES = 100_000  # of all kinds together
 OBSERVATION, VERDICT, COMMAND = sample_step()
-FEATURES, JOINTS = codec.encode_observation(OBSERVATION, JOINT_NAMES)
+EXECUTED = Executed(COMMAND.key, COMMAND.action)
+FEATURES, JOINTS = codec.encode_observation(
+    OBSERVATION, JOINT_NAMES, StepContext("arena", False, EXECUTED, "NEAR(HAND, RED)")
+)
 SETTINGS = DPGConfig().changed(
     **{"replay.capacity_frames": 500, "replay.batch_size": 4, "replay.warmup_frames": 5}
 )
@@ -51,6 +54,8 @@ def arena(message: Any) -> None:
 def features(message: Any) -> None:
     seen = codec.decode_observation(message, JOINTS, JOINT_NAMES)
     assert np.isfinite(seen.objects).all()
+    context = codec.decode_context(message)
+    assert context.executed is None or np.isfinite(context.executed.action).all()
 
 
 def joints(message: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import EpisodeError, ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import CommandKey, Executed
 from pa_ros.language import ProgramError
-from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
+from pa_ros.wire.errors import ProgramIdError
+from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
 from sim_node.config import SimConfig
 from sim_node.errors import NoProgramError, StaleCommandError
 from sim_node.session import Session
@@ -93,6 +96,42 @@ def test_a_refused_reset_changes_nothing():
     assert (frame.observation.episode, frame.observation.step) == (0, 1)
 
 
+def test_an_id_keeps_its_meaning_and_the_arenas_own_are_its_own():
+    session = Session(SimConfig(episode_steps=3), "x")
+    session.begin()
+    red, blue = (ProgramRequest("mine", f"NEAR(HAND, {word})") for word in ("RED", "BLUE"))
+    session.submit(red)
+    assert session.submit(replace(red, text="NEAR(HAND,RED)")) == "NEAR(HAND, RED)"  # the same
+    with pytest.raises(ProgramIdError, match=r"'mine', which stands for NEAR\(HAND, RED\), got"):
+        session.submit(blue)
+    for own in ("x/train/0", "x/train/77"):
+        with pytest.raises(ProgramIdError, match="does not begin with 'x/'"):
+            session.submit(replace(blue, program_id=own))
+    with pytest.raises(ProgramError):
+        session.submit(ProgramRequest("refused", "NEAR(HAND, AND(RED, BLUE))"))
+    assert session.program.text == "NEAR(HAND, RED)"
+    assert session.submit(replace(blue, program_id="refused")) == "NEAR(HAND, BLUE)"  # was unbound
+    asked = "NEAR(HAND, CUBE)"
+    session.program_ids.bind(program_id_of(asked), "NEAR(HAND, RED)")
+    stands = session.frame
+    with pytest.raises(ProgramIdError):
+        session.begin(ResetRequest(1, asked))
+    assert session.frame is stands
+
+
+def test_a_frame_tells_the_program_that_it_is_under():
+    session = Session(SimConfig(episode_steps=3), "x")
+    session.begin()
+    drawn = session.frame.program
+    assert drawn == str(session.task.program)
+    session.submit(ProgramRequest("mine", "NEAR(HAND,RED)"))
+    assert session.frame.program == drawn  # the step that stands, when it is sent again
+    (frame,) = session.advance(session.hold)
+    assert (frame.observation.program_id, frame.program) == ("mine", "NEAR(HAND, RED)")
+    without = Session(SimConfig(program_source="topic"), "x")
+    assert without.begin().program == ""
+
+
 @pytest.mark.parametrize(
     "wrong",
     [{"eval_condition": "none", "eval_every_episodes": 1}, {"condition": "none"},
@@ -137,12 +176,12 @@ def test_a_reset_to_an_episode_whose_followers_have_no_number_is_refused(episode
     assert run_episodes(session, 3)[-1][1] == 2**62 + 3
 
 
-def answer_to(session: Session, share: float = 0.5, **fields: int) -> Command:
+def answer_to(session: Session, share: float = 0.5, **fields: Any) -> Command:
     """A command of a share of the first joint's speed, to the step that stands."""
     stands = session.frame.observation
-    values = {"episode": stands.episode, "step": stands.step, "stamp_ns": stands.stamp_ns} | fields
     action = np.array([share, 0, 0, 0, 0, 0], np.float32)
-    return Command(**values, agent_id="me", policy_version=0, action=action)
+    where = stands.episode, stands.step, stands.stamp_ns
+    return replace(Command(*where, "me", 0, action, 3, 7), **fields)
 
 
 def test_a_command_is_a_share_of_the_speed_limits_and_counted():
@@ -151,10 +190,11 @@ def test_a_command_is_a_share_of_the_speed_limits_and_counted():
     (frame,) = session.apply(answer_to(session, 0.5))
     limit = session.speed_limits[0]
     assert frame.observation.joint_velocity[0] == pytest.approx(0.5 * limit, rel=0.05)
-    assert (session.steps, session.clamped, frame.commanded_by) == (1, 0, "me")
+    assert (session.steps, session.clamped) == (1, 0)
+    assert frame.executed == Executed(CommandKey("me", 3, 7), answer_to(session, 0.5).action)
     (frame,) = session.apply(answer_to(session, -1.5))
     assert frame.observation.joint_velocity[0] == pytest.approx(-limit, rel=0.05)
-    assert (session.steps, session.clamped, frame.commanded_by) == (2, 1, "")
+    assert (session.steps, session.clamped, frame.executed) == (2, 1, None)
 
 
 @pytest.mark.parametrize("wrong", [{"episode": 1}, {"step": 1}, {"stamp_ns": 1}])

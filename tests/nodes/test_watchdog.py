@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -27,13 +30,13 @@ def watchdog(session: Session) -> Watchdog:
     return Watchdog(session, 0.3)
 
 
-def command(session: Session, age: int = 0, **fields: int) -> Command:
+def command(session: Session, age: int = 0, **fields: Any) -> Command:
     """To turn the first joint at full speed; an answer to the step `age` periods ago."""
     stands = session.frame.observation
-    values = {"episode": stands.episode, "step": stands.step} | fields
     stamp_ns = stands.stamp_ns - age * PERIOD_NS
     action = np.array([1, 0, 0, 0, 0, 0], np.float32)
-    return Command(**values, stamp_ns=stamp_ns, agent_id="me", policy_version=0, action=action)
+    answer = Command(stands.episode, stands.step, stamp_ns, "me", 0, action)
+    return replace(answer, **fields)
 
 
 def tick(watchdog: Watchdog) -> Frame:
@@ -60,9 +63,9 @@ def test_only_the_step_that_a_command_answers_is_its_agents(
 ) -> None:
     """What a held-over command leads to is nobody's choice at that step."""
     watchdog.offer(command(session))
-    assert [tick(watchdog).commanded_by for _ in range(5)] == ["me", "", "", "", ""]
+    assert [bool(tick(watchdog).executed) for _ in range(5)] == [True, False, False, False, False]
     watchdog.offer(command(session, age=1))
-    assert tick(watchdog).commanded_by == ""
+    assert tick(watchdog).executed is None
 
 
 @pytest.mark.parametrize("episode", [0, 5])
@@ -73,7 +76,7 @@ def test_a_command_does_not_reach_beyond_a_reset(
     tick(watchdog)
     session.begin(ResetRequest(episode))
     frame = tick(watchdog)
-    assert speed(frame) < 0.05 and frame.commanded_by == ""
+    assert speed(frame) < 0.05 and frame.executed is None
     assert watchdog.holds == 1
 
 

@@ -56,7 +56,7 @@ def test_an_agent_acts_on_when_its_arena_starts_again(tmp_path: Path):
     obeyed: list[int] = []  # stamps of the steps that a command led to
 
     def hear(message: Message) -> None:
-        if codec.commanded_by(message):
+        if codec.decode_executed(message):
             obeyed.append(codec.header_stamp(message))
 
     with Supervisor(tmp_path / "log") as supervisor, client_node("watcher") as node:

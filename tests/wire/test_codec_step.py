@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_ros.core.experience import Observation, Verdict
+from pa_ros.core.experience import CommandKey, Executed, Observation, Verdict
 from pa_ros.wire import codec, errors
-from pa_ros.wire.records import Command, StepMark
+from pa_ros.wire.records import Command, StepContext, StepMark
 
 NAMES = ("j1", "j2", "j3", "j4", "j5", "j6")
 counters = st.integers(0, 2**63)
@@ -53,17 +53,21 @@ def test_observation_survives_the_wire(seed, count, episode, step, stamp, progra
         program_id=program,
         hand_index=seed % count,
     )
-    features, joints = codec.encode_observation(sent, NAMES, evaluation, program)
-    assert codec.commanded_by(features) == program
+    executed = Executed(CommandKey("a", seed, episode), np.full(6, 0.25, np.float32))
+    context = StepContext(program, evaluation, executed if seed % 2 else None, program)
+    features, joints = codec.encode_observation(sent, NAMES, context)
+    assert codec.decode_context(features) == context
     assert same(codec.decode_observation(features, joints, NAMES), sent)
+    assert codec.arena_of(features) == codec.arena_of(joints) == program
     assert codec.is_evaluation(features) is evaluation
     assert codec.header_stamp(features) == codec.header_stamp(joints) == stamp
 
 
 def test_the_parts_of_a_step_are_read_alone_as_they_are_together():
     sent = observation(episode=4, step=9, hand_index=2, program_id="p")
-    features, joints = codec.encode_observation(sent, NAMES, evaluation=True)
-    assert codec.decode_step_mark(features) == StepMark(4, 9, True, "p")
+    context = StepContext(evaluation=True, program="NEAR(HAND, RED)")
+    features, joints = codec.encode_observation(sent, NAMES, context)
+    assert codec.decode_step_mark(features) == StepMark(4, 9, True, "p", "NEAR(HAND, RED)")
     objects, hand_index = codec.decode_objects(features)
     assert np.array_equal(objects, sent.objects) and hand_index == 2
     for names in (NAMES, ()):
@@ -155,7 +159,8 @@ def test_non_finite_says_where():
 )
 def test_verdict_survives_the_wire(episode, step, stamp, program, satisfied, cut, distance, reward):
     sent = Verdict(episode, step, stamp, program, reward, satisfied, distance, cut)
-    message = codec.encode_verdict(sent, evaluation=cut)
+    message = codec.encode_verdict(sent, cut, program)
+    assert codec.arena_of(message) == program
     assert same(codec.decode_verdict(message), sent)
     assert codec.is_evaluation(message) is cut
     assert not codec.is_evaluation(codec.encode_verdict(sent))
@@ -177,10 +182,19 @@ def test_malformed_verdicts_are_refused(field, value, error):
         codec.decode_verdict(message)
 
 
+@pytest.mark.parametrize("applied", [[], [0.0] * 5, [0.0] * 5 + [math.nan]])
+def test_an_executed_command_without_its_action_is_refused(applied):
+    executed = Executed(CommandKey("a", 1, 2), np.zeros(6, np.float32))
+    features, _ = codec.encode_observation(observation(), NAMES, StepContext(executed=executed))
+    features.applied = applied
+    with pytest.raises((errors.SizeError, errors.NonFiniteError), match="object_features.applied"):
+        codec.decode_context(features)
+
+
 @given(seeds, counters, st.integers(0, 2**32 - 1), stamps, texts, counters)
 def test_command_survives_the_wire(seed, episode, step, stamp, agent, version):
     action = np.random.default_rng(seed).uniform(-1, 1, 6).astype(np.float32)
-    sent = Command(episode, step, stamp, agent, version, action)
+    sent = Command(episode, step, stamp, agent, version, action, seed, version)
     assert same(codec.decode_command(codec.encode_command(sent)), sent)
 
 

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
 
 from pa_ros.acting.account import Account, Newest
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.answer import Act, Answer, Load, Wait
-from pa_ros.acting.errors import StepError
-from pa_ros.core.experience import AgentKey, Float32, Observation, Verdict
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.acting.errors import PolicyError, StepError
+from pa_ros.acting.requests import ArenaFacts, check_words, network_of
+from pa_ros.core.experience import (
+    JOINTS,
+    AgentKey,
+    CommandKey,
+    Executed,
+    Float32,
+    Observation,
+    Verdict,
+)
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.world import Trajectory
 
@@ -22,15 +35,26 @@ class Step:
     program: Program  # that the observation's program id stands for
     verdict: Verdict | None = None  # None: a greedy agent needs none
     evaluation: bool = False  # to be acted on greedily, and no experience
-    commanded_by: str = ""  # whose command, unaltered, led here
+    executed: Executed | None = None  # the command that, unaltered, led here
     ends_episode: bool = False  # nothing is to be done about it any more
 
 
+EARLY_POLICIES = 8  # kept of a learner that has not announced itself yet
+
+
 class Agent:
-    """A greedy agent: at each step `observe`, `load` what `answer` says, and `act`."""
+    """A greedy agent: at each step `observe`, `load` what `answer` says, and `act`.
+
+    Until a learner has announced itself, the architecture of the first weights counts.
+    """
 
     def __init__(self, key: AgentKey) -> None:
         self.key = key
+        self.refusal = ""  # why it does not act for the learner that came last; empty: it does
+        self._learner: LearnerInfo | None = None  # whose weights alone are used; None: anyone's
+        self._early: deque[PublishedPolicy] = deque(maxlen=EARLY_POLICIES)
+        self.sent: Executed | None = None  # the newest command, as it is when carried out
+        self._numbers = count(1)
         self._rule: Newest | Account = Newest()
         self._actor: Actor | None = None
         self._loaded: PublishedPolicy | None = None
@@ -54,12 +78,57 @@ class Agent:
             raise StepError(f"version: expected weights before it is asked, got {policy}")
         return policy.snapshot.version
 
+    def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
+        """Act with this learner's weights alone, unless the learner followed has come after it.
+
+        Those in use act until its own have come. Raises LearnerRequestError, and changes nothing,
+        if its weights cannot act in this arena.
+        """
+        current = self._learner
+        if current is not None and learner.stamp_ns < current.stamp_ns:
+            return
+        check_words(learner, arena)
+        network_of(learner)
+        self._learner = learner
+        self._offer_early(learner)
+
+    def check_program(self, program: Program) -> None:
+        """Raise UnsupportedProgramError if the weights at hand cannot be told this program."""
+        if self._actor is not None:
+            network = self._actor.network
+            network.family.check(program, network.vocabulary)
+
     def offer(self, policy: PublishedPolicy) -> None:
         """Weights have come. Raises PolicyError, and changes nothing, if they cannot be used."""
-        actor = self._actor or Actor.fitting(policy.snapshot)
+        try:
+            self._take(policy)
+        except PolicyError:
+            self._early.append(policy)  # their learner may announce itself yet
+            raise
+
+    def _take(self, policy: PublishedPolicy) -> None:
+        learner, actor = self._learner, self._actor
+        if learner is not None and learner.learner_id != policy.learner_id:
+            raise PolicyError(
+                f"policy: expected weights of the learner that announced itself last, "
+                f"{learner.learner_id!r}, got version {policy.snapshot.version} of "
+                f"{policy.learner_id!r}"
+            )
+        if learner is not None and (
+            actor is None or actor.network.architecture != learner.architecture
+        ):
+            actor = Actor(network_of(learner), learner.inference)
+        actor = actor or Actor.fitting(policy.snapshot)
         actor.check(policy.snapshot)
-        self._actor = actor
+        if actor is not self._actor:
+            self._actor, self._loaded = actor, None
         self._rule.receive(policy)
+
+    def _offer_early(self, learner: LearnerInfo) -> None:
+        early = [policy for policy in self._early if policy.learner_id == learner.learner_id]
+        self._early.clear()
+        for policy in early:
+            self.offer(policy)
 
     def observe(self, step: Step) -> Trajectory | None:
         """Take in a step; the trajectory to be sent, if that completed one."""
@@ -84,7 +153,17 @@ class Agent:
         if step is None or actor is None or not isinstance(answer, Act):
             raise StepError(f"action: expected the answer {Act()} before it, got {answer}")
         self._step = None
-        return self._action(actor, step)
+        return self._send(self._action(actor, step))
+
+    def hold(self) -> Float32:
+        """Instead of `act`: the command that keeps the arm where it is, [6]; no experience."""
+        self._step = None
+        return self._send(np.zeros(JOINTS, np.float32))
+
+    def _send(self, action: Float32) -> Float32:
+        """Number a command, and remember it."""
+        self.sent = Executed(CommandKey(*self.key, next(self._numbers)), action)
+        return action
 
     def _at_hand(self) -> PublishedPolicy | Wait:
         return self._loaded or self._rule.required(0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
 
 from pa_ros.acting.account import Account
@@ -18,8 +17,6 @@ from pa_ros.core.experience import AgentKey, Float32
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.world import Trajectory
 
-EARLY_POLICIES = 8  # kept of a learner that has not announced itself yet
-
 
 class LearningAgent(Agent):
     """At each step `observe`, send the trajectory it returns, `load` what `answer` says, and `act`.
@@ -33,11 +30,9 @@ class LearningAgent(Agent):
         """`seed`: of the exploration noise. `first_sequence`: of the first trajectory."""
         super().__init__(key)
         self.interrupted = 0  # runs of steps broken off: not as commanded, or for another learner
-        self.refusal = ""  # why it does not act for the learner that came last; empty: it does
         self._seed, self._first_sequence = seed, first_sequence
         self._account: Account | None = None
         self._builder: TrajectoryBuilder | None = None
-        self._early: deque[PublishedPolicy] = deque(maxlen=EARLY_POLICIES)
         self._past: set[str] = set()  # learners that another has come after
 
     @property
@@ -73,10 +68,7 @@ class LearningAgent(Agent):
         self.refusal = ""
         if current is not None and other:
             self._past.add(current.learner_id)
-        early = [policy for policy in self._early if policy.learner_id == learner.learner_id]
-        self._early.clear()
-        for policy in early:
-            self.offer(policy)
+        self._offer_early(learner)
 
     def offer(self, policy: PublishedPolicy) -> None:
         """Weights have come. Raises PolicyError if they cannot be used, or are not the learner's
@@ -89,7 +81,7 @@ class LearningAgent(Agent):
         if self._account is None or policy.learner_id != self._account.learner.learner_id:
             self._early.append(policy)
         else:
-            super().offer(policy)
+            self._take(policy)
 
     def observe(self, step: Step) -> Trajectory | None:
         verdict = step.verdict
@@ -100,7 +92,7 @@ class LearningAgent(Agent):
         if verdict is None:
             raise StepError("step: expected a verdict, since this agent learns, got none")
         goes_on = step.observation.step > 0 and not self._builder.at_boundary
-        if goes_on and step.commanded_by != self.key.agent_id:
+        if goes_on and (step.executed is None or step.executed != self.sent):
             self._builder = self._break_off(self._account.learner)
         trajectory = self._builder.observe(step.observation, verdict, step.program)
         return None if trajectory is None else self._account.send(trajectory)

@@ -27,15 +27,25 @@ def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:
     By which algorithm it learns doesn't matter here: how to act follows from the architecture, the
     exploration and the inference that it asks for.
     """
-    for name, value in arena._asdict().items():
-        received = getattr(learner, name)
-        if received != value:
-            raise LearnerRequestError(
-                f"learner_info.{name}: expected {value!r}, as this arena's, got {received!r}"
-            )
+    for name in arena._fields:
+        _check_fact(learner, arena, name)
     if learner.inference not in INFERENCES:
         raise LearnerRequestError(
             f"learner_info.inference: expected one of {INFERENCES}, got {learner.inference!r}"
+        )
+
+
+def check_words(learner: LearnerInfo, arena: ArenaFacts) -> None:
+    """Raise LearnerRequestError unless the learner's words are the arena's: what a greedy agent
+    needs of it."""
+    _check_fact(learner, arena, "vocabulary_digest")
+
+
+def _check_fact(learner: LearnerInfo, arena: ArenaFacts, name: str) -> None:
+    expected, received = getattr(arena, name), getattr(learner, name)
+    if received != expected:
+        raise LearnerRequestError(
+            f"learner_info.{name}: expected {expected!r}, as this arena's, got {received!r}"
         )
 
 

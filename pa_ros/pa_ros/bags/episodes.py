@@ -203,7 +203,7 @@ class _Builder:
         if newest is None or again or mark.step <= newest.rows[-1].step:
             newest = RecordedEpisode(*of)
             self._open.append(newest)
-        program = self._texts.get(mark.program_id, mark.program_id)
+        program = mark.program or self._texts.get(mark.program_id, mark.program_id)
         row = Row(mark.step, stamp_ns, *codec.decode_objects(message), program)
         newest.rows.append(row)
         self._rows[stamp_ns] = row

@@ -69,6 +69,29 @@ class AgentKey(NamedTuple):
     incarnation: int  # grows with every start
 
 
+class CommandKey(NamedTuple):
+    """Names one command."""
+
+    agent_id: str
+    incarnation: int
+    number: int  # 1, 2, 3, … per incarnation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Executed:
+    """A command that was carried out exactly as given."""
+
+    command: CommandKey
+    action: Float32  # [6] share of each joint's speed limit, in [-1, 1]
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Executed)
+            and self.command == other.command
+            and np.array_equal(self.action, other.action)
+        )
+
+
 class TrajectoryKey(NamedTuple):
     """Names one trajectory."""
 

@@ -237,8 +237,8 @@ class _Run:
     def _episode(self, index: int) -> None:
         observation, verdict = self._environment.reset(index, self._config.condition)
         while True:
-            me, program = self._config.agent_id, self._environment.program
-            step = Step(observation, program, verdict, commanded_by=me)
+            program = self._environment.program
+            step = Step(observation, program, verdict, executed=self._agent.sent)
             trajectory = self._agent.observe(step)
             if trajectory is not None:
                 self._transport.send(trajectory)

@@ -120,7 +120,7 @@ def actor_config(architecture: str) -> NetworkConfig:
             position_scale=values["position_scale"],
             **family_named(values["actor"]).fields(values),
         )
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ConfigError(f"architecture: {error}: got {architecture[:200]!r}") from error
     if config.architecture != architecture:
         raise ConfigError(f"architecture: expected {config.architecture}, got {architecture[:500]}")

@@ -8,8 +8,10 @@ from rclpy.node import Node
 
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import DIAGNOSTICS
+from pa_ros.ros.rivals import Rivals
+from pa_ros.ros.topics import DIAGNOSTICS, Topic
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Health
 
 PERIOD_S = 1.0
@@ -29,10 +31,15 @@ class HealthReporter:
         node: Node,
         refusals: Refusals,
         collect: Callable[[], tuple[int, str, dict[str, str]]],
+        alone: tuple[Topic, str],
         progress: Callable[[], str] | None = None,
         progress_s: float = PROGRESS_S,
     ) -> None:
+        """`alone`: a topic on which one process alone should speak, and this one's name."""
         self._node, self._refusals, self._collect = node, refusals, collect
+        topic, instance = alone
+        self._rivals = Rivals(node.resolve_topic_name(topic.name), instance)
+        DIAGNOSTICS.subscribe(node, refusals.guard(DIAGNOSTICS.name, self._hear))
         self._said: tuple[int, str] | None = None
         self._publisher = DIAGNOSTICS.publisher(node)
         steady_timer(node, PERIOD_S, self.publish)
@@ -42,11 +49,19 @@ class HealthReporter:
     def publish(self) -> None:
         """Publish now, besides the once a second."""
         level, message, values = self._collect()
+        alarm = self._rivals.alarm
+        if alarm:
+            level, message = max(level, WARN), f"{message}; {alarm}"
         self._say(level, message)
-        values = {**values, "refused": str(self._refusals.total), **self._refusals.values()}
+        values = {**values, **self._rivals.values, "refused": str(self._refusals.total)}
+        values |= self._refusals.values()
         entry = Health(self._node.get_fully_qualified_name(), level, message, values)
         stamp_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(codec.encode_diagnostics([entry], stamp_ns))
+
+    def _hear(self, message: Message) -> None:
+        for entry in codec.decode_diagnostics(message):
+            self._rivals.note(entry)
 
     def _say(self, level: int, message: str) -> None:
         """Log what has changed since it was logged last."""

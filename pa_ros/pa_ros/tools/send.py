@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import count
 
 from pydantic import Field
 from rclpy.node import Node
@@ -23,7 +22,6 @@ from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
 RESEND_S = 1.0
 SETTLE_S = 1.0  # in which nodes on one machine find each other
-_serial = count()
 
 Spin = Callable[[Callable[[], bool], float], bool]
 
@@ -84,7 +82,7 @@ class ProgramSender:
         At least an arena and an agent must be among them. Returns at the first refusal. Raises
         SendTimeoutError if someone stays silent, ConfigError for text that cannot be sent at all.
         """
-        self._program_id = f"send-{os.getpid()}-{next(_serial)}"
+        self._program_id = f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
         self._watch = ExecutionWatch(self._program_id)
         self._message = codec.encode_program(ProgramRequest(self._program_id, _sendable(text)))

@@ -86,6 +86,12 @@ class UnknownTypeError(WireError):
     code = "wire.unknown_type"
 
 
+class ProgramIdError(PaError):
+    """A program under an id that stands for another one, or that is for the arena's own."""
+
+    code = "program.id_taken"
+
+
 def _short(value: object) -> str:
     text = str(value)
     return text if len(text) <= 200 else text[:197] + "..."

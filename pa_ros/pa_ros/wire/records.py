@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
-from pa_ros.core.experience import Float32
+from pa_ros.core.experience import CommandKey, Executed, Float32
 from pa_ros.language import Program
 
-WIRE_VERSION = "2"  # edition of msgs_schema; changes when a receiver could misread the other
+WIRE_VERSION = "3"  # edition of msgs_schema; changes when a receiver could misread the other
 NO_STAMP = 0
 
 
@@ -32,6 +32,23 @@ class Command:
     agent_id: str
     policy_version: int
     action: Float32  # [6], share of each joint's speed limit
+    incarnation: int = 0  # of the agent
+    number: int = 0  # of the command, among the agent's
+
+    @property
+    def key(self) -> CommandKey:
+        """Its name."""
+        return CommandKey(self.agent_id, self.incarnation, self.number)
+
+
+@dataclass(frozen=True, slots=True)
+class StepContext:
+    """What an observation's messages say beside the observation itself."""
+
+    arena_id: str = ""
+    evaluation: bool = False  # must leave no trace in training
+    executed: Executed | None = None  # the command that, exactly, led here; None: no one's
+    program: str = ""  # in force, canonical; empty: none
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +59,7 @@ class StepMark:
     step: int
     evaluation: bool  # episodes of either kind are numbered apart
     program_id: str  # in force; empty: none
+    program: str = ""  # its text, where the message has it
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,10 @@ from pa_ros.wire.codec.services import (
 )
 from pa_ros.wire.codec.stamp import decode_clock, encode_clock, header_stamp
 from pa_ros.wire.codec.step import (
-    commanded_by,
+    arena_of,
     decode_command,
+    decode_context,
+    decode_executed,
     decode_joints,
     decode_objects,
     decode_observation,
@@ -46,11 +48,13 @@ from pa_ros.wire.codec.step import (
 from pa_ros.wire.codec.weights import decode_weights, encode_weights, weights_checksum
 
 __all__ = [
-    "commanded_by",
+    "arena_of",
     "decode_arena_info",
     "decode_clock",
     "decode_command",
+    "decode_context",
     "decode_diagnostics",
+    "decode_executed",
     "decode_joints",
     "decode_learner_info",
     "decode_objects",

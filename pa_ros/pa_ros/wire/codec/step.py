@@ -9,6 +9,8 @@ import numpy as np
 from pa_ros.core.experience import (
     JOINTS,
     OBJECT_FEATURES,
+    CommandKey,
+    Executed,
     Float32,
     Float64,
     Observation,
@@ -19,18 +21,18 @@ from pa_ros.wire.arrays import float32_field, float64_field, read_float32, read_
 from pa_ros.wire.codec.stamp import header_stamp, write_stamp
 from pa_ros.wire.interfaces import JointCommand, JointState, ObjectFeatures, Trajectory
 from pa_ros.wire.interfaces import Verdict as VerdictMessage
-from pa_ros.wire.records import Command, StepMark
+from pa_ros.wire.records import Command, StepContext, StepMark
 
 HAND_FRAME = "hand"
 MAX_OBJECTS = 64
 LARGEST = 1e4  # m, rad, rad/s: far beyond any arena, and far within what networks can add up
+NO_CONTEXT = StepContext()
 
 
 def encode_observation(
     observation: Observation,
     joint_names: tuple[str, ...],
-    evaluation: bool = False,
-    commanded_by: str = "",
+    context: StepContext = NO_CONTEXT,
 ) -> tuple[ObjectFeatures, JointState]:
     """The two messages of one observation; they share one stamp."""
     features = ObjectFeatures()
@@ -38,14 +40,18 @@ def encode_observation(
     features.header.frame_id = HAND_FRAME
     features.episode = observation.episode
     features.step = observation.step
-    features.evaluation = evaluation
-    features.commanded_by = commanded_by
-    features.program_id = observation.program_id
+    features.arena_id, features.evaluation = context.arena_id, context.evaluation
+    if context.executed is not None:
+        agent_id, incarnation, number = context.executed.command
+        features.commanded_by, features.commanded_incarnation = agent_id, incarnation
+        features.command_id, features.applied = number, float32_field(context.executed.action)
+    features.program_id, features.program = observation.program_id, context.program
     features.hand_index = observation.hand_index
     features.object_count = len(observation.objects)
     features.features = float32_field(observation.objects)
     joints = JointState()
     write_stamp(joints.header.stamp, observation.stamp_ns)
+    joints.header.frame_id = context.arena_id
     joints.name = list(joint_names)
     joints.position = float64_field(observation.joint_position)
     joints.velocity = float64_field(observation.joint_velocity)
@@ -57,9 +63,25 @@ def is_evaluation(message: ObjectFeatures | VerdictMessage) -> bool:
     return bool(message.evaluation)
 
 
-def commanded_by(message: ObjectFeatures) -> str:
-    """The agent whose command, unaltered, led to this step; empty: none's."""
-    return str(message.commanded_by)
+def arena_of(message: ObjectFeatures | JointState | VerdictMessage) -> str:
+    """Which arena a part of a step is of."""
+    return str(message.header.frame_id if isinstance(message, JointState) else message.arena_id)
+
+
+def decode_context(message: ObjectFeatures) -> StepContext:
+    """What the features say beside the observation. Raises SizeError, NonFiniteError."""
+    return StepContext(
+        message.arena_id, bool(message.evaluation), decode_executed(message), message.program
+    )
+
+
+def decode_executed(message: ObjectFeatures) -> Executed | None:
+    """The command that, unaltered, led to this step. Raises SizeError, NonFiniteError."""
+    if not message.commanded_by:
+        return None
+    command = CommandKey(message.commanded_by, message.commanded_incarnation, message.command_id)
+    action = read_float32("object_features.applied", message.applied, (JOINTS,))
+    return Executed(command, action)
 
 
 def decode_observation(
@@ -88,7 +110,9 @@ def decode_observation(
 
 def decode_step_mark(message: ObjectFeatures | VerdictMessage) -> StepMark:
     """Which step a message is of."""
-    return StepMark(message.episode, message.step, bool(message.evaluation), message.program_id)
+    text = getattr(message, "program", "")  # verdicts have none, nor have older recordings
+    evaluation = bool(message.evaluation)
+    return StepMark(message.episode, message.step, evaluation, message.program_id, text)
 
 
 def decode_objects(message: ObjectFeatures) -> tuple[Float32, int]:
@@ -136,10 +160,13 @@ def _check_sane(field: str, values: Float32 | Float64) -> None:
         raise errors.RangeError(field, f"within ±{LARGEST:g}", largest)
 
 
-def encode_verdict(verdict: Verdict, evaluation: bool = False) -> VerdictMessage:
+def encode_verdict(
+    verdict: Verdict, evaluation: bool = False, arena_id: str = ""
+) -> VerdictMessage:
     """The verifier's word on one step."""
     message = VerdictMessage()
     write_stamp(message.header.stamp, verdict.stamp_ns)
+    message.arena_id = arena_id
     message.episode = verdict.episode
     message.step = verdict.step
     message.evaluation = evaluation
@@ -175,7 +202,8 @@ def encode_command(command: Command) -> JointCommand:
     write_stamp(message.header.stamp, command.stamp_ns)
     message.episode = command.episode
     message.step = command.step
-    message.agent_id = command.agent_id
+    message.agent_id, message.incarnation = command.agent_id, command.incarnation
+    message.command_id = command.number
     message.policy_version = command.policy_version
     message.action = float32_field(command.action)
     return message
@@ -190,4 +218,6 @@ def decode_command(message: JointCommand) -> Command:
         agent_id=message.agent_id,
         policy_version=message.policy_version,
         action=read_float32("joint_commands.action", message.action, (JOINTS,)),
+        incarnation=message.incarnation,
+        number=message.command_id,
     )

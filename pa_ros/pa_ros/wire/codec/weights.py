@@ -16,6 +16,7 @@ from pa_ros.wire.interfaces import PolicyWeights, SequenceMark, Tensor
 
 _DTYPE = "float32"
 _ITEM = 4  # bytes
+MAX_DIMENSIONS = 8
 
 
 def encode_weights(policy: PublishedPolicy) -> PolicyWeights:
@@ -58,8 +59,7 @@ def _payload(snapshot: PolicySnapshot) -> bytes:
 def decode_weights(message: PolicyWeights, vocabulary_digest: str | None = None) -> PublishedPolicy:
     """A snapshot, refused unless it is of the vocabulary named (None: of any).
 
-    Raises VocabularyError, ChecksumError, TruncatedError, DtypeError,
-    NonFiniteError.
+    Raises VocabularyError, ChecksumError, TruncatedError, DtypeError, SizeError, NonFiniteError.
     """
     if vocabulary_digest not in (None, message.vocabulary_digest):
         field, received = "policy_weights.vocabulary_digest", message.vocabulary_digest
@@ -93,8 +93,7 @@ def _read_tensors(message: PolicyWeights) -> dict[str, Float32]:
         raise errors.ChecksumError("policy_weights.checksum", digest, message.checksum)
     tensors: dict[str, Float32] = {}
     for tensor in message.tensors:
-        count = math.prod(tensor.shape)
-        values = np.frombuffer(payload, "<f4", count, tensor.offset) if count else np.empty(0)
+        values = np.frombuffer(payload, "<f4", math.prod(tensor.shape), tensor.offset)
         if not np.isfinite(values).all():
             raise errors.NonFiniteError(f"policy_weights.{tensor.name}", "finite numbers", "others")
         tensors[tensor.name] = values.astype(np.float32).reshape(tuple(tensor.shape))
@@ -108,6 +107,9 @@ def _check_coverage(message: PolicyWeights, size: int) -> None:
         where = f"policy_weights.tensors[{tensor.name!r}]"
         if tensor.dtype != _DTYPE:
             raise errors.DtypeError(f"{where}.dtype", _DTYPE, tensor.dtype)
+        if len(tensor.shape) > MAX_DIMENSIONS or 0 in tensor.shape:
+            expected = f"at most {MAX_DIMENSIONS} sizes, none of them 0"
+            raise errors.SizeError(f"{where}.shape", expected, list(tensor.shape))
         if tensor.name in names or tensor.offset != end:
             raise errors.TruncatedError(f"{where}.offset", f"{end}, and named once", tensor.offset)
         names.add(tensor.name)

@@ -1,0 +1,87 @@
+"""What an agent is doing, or waits for, in words that a person can act on."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from pa_ros.acting.agent import Agent
+from pa_ros.acting.answer import Wait
+from pa_ros.core.experience import AgentKey, Executed
+from pa_ros.ros import topics
+from pa_ros.ros.arenas import RIVAL_S, Arenas
+from pa_ros.ros.health import ERROR, OK, WARN
+
+QUIET_S = 1.0  # without observations for so long, the agent waits for them
+WAIT_S = 2.0  # waiting for weights longer than this is worth a word
+
+
+class Watch:
+    """Remembers what happened when."""
+
+    def __init__(
+        self, key: AgentKey, stuck_after_s: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.held = ""  # why the arm was held at the newest step; empty: it was not
+        self.idle = False  # the newest step had no program in force
+        self._key, self._stuck_after_s, self._clock = key, stuck_after_s, clock
+        self._heard_at = self._progress_at = clock()
+        self._foreign, self._foreign_at = "", -math.inf  # who else moved the arm, and when
+
+    def heard(self) -> None:
+        """A part of a step has come."""
+        self._heard_at = self._clock()
+
+    def progress(self) -> None:
+        """A command was sent."""
+        self._progress_at = self._clock()
+
+    def executed(self, executed: Executed | None) -> None:
+        """The arena says what it carried out."""
+        if executed is not None and executed.command[:2] != self._key:
+            self._foreign, self._foreign_at = executed.command.agent_id, self._clock()
+
+    @property
+    def observation_age_s(self) -> float:
+        """Since something of the arena was heard."""
+        return self._clock() - self._heard_at
+
+    @property
+    def idle_s(self) -> float:
+        """Since the newest command."""
+        return self._clock() - self._progress_at
+
+    def state(self, agent: Agent, arenas: Arenas) -> tuple[int, str]:
+        """Level and message."""
+        trouble = self._trouble(agent, arenas)
+        if trouble is not None:
+            return trouble
+        if arenas.rivals:
+            others = ", ".join(arenas.rivals)
+            return WARN, f"steps of other arenas come, too ({others}): stop all but one sim_node"
+        if self._clock() - self._foreign_at < RIVAL_S:
+            return WARN, f"the arm obeys {self._foreign!r}, too: stop one of the agents"
+        if self.held:
+            return WARN, f"holds the arm, and learns nothing: {self.held}"
+        return OK, f"waits for a program ({topics.PROGRAM.name})" if self.idle else "acting"
+
+    def _trouble(self, agent: Agent, arenas: Arenas) -> tuple[int, str] | None:
+        """Why it doesn't act; None if it does."""
+        if agent.refusal:
+            return ERROR, f"does not act for the learner: {agent.refusal}"
+        if arenas.current is None:
+            name = topics.ARENA_INFO.name
+            return WARN, f"waits for an arena ({name}): does sim_node run in this ROS domain?"
+        answer = agent.answer()
+        reason = f": waits for {answer.reason}" if isinstance(answer, Wait) else ""
+        if not agent.has_weights:
+            return WARN, f"no weights yet{reason}; does learner_node run?"
+        if agent.waiting and reason and self.idle_s > self._stuck_after_s:
+            return ERROR, f"policy version stuck at {agent.version}{reason}; does learner_node run?"
+        if agent.waiting and reason and self.idle_s > WAIT_S:
+            return WARN, f"does not act with version {agent.version}{reason}"
+        if self.observation_age_s > QUIET_S:
+            name = topics.OBJECT_FEATURES.name
+            return WARN, f"waits for observations ({name}): is sim_node gone, or paused?"
+        return None
