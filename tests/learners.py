@@ -16,7 +16,7 @@ from pa_ros.networks.parameters import initial_actor
 
 DESIGN, ARENA = design_named("2-L"), preset_named("fast")
 WORDS = DESIGN.vocabulary
-FACTS = ArenaFacts(WORDS.digest, ARENA.control_period_s, ARENA.near_threshold_m)
+FACTS = ArenaFacts(WORDS.digest, ARENA.control_period_s, 0.20)
 NETWORK = NetworkConfig(vocabulary=WORDS, hidden=8, attention=4)
 ME, YOU = AgentKey("me", 5), AgentKey("you", 5)
 

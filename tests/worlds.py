@@ -24,7 +24,7 @@ def dpg(base: DPGConfig | None = None, /, **values: object) -> DPGConfig:
     return (base or DPGConfig()).changed(**changed)
 
 
-SCORING = Scoring(NEAR_M)  # of a PointWorld, unless it pays another reward
+SCORING = Scoring({"NEAR": NEAR_M})  # of a PointWorld, unless it pays another reward
 
 
 def objects_at(positions: Float64) -> np.ndarray:
@@ -64,7 +64,7 @@ class PointWorld:
 
     def __init__(self, seed: int = 0, steps: int = 20, reward: Reward | None = None) -> None:
         self._seed, self._steps = seed, steps
-        self.scoring = Scoring(NEAR_M, reward or Sparse())
+        self.scoring = Scoring({"NEAR": NEAR_M}, reward or Sparse())
         self.control_period_s = 0.1
         self._stamp = 0
         self.program = PROGRAMS[0]

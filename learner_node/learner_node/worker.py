@@ -14,6 +14,7 @@ from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary
+from pa_ros.language.syntax import NEAR
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import (
     CheckpointError,
@@ -186,5 +187,5 @@ def _make_learner(
 ) -> Learner:
     settings = config.settings()
     network = settings.network_config(vocabulary, config.network)
-    scoring = Scoring(arena.near_threshold)
+    scoring = Scoring({NEAR: arena.near_threshold})
     return Learner(network, settings.learner, arena.training_programs, config.seed, scoring)

@@ -23,7 +23,7 @@ def test_paper_preset_stays_within_the_real_arm() -> None:
 
 def test_fast_preset_says_that_it_switches_contact_off() -> None:
     assert not preset_named("fast").arm_touches_blocks
-    assert preset_named("fast").near_threshold_m == 0.20
+    assert preset_named("fast").thresholds == ()
     assert preset_named("fast").joint_speed_limits == (1.5,) * 6
 
 
@@ -36,7 +36,7 @@ def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "shown"),
     [
-        ("near_threshold_m", -0.1, "-0.1"),
+        ("thresholds", (-0.1,), "-0.1"),
         ("block_mass_kg", math.nan, "nan"),
         ("episode_steps", 0, "got 0"),
         ("joint_speed_limits", (1.0,) * 5, "(1.0, 1.0, 1.0, 1.0, 1.0)"),

@@ -1,13 +1,12 @@
 """What touches what in each preset, and that a fair script doesn't pay for it."""
 
-from functools import partial
-
 import mujoco
 import numpy as np
 import pytest
 
 from pa_ros.arena import ArenaConfig, ReachTask, design_named, preset_named, scripted_action
-from pa_ros.arena.references import mean_reward, random_policy
+from pa_ros.arena.references import mean_reward, nearest_target, random_policy, toward
+from pa_ros.benchmarks.arena_measure import clumsy_action
 
 PAPER, FAST = preset_named("paper"), preset_named("fast")
 
@@ -20,7 +19,7 @@ def pushed(config: ArenaConfig) -> tuple[float, set[str]]:
         _, verdict = task.reset(episode)
         start = task.simulation.positions
         while not verdict.truncated:
-            _, verdict = task.step(scripted_action(task, hover_m=-0.05))
+            _, verdict = task.step(toward(task, nearest_target(task) - [0, 0, 0.05]))
             touching |= contacts(task)
         moved = np.linalg.norm((task.simulation.positions - start)[1:, :2], axis=1)
         farthest = max(farthest, float(moved.max()))
@@ -78,10 +77,9 @@ def test_blocks_are_not_knocked_away_by_a_clumsy_script() -> None:
     task = ReachTask(PAPER, design_named("2-L"), seed=0)
     for episode in range(20):
         task.reset(episode)
-        clumsy = partial(scripted_action, hover_m=0.0)
-        verdict = task.step(clumsy(task))[1]
+        verdict = task.step(clumsy_action(task))[1]
         while not verdict.truncated:
-            _, verdict = task.step(clumsy(task))
+            _, verdict = task.step(clumsy_action(task))
         assert (task.simulation.positions[1:, 2] > 0).all()  # none fell off the table
 
 

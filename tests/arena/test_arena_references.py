@@ -27,7 +27,7 @@ def test_the_script_reaches_the_target_under_every_condition(preset: str, condit
     for episode in range(5):
         assert reward_per_step(task, scripted_action, episode, condition) > -0.2
         observation = task.simulation.objects()
-        assert task.verifier.score(observation).measure < task.config.near_threshold_m
+        assert task.verifier.score(observation, task.simulation.hand_pose).measure < 0.20
 
 
 def test_script_stays_within_the_limits() -> None:

@@ -136,7 +136,7 @@ def test_blind_references_reach_blocks_whatever_the_program(preset: str):
             while not verdict.truncated:
                 observation, verdict = task.step(policy(observation))
             distances = np.linalg.norm(observation.objects[1:, :3], axis=1)
-            counts.append((distances <= task.config.near_threshold_m).sum())
+            counts.append((distances <= task.scoring.threshold("NEAR")).sum())
         assert min(counts) >= 1
         near[name] = np.mean(counts)
         assert np.ptp(actions, axis=0).max() > 0.1

@@ -18,7 +18,7 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
     """Each training program is set in turn at every step of scripted episodes."""
     design, arena = design_named(design_name), preset_named("fast")
     programs = training_programs(design)
-    relabeler = Relabeler(programs, design.vocabulary, Scoring(arena.near_threshold_m))
+    relabeler = Relabeler(programs, design.vocabulary, Scoring())
     task = ReachTask(arena, design, seed=1)
     seen = set()
     for episode in range(3):

@@ -128,7 +128,7 @@ def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
         World(PAPER, PAPER.vocabulary, joints=7),
         World(SIZED, SIZED.vocabulary, joints=6),
         World(SIZED, fewer, joints=7),
-        World(SIZED, SIZED.vocabulary, 7, ("NEAR", "ABOVE")),
+        World(SIZED, SIZED.vocabulary.asking("NEAR", "ABOVE"), joints=7),
     ]
     digests = {world.digest for world in (WORLD, *others)}
     assert len(digests) == 6 and {len(digest) for digest in digests} == {16}
@@ -145,7 +145,7 @@ def test_what_is_no_world_is_refused(text: str) -> None:
     [
         ({"joints": 17}, "joints: expected 1 to 16, got 17"),
         ({"joints": 0}, "joints: expected 1 to 16, got 0"),
-        ({"relations": ()}, "different relations"),
+        ({"vocabulary": PAPER.vocabulary.asking("BESIDE")}, "unknown relation: expected one of"),
         (
             {"vocabulary": Vocabulary.of(color=("RED",), shape=("CUBE",))},
             r"expected \['shape', 'color'\], got \['color', 'shape'\]",

@@ -35,7 +35,7 @@ NAMED = np.array([False, True, False])
     ],
 )
 def test_exactly_the_threshold_is_near(x: float, satisfied: bool) -> None:
-    objects, scoring = scene((x, 0.0, 0.0), (0.0, 0.0, 0.0)), Scoring(0.25)
+    objects, scoring = scene((x, 0.0, 0.0), (0.0, 0.0, 0.0)), Scoring({"NEAR": 0.25})
     for score in (scoring(NAMED, objects), scoring.of_targets((1,), objects)):
         assert score.measure == float(x)
         assert (score.satisfied, score.reward) == (satisfied, 1.0 if satisfied else -1.0)
@@ -44,7 +44,7 @@ def test_exactly_the_threshold_is_near(x: float, satisfied: bool) -> None:
 def test_the_nearest_object_named_counts_and_none_is_never_near() -> None:
     objects = scene((0.3, 0.4, 0.0), (0.0, 0.0, 0.1))
     named = np.array([[False, True, False], [False, True, True], [False, False, False]])
-    score = Scoring(0.2)(named, objects)
+    score = Scoring({"NEAR": 0.2})(named, objects)
     np.testing.assert_allclose(score.measure, [0.5, 0.1, inf])
     assert score.satisfied.tolist() == [False, True, False]
     assert score.reward.tolist() == [-1.0, 1.0, -1.0]
@@ -58,7 +58,7 @@ def test_many_states_and_programs_are_scored_as_each_alone(
     objects: Float32, named: np.ndarray
 ) -> None:
     """To the last bit: rewards that relabeling computes are those that the arena paid."""
-    scoring = Scoring(0.5)
+    scoring = Scoring({"NEAR": 0.5})
     together = scoring(named, objects[:, None])  # [4, 2]
     for t, p in np.ndindex(4, 2):
         alone = scoring(named[p], objects[t])
@@ -72,7 +72,7 @@ def test_many_states_and_programs_are_scored_as_each_alone(
 
 
 def test_another_reward_is_paid() -> None:
-    scoring = Scoring(0.2, Sparse(2.0, -0.5))
+    scoring = Scoring({"NEAR": 0.2}, Sparse(2.0, -0.5))
     for x, reward in ((0.1, 2.0), (nextafter(0.3, 1), -0.5)):
         objects = scene((x, 0, 0), (0, 0, 0))
         assert scoring(NAMED, objects).reward == reward
@@ -88,7 +88,7 @@ def test_a_reward_stays_what_it_was_made() -> None:
 @pytest.mark.parametrize("threshold", [0.0, -0.1, inf, float("nan")])
 def test_a_threshold_that_cannot_be_is_shown(threshold: float) -> None:
     with pytest.raises(ConfigError, match=str(threshold)):
-        Scoring(threshold)
+        Scoring({"NEAR": threshold})
 
 
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))

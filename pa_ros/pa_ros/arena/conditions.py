@@ -6,7 +6,7 @@ section "Strong generalization" and appendix "Referencing objects by exclusion")
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -42,6 +42,7 @@ class Condition:
     color: Term = Term.NAMED
     shape: Term = Term.NAMED
     new_distractor: bool = False  # at least one other block has a new shape or color
+    relations: tuple[str, ...] = ()  # that programs ask for; none: all of the design's
     depth: int = 0  # 0: a conjunction as the terms say; else a random program this deep
 
     def __post_init__(self) -> None:
@@ -55,17 +56,23 @@ class Condition:
 
 
 def training_programs(design: Design) -> tuple[Program, ...]:
-    """The programs that training episodes draw from, target by target."""
-    return tuple(_program(design, kind.color, kind.shape) for kind in design.train)
+    """The programs that training episodes draw from: relation by relation, target by target."""
+    return tuple(
+        _program(design, relation, kind.color, kind.shape)
+        for relation in design.vocabulary.relations
+        for kind in design.train
+    )
 
 
 def program_for(
     condition: Condition, design: Design, target: Kind, rng: np.random.Generator
 ) -> tuple[Program, tuple[Kind, ...]]:
     """Program for a target, and the blocks that must be present for it to mean something."""
+    relation = _drawn(condition.relations or design.vocabulary.relations, rng)
     if condition.depth:
         others = min(condition.n_blocks - 1, len(design.pool) // 2)
-        return DeepPrograms(design, condition.depth).draw(target, others, rng), ()
+        program = DeepPrograms(design, condition.depth).draw(target, others, rng)
+        return replace(program, relation=relation), ()
     required: list[Kind] = []
     terms: list[str] = []
     for axis, term in (("color", condition.color), ("shape", condition.shape)):
@@ -83,12 +90,17 @@ def program_for(
                 terms.append(novel(known, tuple(word for word in words if word not in known)))
             case Term.ANY:
                 pass
-    return _program(design, *terms), tuple(required)
+    return _program(design, relation, *terms), tuple(required)
 
 
-def _program(design: Design, *terms: str) -> Program:
+def _drawn(relations: tuple[str, ...], rng: np.random.Generator) -> str:
+    """One of them; where there is one alone, nothing is drawn."""
+    return relations[int(rng.integers(len(relations))) if len(relations) > 1 else 0]
+
+
+def _program(design: Design, relation: str, *terms: str) -> Program:
     text = terms[0] if len(terms) == 1 else f"AND({', '.join(terms)})"
-    return parse(f"NEAR(HAND, {text})", design.vocabulary)
+    return parse(f"{relation}(HAND, {text})", design.vocabulary)
 
 
 def novel(known: tuple[str, ...], spare: tuple[str, ...]) -> str:
@@ -136,9 +148,21 @@ def _conditions(design: Design, n: int) -> dict[str, Condition]:
     ]
     found.append(Condition("ignore-new", zero_shot, wider, n, new_distractor=True))
     found += _reach_new(design, wider, n)
+    found += _by_relation(design, n)
     if len(design.colors) > 1 and len(design.shapes) > 1:
         found += [Condition(f"depth-{depth}", pool, pool, n, depth=depth) for depth in DEPTHS]
     return {condition.name: condition for condition in found}
+
+
+def _by_relation(design: Design, n: int) -> list[Condition]:
+    """Training and held-out targets of one relation each, where programs ask for several."""
+    parts = (("train", design.train), ("eval", design.held_out))
+    return [
+        Condition(f"{part}-{relation.lower().replace('_', '-')}", targets, design.pool, n,
+                  relations=(relation,))
+        for part, targets in parts if targets
+        for relation in design.vocabulary.relations if len(design.vocabulary.relations) > 1
+    ]  # fmt: skip
 
 
 def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition]:

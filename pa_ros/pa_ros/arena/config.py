@@ -41,8 +41,10 @@ class ArenaConfig(Settings):
         (1.5, 1.5, 1.5, 1.5, 1.5, 1.5),
         description="rad/s of each joint; commands are clamped to ±these",
     )
-    near_threshold_m: float = Field(
-        0.20, gt=0, description="NEAR, from the hand frame's origin to a block's center (paper)"
+    thresholds: tuple[PositiveFloat, ...] = Field(
+        (),
+        description="of the design's relations, in their order and units (NEAR: m); none: their "
+        "own (NEAR: the paper's 0.20)",
     )
     arm_touches_blocks: bool = Field(
         True, description="the arm touches the table in any case, itself never"

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.world.relations import RELATIONS
 
 
 class Kind(NamedTuple):
@@ -67,6 +68,13 @@ class Design:
     def pool(self) -> tuple[Kind, ...]:
         """Every block that training can put on the table."""
         return kinds(self.colors, self.shapes)
+
+    def with_relations(self, *relations: str) -> Design:
+        """The same blocks, for programs that ask for these relations; ConfigError for one that is
+        not registered."""
+        for relation in relations:
+            RELATIONS[relation]
+        return replace(self, vocabulary=replace(self.vocabulary, relations=relations))
 
     @property
     def extended_pool(self) -> tuple[Kind, ...]:

@@ -9,28 +9,37 @@ import numpy as np
 
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import JOINTS, Float64
+from pa_ros.world.relations import RELATIONS
 
 Policy = Callable[[ReachTask], Float64]
 
-HOVER = 0.6  # where the script holds the hand above the target's center, as part of the threshold
 DAMPING = 0.02  # of the least squares; m/rad
 SLACK_RAD = 0.02  # a joint this near to its limit is not asked to go on
 
 
-def scripted_action(task: ReachTask, hover_m: float | None = None) -> Float64:
-    """Joint velocities (rad/s, [6]) toward the point above the nearest named block. Privileged.
+def scripted_action(task: ReachTask) -> Float64:
+    """Joint velocities (rad/s, [6]) toward where the program's relation to the nearest named block
+    holds. Privileged."""
+    return pursue(task, nearest_target(task))
 
-    The hand stops `hover_m` above the target's center (0.12 m at a threshold of 0.20 m: clear of
-    the block).
-    """
+
+def nearest_target(task: ReachTask) -> Float64:
+    """Center of the named block that is nearest to the hand, m, table frame, [3]."""
     positions = task.simulation.positions  # [N, 3]
     hand = positions[0]
-    goal = min((positions[i] for i in task.verifier.targets), key=lambda p: _distance(p, hand))
-    return hover_action(task, goal, hover_m)
+    return min((positions[i] for i in task.verifier.targets), key=lambda p: _distance(p, hand))
 
 
-def hover_action(task: ReachTask, goal: Float64, hover_m: float | None = None) -> Float64:
-    """Joint velocities (rad/s, [6]) toward the point `hover_m` above `goal` (m, table frame, [3]).
+def pursue(task: ReachTask, target: Float64) -> Float64:
+    """Joint velocities (rad/s, [6]) that bring the hand into the program's relation to something at
+    `target` (m, table frame, [3])."""
+    relation = task.program.relation
+    hand, threshold = task.simulation.positions[0], task.scoring.threshold(relation)
+    return toward(task, RELATIONS[relation].goal(hand, target, threshold))
+
+
+def toward(task: ReachTask, goal: Float64) -> Float64:
+    """Joint velocities (rad/s, [6]) toward the point `goal` (m, table frame, [3]).
 
     Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
     height), so that a target behind the arm is reached by turning the base. The base turns at
@@ -38,8 +47,7 @@ def hover_action(task: ReachTask, goal: Float64, hover_m: float | None = None) -
     """
     simulation = task.simulation
     hand = simulation.positions[0]
-    hover_m = HOVER * task.config.near_threshold_m if hover_m is None else hover_m
-    error = _cylindrical_error(hand, goal + np.array([0.0, 0.0, hover_m]))
+    error = _cylindrical_error(hand, goal)
     jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
     rates = error / task.config.control_period_s
     for _ in range(2):  # again without the joints that are at their limits

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from pa_ros.arena import constants as c
 from pa_ros.arena.errors import RenderError
+from pa_ros.arena.references import nearest_target
 from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.task import ReachTask
+from pa_ros.core.experience import Float64
+from pa_ros.world.relations import RELATIONS
 
 CAMERA = "overview"
 _INCH_PX = 100
@@ -45,10 +48,10 @@ def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]
 
 
 def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
-    """Table from above, [side, side, 3] RGB: links, hand with its NEAR circle, blocks, targets."""
+    """Table from above, [side, side, 3] RGB: links, hand, blocks, targets, and in dots
+    where the program's relation holds: NEAR, a circle around the hand."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.patches import Circle
 
     figure = Figure(figsize=(side_px / _INCH_PX, side_px / _INCH_PX), dpi=_INCH_PX)
     canvas, half = FigureCanvasAgg(figure), c.TABLE_SIDE_M / 2
@@ -67,6 +70,13 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
         )
     hand_x, hand_y = positions[0, :2].tolist()
     axes.plot(hand_x, hand_y, "o", color="white", mec="#555560", ms=size / 2, zorder=4)
-    axes.add_patch(Circle((hand_x, hand_y), task.config.near_threshold_m, fill=False, ls=":"))
+    axes.plot(*outline(task).T, ":", color="black", linewidth=1.0)
     picture, _ = canvas.print_to_buffer()  # type: ignore[no-untyped-call]
     return np.frombuffer(picture, dtype=np.uint8).reshape(side_px, side_px, 4)[..., :3].copy()
+
+
+def outline(task: ReachTask) -> Float64:
+    """The line that shows the program's relation, to the nearest target, from above: [M, 2] m."""
+    relation = task.program.relation
+    hand, threshold = task.simulation.positions[0], task.scoring.threshold(relation)
+    return RELATIONS[relation].outline(hand, nearest_target(task), threshold)

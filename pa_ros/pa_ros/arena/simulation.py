@@ -12,7 +12,7 @@ from pa_ros.arena.config import ArenaConfig
 from pa_ros.arena.constants import COLOR_RGBA
 from pa_ros.arena.episodes import Episode
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError
-from pa_ros.arena.features import object_features, template
+from pa_ros.arena.features import HAND_INDEX, object_features, template
 from pa_ros.arena.model import build, rest_height
 from pa_ros.core.experience import JOINTS, Float32, Float64
 
@@ -98,6 +98,15 @@ class Simulation:
     def link_positions(self) -> Float64:
         """Joints 1 to 6 and the hand in the table's frame, [7, 3] m, a copy."""
         return np.array(self.data.xpos[self._hand - JOINTS : self._hand + 1])
+
+    @property
+    def hand_pose(self) -> Float64:
+        """Of the hand in the table's frame, where the base stands at 0: x y z (m), quaternion xyzw
+        with qw >= 0, [7]."""
+        w, x, y, z = self._quaternion[HAND_INDEX] * np.copysign(
+            1.0, self._quaternion[HAND_INDEX, 0]
+        )
+        return np.array([*self._position[HAND_INDEX], x, y, z, w])
 
     def hand_jacobian(self) -> Float64:
         """Of the hand's position in the table's frame with respect to the joints, [3, 6] m/rad."""

@@ -14,7 +14,7 @@ from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.verifier import Verifier
 from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.language import Program
-from pa_ros.world import Reward, Scoring, Sparse
+from pa_ros.world import Reward, Scoring
 
 
 class ReachTask:
@@ -36,7 +36,7 @@ class ReachTask:
         """`seed` and an episode's index fix it; `n_blocks` replaces the design's number, `reward`
         the paper's ±1."""
         self.config = config
-        self.scoring = Scoring(config.near_threshold_m, reward or Sparse())
+        self.scoring = Scoring.of(design.vocabulary.relations, config.thresholds, reward)
         self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)
         self.seed = seed
         self.simulation = Simulation(config)
@@ -122,7 +122,7 @@ class ReachTask:
             hand_index=HAND_INDEX,
             program_id=self.program_id,
         )
-        score = self.verifier.score(objects)
+        score = self.verifier.score(objects, self.simulation.hand_pose)
         return observation, Verdict(
             episode=episode.index,
             step=self._step,

@@ -11,6 +11,7 @@ from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.experience import AgentKey, TrajectoryKey
 from pa_ros.language import Vocabulary
+from pa_ros.language.syntax import NEAR
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
@@ -84,7 +85,7 @@ class Experience:
                 f"bag: {self._bag.path}: expected one near_threshold in the arenas' descriptions, "
                 f"got {sorted(thresholds)}: nothing says what was rewarded"
             )
-        return Scoring(thresholds.pop())
+        return Scoring({NEAR: thresholds.pop()})
 
     def lessons(self, vocabulary: Vocabulary) -> Iterator[Lesson]:
         """Trajectories in the learner's order, as far as the weights tell it; else as they came.

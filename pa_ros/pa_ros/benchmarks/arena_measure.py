@@ -7,16 +7,23 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from functools import partial
 
 import numpy as np
 
 from pa_ros.arena.config import PRESETS, ArenaConfig
 from pa_ros.arena.designs import DESIGNS, design_named
-from pa_ros.arena.references import mean_reward, random_policy, reward_per_step, scripted_action
+from pa_ros.arena.references import (
+    Policy,
+    mean_reward,
+    nearest_target,
+    random_policy,
+    reward_per_step,
+    scripted_action,
+    toward,
+)
 from pa_ros.arena.task import ReachTask
 from pa_ros.benchmarks.arena import bench_sim
-from pa_ros.core.experience import JOINTS
+from pa_ros.core.experience import JOINTS, Float64
 
 DESIGN = "2-L"
 NUDGE_RAD = 1e-7  # at the hand, 0.04 µm
@@ -38,7 +45,7 @@ def speeds_and_thresholds(episodes: int) -> Iterable[str]:
     yield "| rad/s | 0.10 m | 0.15 m | 0.20 m | 0.20 m, arm touches blocks |\n|---|---|---|---|---|"
     for speed in (0.4, 0.5, 0.628, 1.0, 1.5):
         free = PRESETS["fast"].changed(preset="custom", joint_speed_limits=(speed,) * JOINTS)
-        row = [free.changed(near_threshold_m=threshold) for threshold in (0.10, 0.15, 0.20)]
+        row = [free.changed(thresholds=(threshold,)) for threshold in (0.10, 0.15, 0.20)]
         row.append(free.changed(arm_touches_blocks=True))
         yield f"| {speed} | " + " | ".join(f"{_scripted(c, episodes):.3f}" for c in row) + " |"
 
@@ -67,9 +74,9 @@ def sleeping(episodes: int) -> Iterable[str]:
         "| rewards that differ by the nudge | rewards |\n|---|---|---|---|---|---|"
     )
     for preset, config in PRESETS.items():
-        for script, hover_m in (("hovers", None), ("pushes the block", 0.0)):
-            difference, rewards = sleep_difference(config, episodes, hover_m)
-            _, nudged = sleep_difference(config, episodes, hover_m, nudge_rad=NUDGE_RAD)
+        for script, policy in (("hovers", scripted_action), ("pushes the block", clumsy_action)):
+            difference, rewards = sleep_difference(config, episodes, policy)
+            _, nudged = sleep_difference(config, episodes, policy, nudge_rad=NUDGE_RAD)
             yield (
                 f"| {preset} | {script} | {difference:.1e} | {rewards} | {nudged} "
                 f"| {episodes * config.episode_steps} |"
@@ -84,7 +91,7 @@ def sleeping(episodes: int) -> Iterable[str]:
 
 
 def sleep_difference(
-    config: ArenaConfig, episodes: int, hover_m: float | None = None, nudge_rad: float = 0.0
+    config: ArenaConfig, episodes: int, policy: Policy = scripted_action, nudge_rad: float = 0.0
 ) -> tuple[float, int]:
     """Compare an arena without sleeping to one with it, under the script's commands.
 
@@ -99,7 +106,7 @@ def sleep_difference(
         other.reset(episode)
         other.simulation.data.qpos[0] += nudge_rad
         while not verdict.truncated:
-            command = scripted_action(awake, hover_m)
+            command = policy(awake)
             observation, verdict = awake.step(command)
             compared, other_verdict = other.step(command)
             largest = max(largest, float(np.abs(observation.objects - compared.objects).max()))
@@ -132,18 +139,22 @@ def speed(episodes: int) -> Iterable[str]:
         yield f"| {preset} | {rate:.0f} | {share:.2f} | {cost:.1f} |"
 
 
+def clumsy_action(task: ReachTask) -> Float64:
+    """Like the script, but aims at the block's center (rad/s, [6])."""
+    return toward(task, nearest_target(task))
+
+
 def _scripted(config: ArenaConfig, episodes: int) -> float:
     return mean_reward(ReachTask(config, design_named(DESIGN), seed=0), scripted_action, episodes)
 
 
 def _clumsy(config: ArenaConfig, episodes: int) -> tuple[float, float]:
     task = ReachTask(config, design_named(DESIGN), seed=0)
-    aim = partial(scripted_action, hover_m=0.0)
     rewards, moved = [], []
     for episode in range(episodes):
         task.reset(episode)
         before = task.simulation.positions
-        rewards.append(reward_per_step(task, aim, episode))
+        rewards.append(reward_per_step(task, clumsy_action, episode))
         shift = np.linalg.norm((task.simulation.positions - before)[1:, :2], axis=1)
         moved.append(shift > 0.03)
     return float(np.mean(rewards)), float(np.mean(moved))

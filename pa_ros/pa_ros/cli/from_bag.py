@@ -72,7 +72,7 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
         protocol.learner,
         training_programs(design),
         seed,
-        Scoring(arena.near_threshold_m),
+        Scoring.of(design.vocabulary.relations, arena.thresholds),
     )
     return learner, {"seed": seed, "design": design.name, "preset": arena.preset}
 

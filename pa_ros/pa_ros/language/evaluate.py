@@ -43,7 +43,7 @@ def require_target(
         source = str(program)
         raise NamesNothingError(
             source,
-            Span(len("NEAR(HAND, "), len(source) - 1),
+            Span(len(f"{program.relation}(HAND, "), len(source) - 1),
             expected=f"an object of the scene ({one_of(present) if present else 'it is empty'})",
             received=f"{program.target}",
         )

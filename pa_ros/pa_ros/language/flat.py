@@ -33,8 +33,11 @@ class FlatProgram:
 def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
     """Compile a program for the rows of `vocabulary`.
 
-    Raises UnknownWordError (or WrongCaseError) if the program is of another vocabulary.
+    Its relation is no instruction: p is the same whatever should hold of the objects. Raises
+    UnknownWordError (or WrongCaseError) if the program is of another vocabulary.
     """
+    if program.relation not in vocabulary.relations:
+        raise unknown_word(program, program.relation, vocabulary.relation_row)
     for word in program.words:
         if word not in vocabulary.row:
             raise unknown_word(program, word, vocabulary.row)

@@ -10,5 +10,8 @@ MAX_LENGTH = 4096
 MAX_DEPTH = 32
 """Nested expressions: a word is 1 deep, an operator one deeper than its deepest argument."""
 
+MAX_RELATIONS = 16
+"""Relations that the programs of one world may use."""
+
 MAX_NODES = 256
 """Words and operators in the target expression; a flat program has at most as many instructions."""

@@ -29,7 +29,7 @@ def parse(text: str, vocabulary: Vocabulary) -> Program:
     if len(text) > MAX_LENGTH:
         raise _too_long(text, Span(MAX_LENGTH, MAX_LENGTH + 1), f"{len(text)}")
     if not text or text.isspace():
-        example = f"NEAR(HAND, {vocabulary.words[0]})"
+        example = f"{vocabulary.relations[0]}(HAND, {vocabulary.words[0]})"
         raise EmptyProgramError(
             text, Span(0, 0), expected=f"a program such as {example}", received="nothing"
         )
@@ -56,18 +56,18 @@ class _Parser:
         self._nodes = 0
 
     def parse_program(self) -> Program:
-        """program = "NEAR" "(" "HAND" "," expression ")" end ;"""
-        near = self._take_keyword("NEAR")
+        """program = relation "(" "HAND" "," expression ")" end ;"""
+        relation = self._take_keyword(*self._vocabulary.relations)
         self._take("(")
         if self._token.kind == ")":
-            raise self._wrong_arity("NEAR", near, 0, self._token)
+            raise self._wrong_arity(relation.text, relation, 0, self._token)
         self._take_keyword("HAND")
         targets, closing = self._parse_rest(depth=1)
         if len(targets) != 1:
-            raise self._wrong_arity("NEAR", near, 1 + len(targets), closing)
+            raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
         if self._token.kind != "end":
             raise self._unexpected("the end of the text")
-        return Program(targets[0], Span(near.span.start, closing.span.end))
+        return Program(targets[0], relation.text, Span(relation.span.start, closing.span.end))
 
     def _parse_expression(self, depth: int) -> Expression:
         """expression = word | operation ;"""
@@ -128,7 +128,7 @@ class _Parser:
 
     def _check_word(self, token: Token) -> None:
         """Refuse a token that starts no expression."""
-        if token.kind == "word" and token.text in RESERVED.difference(OPERATORS):
+        if token.kind == "word" and token.text in ("HAND", *self._vocabulary.relations):
             raise self._unexpected(f"{self._words()} ({token.text} is not a property)")
         if token.kind != "word":
             raise self._unexpected(self._words())
@@ -139,12 +139,12 @@ class _Parser:
     def _words(self) -> str:
         return one_of((*self._vocabulary.words, *OPERATORS))
 
-    def _take_keyword(self, keyword: str) -> Token:
-        known = {*self._vocabulary.words, *RESERVED}
+    def _take_keyword(self, *keywords: str) -> Token:
+        known = {*self._vocabulary.words, *self._vocabulary.relations, *RESERVED}
         if self._token.kind == "word" and self._token.text not in known:
-            raise refuse_word(self._source, self._token.span, self._token.text, (keyword,))
-        if self._token.text != keyword:
-            raise self._unexpected(keyword)
+            raise refuse_word(self._source, self._token.span, self._token.text, keywords)
+        if self._token.text not in keywords:
+            raise self._unexpected(one_of(keywords))
         return self._advance()
 
     def _take(self, kind: Kind) -> Token:
@@ -164,10 +164,10 @@ class _Parser:
         )
 
     def _wrong_arity(self, name: str, start: Token, received: int, closing: Token) -> ArityError:
-        takes = {"NEAR": "2 arguments", "NOT": "1 argument"}.get(name, "2 arguments or more")
+        takes = {"NOT": "1 argument", "AND": "2 arguments or more", "OR": "2 arguments or more"}
         return ArityError(
             self._source,
             Span(start.span.start, closing.span.end),
-            expected=f"{takes} to {name}",
+            expected=f"{takes.get(name, '2 arguments')} to {name}",
             received=str(received),
         )

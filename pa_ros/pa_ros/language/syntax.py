@@ -9,6 +9,9 @@ from typing import TypeAlias
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.span import NOWHERE, Span
 
+NEAR = "NEAR"
+"""The paper's relation."""
+
 
 @dataclass(frozen=True, slots=True)
 class Word:
@@ -65,16 +68,18 @@ Expression: TypeAlias = Word | Not | And | Or
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """The hand should be near an object that `target` describes (paper, eq. program-example).
+    """The hand should be in a relation to an object that `target` describes: NEAR it (paper, eq.
+    program-example), or what else `pa_ros.world.relations` knows.
 
     `str()` gives the canonical text; parsing that gives an equal program.
     """
 
     target: Expression
+    relation: str = NEAR
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
-        return f"NEAR(HAND, {self.target})"
+        return f"{self.relation}(HAND, {self.target})"
 
     @property
     def words(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The words a program may use: groups of mutually exclusive properties."""
+"""The words a program may use: groups of mutually exclusive properties, and relations."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.language.limits import MAX_RELATIONS
+from pa_ros.language.syntax import NEAR
 
-RESERVED = frozenset({"NEAR", "HAND", "AND", "OR", "NOT"})
+RESERVED = frozenset({"HAND", "AND", "OR", "NOT"})
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,12 @@ class Vocabulary:
     """Property words by group; the order fixes the rows of Φ.
 
     Each object has exactly one property of each group (paper, "Learned grounding"), so the
-    detectors of a group are coupled by one softmax.
+    detectors of a group are coupled by one softmax. `relations` are the ones that programs may ask
+    for, in the order of their embeddings.
     """
 
     groups: tuple[WordGroup, ...]
+    relations: tuple[str, ...] = (NEAR,)
 
     def __post_init__(self) -> None:
         if len({group.name for group in self.groups}) < len(self.groups):
@@ -44,7 +48,11 @@ class Vocabulary:
                 f"{[group.name for group in self.groups]}"
             )
         seen: set[str] = set()
-        for word in self.words:
+        if not 1 <= len(self.relations) <= MAX_RELATIONS:
+            raise ConfigError(
+                f"vocabulary: expected 1 to {MAX_RELATIONS} relations, got {self.relations}"
+            )
+        for word in (*self.relations, *self.words):
             if not (word.isascii() and word.isidentifier() and word == word.upper()):
                 raise ConfigError(f"vocabulary: expected an upper-case ASCII word, got {word!r}")
             if word in RESERVED or word in seen:
@@ -55,6 +63,10 @@ class Vocabulary:
     def of(cls, **groups: tuple[str, ...]) -> Vocabulary:
         """`Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED",))`."""
         return cls(tuple(WordGroup(name, tuple(words)) for name, words in groups.items()))
+
+    def asking(self, *relations: str) -> Vocabulary:
+        """The same words for programs of these relations."""
+        return Vocabulary(self.groups, relations)
 
     def __getitem__(self, group: str) -> tuple[str, ...]:
         """Words of a group; ConfigError names the known ones."""
@@ -85,8 +97,15 @@ class Vocabulary:
         return {group.name: group.words for group in self.groups}
 
     @cached_property
+    def relation_row(self) -> dict[str, int]:
+        """Number of each relation."""
+        return {relation: i for i, relation in enumerate(self.relations)}
+
+    @cached_property
     def digest(self) -> str:
         """16 hexadecimal digits that stand for the words in their groups, whatever the groups'
-        names."""
+        names, and for relations beside NEAR."""
         text = ";".join(",".join(group.words) for group in self.groups)
+        if self.relations != (NEAR,):
+            text += "|" + ",".join(self.relations)
         return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]

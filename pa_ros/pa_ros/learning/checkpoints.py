@@ -26,6 +26,7 @@ from pa_ros.core.settings import read_json
 from pa_ros.language import parse
 from pa_ros.learning import edition1
 from pa_ros.learning.checksums import SUMS, check_files, checksums
+from pa_ros.learning.edition2 import scoring_of
 from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.learner import Counters, Learner
 from pa_ros.networks.config import NetworkConfig
@@ -231,7 +232,7 @@ def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> No
     config = type(learner.config).from_json(values["learner"])
     theirs = network.flat() | config.flat()
     ours = learner.network.flat() | learner.config.flat()
-    theirs["scoring"], ours["scoring"] = values.get("scoring"), repr(learner.scoring)
+    theirs["scoring"], ours["scoring"] = scoring_of(values), repr(learner.scoring)
     differing = [
         f"{name}: checkpoint {theirs[name]!r}, here {ours[name]!r}"
         for name in sorted(ours)

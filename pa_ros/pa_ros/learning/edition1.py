@@ -6,6 +6,7 @@ from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import read_json
+from pa_ros.language.syntax import NEAR
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.world import Scoring
 
@@ -62,4 +63,8 @@ def read(values: dict[str, Any]) -> dict[str, Any]:
     except (ValueError, AttributeError, TypeError, KeyError) as error:
         raise ConfigError(f"learner: expected the settings of version 0.1: {error!r}") from error
     learner = DPGConfig().changed(**settings).to_json()
-    return values | {"format": FORMAT + 1, "learner": learner, "scoring": repr(Scoring(near_m))}
+    return values | {
+        "format": FORMAT + 1,
+        "learner": learner,
+        "scoring": repr(Scoring({NEAR: near_m})),
+    }

@@ -23,6 +23,7 @@ from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.relations.frames import POSE
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
 
@@ -64,10 +65,11 @@ class Learner:
     ) -> None:
         """`config` says by which algorithm; ConfigError if it is not registered.
 
-        `scoring` is the arena's, which relabeling asks; the paper's unless given.
+        `scoring` is the arena's, which relabeling asks; unless given, the paper's reward
+        at the relations' own thresholds.
         """
         self.network = network
-        self.scoring = scoring or Scoring()
+        self.scoring = scoring or Scoring.of(network.vocabulary.relations)
         self.config = config
         self.counters = Counters()
         self.rng = np.random.default_rng([seed, LEARNER_STREAM])
@@ -100,7 +102,9 @@ class Learner:
         program = self._row(trajectory.program)
         marks = None
         if self._relabeler is not None:
-            marks = self._relabeler.marks(trajectory.objects, trajectory.hand_index)
+            marks = self._relabeler.marks(
+                trajectory.objects, trajectory.hand_index, trajectory.arm[:, -POSE:]
+            )
         report = self.replay.insert(trajectory, program, marks)
         if not report.accepted:
             return ConsumeReport(report, 0, self.counters.version)

@@ -88,7 +88,7 @@ def describe(
         joint_upper=arena.joint_upper,
         speed_limits=arena.joint_speed_limits,
         control_period=arena.control_period_s,
-        near_threshold=arena.near_threshold_m,
+        near_threshold=arena.thresholds[0] if arena.thresholds else 0.20,
         episode_steps=arena.episode_steps,
         hand_index=HAND_INDEX,
         arena_id=instance,

@@ -47,6 +47,11 @@ class ProgramTable:
         """Programs in order of rows."""
         return tuple(self._rows)
 
+    def relations(self) -> Int32:
+        """Number of each program's relation in the vocabulary, [P]."""
+        rows = self.vocabulary.relation_row
+        return np.array([rows[program.relation] for program in self._rows], np.int32)
+
     def add(self, program: Program) -> int:
         """Return the row of a program, adding it unless an equal one is there.
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf, isfinite, sqrt
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,55 +12,105 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
+from pa_ros.language.syntax import NEAR
+from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relations.frames import POSE
 from pa_ros.world.reward import Reward, Sparse
 
 
 class Score(NamedTuple):
     """The verifier's word on states, each [...], or on one, as numbers."""
 
-    measure: Any  # m, from the hand to the nearest object named; inf if none is
+    measure: Any  # the relation's, in its unit: the least over the objects named; inf if none is
     satisfied: Any
     reward: Any
 
 
+def _paper() -> dict[str, float]:
+    return {NEAR: RELATIONS[NEAR].threshold}
+
+
 @dataclass(frozen=True)
 class Scoring:
-    """One arena's rule: NEAR holds at a distance of at most the threshold (paper, section 3)."""
+    """One arena's rule: a relation holds where its measure is at most the arena's threshold.
 
-    near_threshold_m: float = 0.20
+    ConfigError for a relation that is not registered, and for a threshold that cannot be.
+    """
+
+    thresholds: Mapping[str, float] = field(default_factory=_paper, hash=False)
     reward: Reward = field(default_factory=Sparse)
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.near_threshold_m) and self.near_threshold_m > 0):
+        for relation, threshold in self.thresholds.items():
+            RELATIONS[relation].check(threshold)
+
+    @classmethod
+    def of(
+        cls,
+        relations: Iterable[str],
+        thresholds: Sequence[float] = (),
+        reward: Reward | None = None,
+    ) -> Scoring:
+        """With thresholds of these relations in their order, or, where none is given, their own."""
+        names = tuple(relations)
+        if thresholds and len(thresholds) != len(names):
             raise ConfigError(
-                f"near_threshold: expected a positive number, got {self.near_threshold_m}"
+                f"thresholds: expected none, or one for each of {names}, got {tuple(thresholds)}"
             )
+        own = thresholds or [RELATIONS[name].threshold for name in names]
+        return cls(dict(zip(names, own, strict=True)), reward or Sparse())
 
-    def __call__(self, named: NDArray[np.bool_], objects: Float32) -> Score:
-        """Score states [..., N, 16] under programs of which it is known what they name, [..., N].
+    def __call__(
+        self,
+        named: NDArray[np.bool_],
+        objects: Float32,
+        relation: str = NEAR,
+        hand_pose: Float64 | Float32 | None = None,
+    ) -> Score:
+        """Score states [..., N, F] under programs of which it is known what they name, [..., N].
 
-        Both are broadcast: `named` [P, N] and `objects` [T, 1, N, 16] give scores [T, P]. The hand
-        is never named (`world.programs.crisp`, `language.satisfying`).
+        Both are broadcast: `named` [P, N] and `objects` [T, 1, N, F] give scores [T, P]. The hand
+        is never named (`world.programs.crisp`, `language.satisfying`). `hand_pose`, in the base's
+        frame, is [..., 7], [T, 1, 7] say; relations in the hand's own frame do without.
         """
-        squares = _square(*np.moveaxis(objects[..., :3].astype(np.float64), -1, 0))
+        threshold = self.threshold(relation)
+        measures = self._measures(relation, objects, hand_pose)
         nearest: Float64 = np.array(inf)
         for i in range(objects.shape[-2]):  # few: faster than to reduce a short axis
-            nearest = np.minimum(nearest, np.where(named[..., i], squares[..., i], inf))
-        return self._judge(np.sqrt(nearest))
+            nearest = np.minimum(nearest, np.where(named[..., i], measures[..., i], inf))
+        return self._judge(nearest, threshold)
 
-    def of_targets(self, targets: Sequence[int], objects: Float32) -> Score:
-        """Score one state, [N, 16], given the numbers of the objects named: the same bits in a
-        tenth of the time, as numbers."""
-        nearest = inf
-        for i in targets:
-            nearest = min(nearest, _square(*objects[i, :3].tolist()))
-        return self._judge(sqrt(nearest))
+    def of_targets(
+        self,
+        targets: Sequence[int],
+        objects: Float32,
+        relation: str = NEAR,
+        hand_pose: Float64 | Float32 | None = None,
+    ) -> Score:
+        """Score one state, [N, F], given the numbers of the objects named: the same bits, sooner,
+        as numbers."""
+        threshold = self.threshold(relation)
+        measures = self._measures(relation, objects[list(targets)], hand_pose)
+        return self._judge(min(measures.tolist(), default=inf), threshold)
 
-    def _judge(self, measure: Any) -> Score:
-        satisfied = measure <= self.near_threshold_m
+    def threshold(self, relation: str) -> float:
+        """ConfigError, with the known ones, for a relation that is not scored here."""
+        if relation not in self.thresholds:
+            raise ConfigError(
+                f"unknown relation: expected one of {list(self.thresholds)}, got {relation!r}"
+            )
+        return self.thresholds[relation]
+
+    def _measures(
+        self, relation: str, objects: Float32, hand_pose: Float64 | Float32 | None
+    ) -> Float64:
+        """Of each object, [..., N]."""
+        poses = objects[..., :POSE].astype(np.float64)
+        hand = None
+        if hand_pose is not None:  # agents are told float32, and relabeling has no more than that
+            hand = hand_pose.astype(np.float32).astype(np.float64)[..., None, :]
+        return RELATIONS[relation].measures(poses, hand)
+
+    def _judge(self, measure: Any, threshold: float) -> Score:
+        satisfied = measure <= threshold
         return Score(measure, satisfied, self.reward(satisfied, measure))
-
-
-def _square(x: Any, y: Any, z: Any) -> Any:
-    """Squared distance (m²) from the hand, where positions in Ω begin: of numbers, or arrays."""
-    return x * x + y * y + z * z

@@ -10,6 +10,8 @@ from typing import Any
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relations.frames import POSE
 from pa_ros.world.schema import MAX_WORDS, ObjectSchema
 
 MAX_JOINTS = 16
@@ -25,7 +27,6 @@ class World:
     schema: ObjectSchema
     vocabulary: Vocabulary
     joints: int = 6
-    relations: tuple[str, ...] = ("NEAR",)
 
     def __post_init__(self) -> None:
         ours, theirs = [g.name for g in self.schema], list(self.vocabulary.by_group)
@@ -36,8 +37,8 @@ class World:
             raise ConfigError(f"world: words: expected 1 to {MAX_WORDS}, got {words}")
         if not 1 <= self.joints <= MAX_JOINTS:
             raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints}")
-        if not self.relations or len(set(self.relations)) < len(self.relations):
-            raise ConfigError(f"world: expected different relations, got {self.relations}")
+        for relation in self.relations:
+            RELATIONS[relation]
 
     @property
     def object_features(self) -> int:
@@ -45,9 +46,20 @@ class World:
         return self.schema.width
 
     @property
+    def relations(self) -> tuple[str, ...]:
+        """Names of those that programs may ask for; ConfigError refuses what is not registered."""
+        return self.vocabulary.relations
+
+    @property
+    def sees_hand_pose(self) -> bool:
+        """Whether the arm's features end with the hand's pose: some relation is of the base's
+        frame."""
+        return any(RELATIONS[relation].frame == "base" for relation in self.relations)
+
+    @property
     def arm_features(self) -> int:
-        """Features of the arm: sin, cos and velocity of each joint."""
-        return 3 * self.joints
+        """Features of the arm: sin, cos and velocity of each joint, and maybe the hand's pose."""
+        return 3 * self.joints + (POSE if self.sees_hand_pose else 0)
 
     @property
     def columns(self) -> int:
@@ -73,8 +85,8 @@ class World:
         """The inverse of `to_data`; ConfigError if it isn't."""
         try:
             vocabulary = Vocabulary.of(**{name: tuple(words) for name, words in data["words"]})
-            schema, relations = ObjectSchema.from_data(data["objects"]), tuple(data["relations"])
-            return cls(schema, vocabulary, data["joints"], relations)
+            asked = vocabulary.asking(*data["relations"])
+            return cls(ObjectSchema.from_data(data["objects"]), asked, data["joints"])
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise ConfigError(
                 f"world: expected its JSON: {error!r}, got {str(data)[:200]}"

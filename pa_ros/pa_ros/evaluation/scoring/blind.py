@@ -11,8 +11,9 @@ from itertools import chain, combinations
 import numpy as np
 
 from pa_ros.arena import ReachTask
-from pa_ros.arena.references import HOVER, hover_action
+from pa_ros.arena.references import pursue
 from pa_ros.core.experience import Float64, Observation
+from pa_ros.world.relations import RELATIONS
 
 BLIND = ("nearest", "any", "most")
 """Go to the block nearest to the hand; to one drawn at random; to the place near most blocks."""
@@ -30,7 +31,7 @@ def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]
         nonlocal goal
         if observation.step == 0:
             goal = choose(task)
-        return hover_action(task, goal)
+        return pursue(task, goal)
 
     return act
 
@@ -47,14 +48,24 @@ def _any(task: ReachTask) -> Float64:
 
 
 def _most(task: ReachTask) -> Float64:
-    """The block, or the middle of two or three, above which the hand is near most blocks."""
+    """The block, or the middle of two or three, where the program's relation, pursued, holds of
+    most blocks: to be near most of them, above it."""
     hand, blocks = _places(task)
     groups = chain(combinations(blocks, 2), combinations(blocks, 3))
     middles = [np.mean(group, axis=0) for group in groups]
     middles = [*blocks, *(middle for middle in middles if _in_reach(task, middle))]
-    reach = MARGIN * task.config.near_threshold_m * (1 - HOVER**2) ** 0.5
-    counts = [int((np.linalg.norm((blocks - m)[:, :2], axis=1) <= reach).sum()) for m in middles]
+    counts = [_held(task, hand, blocks, middle) for middle in middles]
     return _nearest_of([m for m, n in zip(middles, counts, strict=True) if n == max(counts)], hand)
+
+
+def _held(task: ReachTask, hand: Float64, blocks: Float64, middle: Float64) -> int:
+    """Of how many blocks the relation holds where the hand goes for `middle`, with the margin."""
+    relation = RELATIONS[task.program.relation]
+    threshold = task.scoring.threshold(relation.name)
+    farther = np.full_like(blocks, middle)
+    farther[:, :2] += (blocks - middle)[:, :2] / MARGIN
+    goal = relation.goal(hand, middle, threshold)
+    return int((relation.of_places(goal, farther) <= threshold).sum())
 
 
 def _in_reach(task: ReachTask, place: Float64) -> bool:

@@ -50,6 +50,11 @@ class Relabeler:
             self._table.add(program)
         self._truth = truth_matrix(vocabulary)
         self._scoring = scoring
+        asked = self._table.relations()
+        self._of_relation = {
+            relation: np.flatnonzero(asked == row)
+            for relation, row in vocabulary.relation_row.items()
+        }
         self._bits = np.arange(len(self._table), dtype=np.uint64)
         self._values: Float64 | None = None  # of a program not satisfied, and of one that is
         if not scoring.reward.uses_measure:
@@ -60,18 +65,24 @@ class Relabeler:
         """Programs whose rewards marks hold, because their bits don't tell: all, or none."""
         return len(self._table) if self._values is None else 0
 
-    def marks(self, objects: Float32, hand_index: int) -> Marks:
+    def marks(self, objects: Float32, hand_index: int, hand_pose: Float32 | None = None) -> Marks:
         """Which programs each row satisfies, [T + 1], which name something, and the rewards.
 
-        `objects` is [T + 1, N, 16] of one episode, where properties do not change.
+        `objects` is [T + 1, N, F] of one episode, where properties do not change; `hand_pose`
+        [T + 1, 7] is the hand's in the base's frame, where a relation asks for it.
         """
         named = crisp(self._table.arrays(), (objects[0] @ self._truth).T, hand_index)  # [P, N]
-        score = self._scoring(named, objects[:, None])  # [T + 1, P]
+        satisfied = np.zeros((len(objects), len(named)), np.bool_)  # [T + 1, P]
+        earned = np.zeros(satisfied.shape)
+        pose = None if hand_pose is None else hand_pose[:, None]
+        for relation, rows in self._of_relation.items():
+            score = self._scoring(named[rows], objects[:, None], relation, pose)
+            satisfied[:, rows], earned[:, rows] = score.satisfied, score.reward
         present, weights = named.any(-1), np.uint64(1) << self._bits
         rewards = None
         if self._values is None:
-            rewards = np.where(present, score.reward, 0.0).astype(np.float32)
-        return Marks(score.satisfied @ weights, int(present @ weights), rewards)
+            rewards = np.where(present, earned, 0.0).astype(np.float32)
+        return Marks(satisfied @ weights, int(present @ weights), rewards)
 
     def draw(
         self,

@@ -1,0 +1,39 @@
+"""NEAR: the paper's relation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pa_ros.core.experience import Float64
+from pa_ros.world.relations.relation import Relation, circle, register
+
+HOVER = 0.6  # where the script holds the hand above the target's center, as part of the threshold
+
+
+def _distance(hand: Float64, objects: Float64) -> Float64:
+    """From the hand, where positions in its own frame begin."""
+    x, y, z = objects[..., 0], objects[..., 1], objects[..., 2]
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def _above_it(hand: Float64, target: Float64, threshold: float) -> Float64:
+    """0.12 m above the target's center at a threshold of 0.20 m: clear of the block."""
+    return target + np.array([0.0, 0.0, HOVER * threshold])
+
+
+def _around_the_hand(hand: Float64, target: Float64, threshold: float) -> Float64:
+    return circle(hand, threshold)
+
+
+NEAR = register(
+    Relation(
+        name="NEAR",
+        meaning="no farther from its center than the threshold (paper, section 3)",
+        measure=_distance,
+        unit="m",
+        threshold=0.20,
+        goal=_above_it,
+        outline=_around_the_hand,
+        frame="hand",
+    )
+)

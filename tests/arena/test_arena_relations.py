@@ -1,0 +1,113 @@
+"""Relations in the arena: drawn, verified, pursued by the script, drawn in pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import (
+    ReachTask,
+    conditions_for,
+    design_named,
+    mean_reward,
+    preset_named,
+    random_policy,
+    scripted_action,
+    training_programs,
+)
+from pa_ros.arena.references import nearest_target
+from pa_ros.arena.render import outline, top_view
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import parse
+from pa_ros.world.relations import RELATIONS
+
+FAST, TWO_L = preset_named("fast"), design_named("2-L")
+SIX = TWO_L.with_relations(*RELATIONS)
+
+
+@pytest.mark.parametrize("relation", RELATIONS)
+def test_the_script_does_well_where_chance_does_not(relation: str) -> None:
+    task = ReachTask(FAST, TWO_L.with_relations(relation), seed=1)
+    assert mean_reward(task, scripted_action, 6) >= 0.5
+    assert mean_reward(task, random_policy(0), 6) < -0.8  # of 6 episodes; docs have -0.9 of 100
+
+
+def test_episodes_ask_for_every_relation_and_are_the_same_again() -> None:
+    task = ReachTask(FAST, SIX, seed=0)
+    asked = []
+    for index in range(40):
+        task.reset(index)
+        asked.append(str(task.program))
+    assert {text.partition("(")[0] for text in asked} == set(RELATIONS)
+    task.reset(7)
+    assert str(task.program) == asked[7]
+    assert len(training_programs(SIX)) == 6 * len(training_programs(TWO_L))
+    assert {str(program) for program in training_programs(SIX)} >= set(asked)
+
+
+def test_one_relation_draws_the_episodes_that_it_always_drew() -> None:
+    """NEAR alone draws no number more; another one alone puts the same blocks on the table."""
+    near, above = (ReachTask(FAST, TWO_L.with_relations(name), 3) for name in ("NEAR", "ABOVE"))
+    for index in range(5):
+        near.reset(index)
+        above.reset(index)
+        assert near.episode.blocks == above.episode.blocks
+        assert near.program.target == above.program.target
+
+
+def test_the_verifier_says_what_the_poses_say() -> None:
+    task = ReachTask(FAST, SIX, seed=2)
+    for index in range(12):
+        _, verdict = task.reset(index)
+        relation = RELATIONS[task.program.relation]
+        for _ in range(10):
+            hand, *_ = task.simulation.positions
+            measure = relation.of_places(hand, nearest_target(task)[None])[0]
+            assert verdict.satisfied == (verdict.distance <= relation.threshold)
+            if len(task.verifier.targets) == 1:
+                assert verdict.distance == pytest.approx(measure, abs=1e-5)
+            _, verdict = task.step(scripted_action(task))
+
+
+def test_conditions_of_one_relation_ask_for_it_alone() -> None:
+    two = TWO_L.with_relations("NEAR", "IN_FRONT_OF")
+    assert {"train-near", "train-in-front-of", "eval-near", "eval-in-front-of"} <= set(
+        conditions_for(two)
+    )
+    assert not any("near" in name for name in conditions_for(TWO_L))
+    task = ReachTask(FAST, two, seed=0)
+    for index in range(6):
+        task.reset(index, "eval-in-front-of")
+        assert str(task.program) == "IN_FRONT_OF(HAND, AND(BLUE, SPHERE))"
+
+
+def test_thresholds_are_the_arenas() -> None:
+    strict = ReachTask(
+        FAST.changed(thresholds=(0.1, 0.2)), TWO_L.with_relations("NEAR", "ABOVE"), 0
+    )
+    assert strict.scoring.thresholds == {"NEAR": 0.1, "ABOVE": 0.2}
+    with pytest.raises(ConfigError, match="thresholds: expected none, or one for each of"):
+        ReachTask(FAST.changed(thresholds=(0.1,)), TWO_L.with_relations("NEAR", "ABOVE"), 0)
+
+
+def test_unknown_relations_are_refused_with_the_known_ones() -> None:
+    with pytest.raises(
+        ConfigError, match="unknown relation: expected one of .*'NEAR'.*got 'BELOW'"
+    ):
+        TWO_L.with_relations("BELOW")
+    task = ReachTask(FAST, TWO_L, seed=0)
+    task.reset(0)
+    words = TWO_L.with_relations("ABOVE").vocabulary
+    with pytest.raises(ConfigError, match=r"expected one of \['NEAR'\], got 'ABOVE'"):
+        task.set_program(parse("ABOVE(HAND, CUBE)", words))
+    assert task.program.relation == "NEAR"
+
+
+@pytest.mark.parametrize("relation", RELATIONS)
+def test_pictures_show_where_a_relation_holds(relation: str) -> None:
+    task = ReachTask(FAST, TWO_L.with_relations(relation), seed=0)
+    task.reset(0)
+    line, hand = outline(task), task.simulation.positions[0]
+    around = hand if relation == "NEAR" else nearest_target(task)
+    assert (np.linalg.norm(line - around[:2], axis=1) <= 0.3).all()
+    assert top_view(task, 96).shape == (96, 96, 3)

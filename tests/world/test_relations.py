@@ -1,0 +1,134 @@
+"""Relations: what each means, where its script goes, and what is no relation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, nan, pi
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float64
+from pa_ros.world import Scoring
+from pa_ros.world.relations import RELATIONS, Relation, register
+from pa_ros.world.relations.frames import in_base
+
+BLOCK = np.array([0.3, 0.3, 0.03])  # 45° to the left of the x axis, as the base sees it
+OUT, LEFT = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 0]) / 2**0.5  # from the base; its left
+UP = np.array([0.0, 0.0, 1.0])
+SIDES = {"BEHIND": OUT, "IN_FRONT_OF": -OUT, "LEFT_OF": LEFT, "RIGHT_OF": -LEFT}
+
+
+def measured(name: str, hand: Float64) -> float:
+    return float(RELATIONS[name].of_places(hand, BLOCK[None])[0])
+
+
+def holds(name: str, hand: Float64) -> bool:
+    return measured(name, hand) <= RELATIONS[name].threshold
+
+
+def test_near_is_the_distance() -> None:
+    assert measured("NEAR", BLOCK + [0.0, 0.12, 0.16]) == pytest.approx(0.2)
+    assert holds("NEAR", BLOCK + 0.19 * UP) and not holds("NEAR", BLOCK + 0.21 * UP)
+
+
+def test_above_is_an_angle_from_the_vertical() -> None:
+    assert measured("ABOVE", BLOCK + [0.0, 0.1, 0.1]) == pytest.approx(pi / 4)
+    assert holds("ABOVE", BLOCK + 0.1 * UP) and holds("ABOVE", BLOCK + 0.6 * UP)
+    assert not holds("ABOVE", BLOCK - 0.1 * UP) and not holds("ABOVE", BLOCK + 0.1 * OUT)
+
+
+@pytest.mark.parametrize("name", SIDES)
+def test_each_side_is_its_own_seen_from_the_base(name: str) -> None:
+    for other, way in SIDES.items():
+        assert holds(name, BLOCK + 0.15 * way + 0.1 * UP) == (other == name)
+    assert not holds(name, BLOCK + 0.26 * SIDES[name])  # too far
+    assert measured(name, BLOCK + 0.125 * SIDES[name]) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("name", RELATIONS)
+@given(angle=st.floats(-pi, pi), radius=st.floats(0.28, 0.58))
+def test_the_relation_holds_where_the_script_goes(name: str, angle: float, radius: float) -> None:
+    relation, block = (
+        RELATIONS[name],
+        np.array([radius * np.cos(angle), radius * np.sin(angle), 0.03]),
+    )
+    goal = relation.goal(np.array([0.4, 0.0, 0.3]), block, relation.threshold)
+    assert relation.of_places(goal, block[None])[0] <= 0.9 * relation.threshold
+    line = relation.outline(goal, block, relation.threshold)
+    assert line.ndim == 2 and line.shape[1] == 2 and np.isfinite(line).all()
+
+
+POSES = arrays(np.float64, (4, 3, 7), elements=st.floats(-2, 2))
+
+
+@pytest.mark.parametrize("name", RELATIONS)
+@given(objects=POSES, hands=POSES)
+def test_many_states_are_measured_as_each_alone(
+    name: str, objects: Float64, hands: Float64
+) -> None:
+    """To the last bit, as the arena does it and as relabeling does: from float32."""
+    scoring, ones = Scoring.of([name]), np.ones(3, np.bool_)
+    scenes, poses = objects.astype(np.float32), hands[:, 0]
+    together = scoring(ones, scenes, name, poses)
+    for t in range(4):
+        alone = scoring.of_targets((0, 1, 2), scenes[t], name, poses[t])
+        assert alone.measure == together.measure[t] and not np.isnan(alone.measure)
+        assert alone.satisfied == together.satisfied[t]
+
+
+@given(arrays(np.float64, (2, 7), elements=st.floats(-1, 1)))
+def test_poses_are_brought_to_the_base_as_mujoco_does(poses: Float64) -> None:
+    hand, pose = poses
+    expected_place, expected_turn = np.zeros(3), np.zeros(4)
+    hand[3:] /= max(np.linalg.norm(hand[3:]), 1e-9)
+    mujoco.mju_rotVecQuat(expected_place, pose[:3], hand[[6, 3, 4, 5]])
+    mujoco.mju_mulQuat(expected_turn, hand[[6, 3, 4, 5]], pose[[6, 3, 4, 5]])
+    found = in_base(hand, pose)
+    if np.linalg.norm(hand[3:]) > 0.5:
+        np.testing.assert_allclose(found[:3], hand[:3] + expected_place, atol=1e-12)
+    np.testing.assert_allclose(found[[6, 3, 4, 5]], expected_turn, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"name": "near"}, "upper-case ASCII name, got 'near'"),
+        ({"name": "NEAR IT"}, "upper-case"),
+        ({"frame": "world"}, "frame: expected hand or base, got 'world'"),
+        ({"arity": 3}, r"expected 2, NEAR\(HAND, e\), got 3"),
+        ({"threshold": 0.0}, r"threshold of NEAR: expected a positive number \(m\), got 0.0"),
+        ({"threshold": nan}, "got nan"),
+        ({"threshold": inf}, "got inf"),
+    ],
+)
+def test_what_is_no_relation_is_refused(changed: dict[str, object], why: str) -> None:
+    with pytest.raises(ConfigError, match=why):
+        replace(RELATIONS["NEAR"], **changed)  # type: ignore[arg-type]
+
+
+def test_a_second_relation_of_a_name_is_refused() -> None:
+    other: Relation = replace(RELATIONS["NEAR"], threshold=0.1)
+    with pytest.raises(ConfigError, match="relation 'NEAR': expected"):
+        register(other)
+
+
+def test_scoring_refuses_what_it_does_not_know() -> None:
+    objects = np.zeros((2, 7), np.float32)
+    with pytest.raises(
+        ConfigError, match="unknown relation: expected one of .*'ABOVE'.* got 'BELOW'"
+    ):
+        Scoring.of(["NEAR", "BELOW"])
+    with pytest.raises(
+        ConfigError, match=r"unknown relation: expected one of \['NEAR'\], got 'ABOVE'"
+    ):
+        Scoring.of(["NEAR"]).of_targets((1,), objects, "ABOVE")
+    with pytest.raises(ConfigError, match="thresholds: expected none, or one for each"):
+        Scoring.of(["NEAR", "ABOVE"], (0.2,))
+    with pytest.raises(ConfigError, match="relation ABOVE: expected the hand's pose"):
+        Scoring.of(["ABOVE"]).of_targets((1,), objects, "ABOVE")
