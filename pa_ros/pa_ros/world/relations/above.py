@@ -19,7 +19,7 @@ def _angle(hand: Float64, objects: Float64) -> Float64:
 
 
 def _over_it(hand: Float64, target: Float64, threshold: float) -> Float64:
-    return target + np.array([0.0, 0.0, HEIGHT_M])
+    return np.asarray(target + np.array([0.0, 0.0, HEIGHT_M]))
 
 
 def _cone_at_the_hand(hand: Float64, target: Float64, threshold: float) -> Float64:

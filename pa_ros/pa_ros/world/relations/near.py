@@ -18,7 +18,7 @@ def _distance(hand: Float64, objects: Float64) -> Float64:
 
 def _above_it(hand: Float64, target: Float64, threshold: float) -> Float64:
     """0.12 m above the target's center at a threshold of 0.20 m: clear of the block."""
-    return target + np.array([0.0, 0.0, HOVER * threshold])
+    return np.asarray(target + np.array([0.0, 0.0, HOVER * threshold]))
 
 
 def _around_the_hand(hand: Float64, target: Float64, threshold: float) -> Float64:

@@ -38,7 +38,7 @@ def _share(side: float, hand: Float64, objects: Float64) -> Float64:
 def _beside_it(side: float, hand: Float64, target: Float64, threshold: float) -> Float64:
     direction = np.arctan2(target[1], target[0]) + side
     x, y = BESIDE_M * np.cos(direction), BESIDE_M * np.sin(direction)
-    return target + np.array([x, y, HEIGHT_M])
+    return np.asarray(target + np.array([x, y, HEIGHT_M]))
 
 
 def _sector(side: float, hand: Float64, target: Float64, threshold: float) -> Float64:
