@@ -21,6 +21,11 @@ class AgentConfig(Settings):
         "topic", description="where weights come from; learning needs topic"
     )
     checkpoint: str = Field("", description="folder, for weights checkpoint")
+    learner: str = Field(
+        "",
+        description="namespace of the learner: weights come from there, and experience goes there; "
+        "empty: the agent's own",
+    )
     agent_id: str = Field("", description="empty: a new one at each start")
     seed: int = Field(0, ge=0, description="of the exploration noise, and of random weights")
     network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(

@@ -82,7 +82,7 @@ class AgentNode(Node):
 
     def _make_publishers(self) -> None:
         self._commands_out = topics.JOINT_COMMANDS.publisher(self)
-        self._transitions_out = topics.TRAJECTORIES.publisher(self)
+        self._transitions_out = topics.TRAJECTORIES.within(self.config.learner).publisher(self)
         self._status_out = topics.PROGRAM_STATUS.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
         parameters, name = self.config.flat(), self.get_fully_qualified_name()
@@ -99,8 +99,9 @@ class AgentNode(Node):
         if self.config.learning:
             callbacks.append((topics.VERDICT, lambda m: self._on_part("verdict", m)))
         if self.config.weights == "topic":
-            callbacks.append((topics.LEARNER_INFO, self._on_learner))
-            callbacks.append((topics.POLICY_WEIGHTS, self._on_policy))
+            of_learner = self.config.learner
+            callbacks.append((topics.LEARNER_INFO.within(of_learner), self._on_learner))
+            callbacks.append((topics.POLICY_WEIGHTS.within(of_learner), self._on_policy))
         for topic, callback in callbacks:
             topic.subscribe(self, self.refusals.guard(topic.name, callback))
 

@@ -13,12 +13,10 @@ from rclpy.node import Node
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.executor import spin_until, steady_timer
-from pa_ros.ros.topics import LEARNER_INFO, POLICY_WEIGHTS, TRAJECTORIES
-from pa_ros.tools.launch_params import Parameters, write_parameters
+from pa_ros.tools.launch_params import Parameters, merged, write_parameters
 from pa_ros.tools.launcher import Supervisor, node_command
 from pa_ros.tools.monitor import REFRESH_S
 
-WITH_LEARNER = (TRAJECTORIES, POLICY_WEIGHTS, LEARNER_INFO)  # what an agent and the learner share
 DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 3 s
 
 
@@ -30,12 +28,14 @@ def start_nodes(
 
     Process ids by node."""
     path, processes = folder / "params.yaml", {}
+    above = f"/{namespace.strip('/')}"
+    if "learner_node" in parameters:
+        agents = [place for place in parameters if place.endswith("/agent_node")]
+        parameters = merged(parameters, {place: {"learner": above} for place in agents})
     write_parameters(path, parameters, namespace)
     for place in parameters:
         within, _, name = place.rpartition("/")
-        above = f"/{namespace.strip('/')}".rstrip("/")
-        remaps = {topic.name: f"{above}/{topic.name}" for topic in WITH_LEARNER} if within else {}
-        command = node_command(name, path, f"{above}/{within}", remaps)
+        command = node_command(name, path, f"{above}/{within}")
         processes[place] = supervisor.start(place.replace("/", "."), command)
     return processes
 

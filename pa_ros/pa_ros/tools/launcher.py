@@ -147,12 +147,10 @@ class Supervisor:
             running = [child for child in running if child.process.poll() is None]
 
 
-def node_command(
-    name: str, params: Path, namespace: str = "", remaps: Mapping[str, str] | None = None
-) -> list[str]:
+def node_command(name: str, params: Path, namespace: str = "") -> list[str]:
     """Command of a node, run by this interpreter with a parameters file."""
     within = f"/{namespace.strip('/')}" if namespace.strip("/") else None
-    arguments = ros_arguments(params_file=params.resolve(), namespace=within, remaps=remaps)
+    arguments = ros_arguments(params_file=params.resolve(), namespace=within)
     return [sys.executable, "-m", f"{name}.main", *arguments]
 
 

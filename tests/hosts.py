@@ -1,0 +1,105 @@
+"""Several hosts made of network namespaces: a switch, and a cable to each host."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+# What the wheels' programs need that are not Python's.
+LIBRARIES = f"{sysconfig.get_path('platlib')}/ros_fastrtps.libs:{sys.prefix}/lib"
+BOOTSTRAP = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")  # a child does it anew
+
+
+def why_not() -> str:
+    """Why this machine makes no network namespaces; empty: it does."""
+    if os.geteuid() != 0:
+        return "network namespaces need root"
+    name = f"pa-{os.getpid()}-try"
+    made = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True, check=False)
+    if made.returncode:
+        return f"network namespaces are not permitted here: {made.stderr.strip()}"
+    ip("netns", "del", name)
+    return ""
+
+
+def ip(*words: str) -> None:
+    subprocess.run(["ip", *words], check=True, capture_output=True, text=True)
+
+
+class Hosts:
+    """Hosts 10.77.0.1, 10.77.0.2, … on one switch; what runs in one is stopped with it."""
+
+    def __init__(self, count: int) -> None:
+        self._stem = f"pa-{os.getpid()}"
+        self._switch = f"{self._stem}-switch"
+        self.names = [f"{self._stem}-{i}" for i in range(1, count + 1)]
+        self._processes: list[subprocess.Popen[bytes]] = []
+
+    def address(self, host: int) -> str:
+        return f"10.77.0.{host + 1}"
+
+    def make(self) -> None:
+        ip("netns", "add", self._switch)
+        ip("-n", self._switch, "link", "add", "bridge", "type", "bridge")
+        ip("-n", self._switch, "link", "set", "bridge", "up")
+        for host, name in enumerate(self.names):
+            ip("netns", "add", name)
+            ip("-n", name, "link", "set", "lo", "up")
+            ip("-n", name, "link", "add", "eth0", "type", "veth", "peer", "name", f"port{host}",
+               "netns", self._switch)  # fmt: skip
+            ip("-n", name, "addr", "add", f"{self.address(host)}/24", "dev", "eth0")
+            ip("-n", name, "link", "set", "eth0", "up")
+            ip("-n", name, "route", "add", "224.0.0.0/4", "dev", "eth0")
+            ip("-n", self._switch, "link", "set", f"port{host}", "master", "bridge", "up")
+
+    def cable(self, host: int, plugged: bool) -> None:
+        """Pull a host's cable, or plug it in."""
+        ip("-n", self._switch, "link", "set", f"port{host}", "up" if plugged else "down")
+
+    def run(
+        self,
+        host: int,
+        command: Sequence[object],
+        environment: Mapping[str, str] | None = None,
+        log: Path = Path(os.devnull),
+    ) -> None:
+        """Run a command on a host until all are stopped."""
+        kept = {k: v for k, v in os.environ.items() if k not in BOOTSTRAP}
+        kept["LD_LIBRARY_PATH"] = LIBRARIES if str(command[0]) != sys.executable else ""
+        kept = {k: v for k, v in (kept | dict(environment or {})).items() if v}
+        words = ["ip", "netns", "exec", self.names[host], *map(str, command)]
+        with log.open("ab") as output:
+            self._processes.append(subprocess.Popen(words, stdout=output, stderr=output, env=kept))
+
+    def stop(self) -> None:
+        """End all that runs, in good order."""
+        for process in self._processes:
+            process.terminate()
+        for process in self._processes:
+            try:
+                process.wait(15)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait(5)
+        self._processes.clear()
+
+    def remove(self) -> None:
+        """End all that runs, and take the hosts away."""
+        self.stop()
+        for name in (*self.names, self._switch):
+            ip("netns", "del", name)
+
+
+@contextmanager
+def hosts(count: int) -> Iterator[Hosts]:
+    made = Hosts(count)
+    made.make()
+    try:
+        yield made
+    finally:
+        made.remove()

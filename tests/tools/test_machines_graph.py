@@ -1,0 +1,112 @@
+"""A learner on one host, an arena with its agent on each of two others, and a cable that is
+pulled and plugged in again. The hosts are network namespaces that the test makes."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from hosts import Hosts, hosts, why_not
+from recorded_runs import SMALL
+from waiting import wait_for
+
+from pa_ros.learning.checkpoints import read_metadata
+from pa_ros.learning.folder import checkpoint_of
+
+NO_HOSTS = why_not()
+pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
+CUT_S = 5.0
+SUBNET = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+
+
+class Site:
+    """The three hosts' processes, and how far the learner is by its own log."""
+
+    def __init__(self, made: Hosts, folder: Path, environment: Callable[[int], dict[str, str]]):
+        self.hosts, self.folder = made, folder
+        self._environment = environment
+        common = {"ROS_DOMAIN_ID": "3", "ROS_LOG_DIR": str(folder)}
+        self._common = common | {"OMP_NUM_THREADS": "1"}
+
+    def run(self, host: int, node: str, namespace: str = "", **parameters: object) -> None:
+        path = self.folder / f"{host}-{node}.yaml"
+        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
+        log = self.folder / f"{host}-{node}.log"
+        words = [sys.executable, "-m", f"{node}.main", "--ros-args", "--params-file", path]
+        words += ["-r", f"__ns:={namespace}"] if namespace else []
+        environment = self._common | self._environment(host)
+        self.hosts.run(host, words, environment, log)
+
+    def begin(self) -> None:
+        arenas = ["arena1", "arena2"]
+        out = str(self.folder / "run")
+        self.run(0, "learner_node", options=SMALL, arenas=arenas, out=out)
+        for host, arena in enumerate(arenas, start=1):
+            self.run(host, "sim_node", f"/{arena}", seed=host)
+            agent = {"learning": True, "learner": "/", "agent_id": arena, "stuck_after_s": 3.0}
+            self.run(host, "agent_node", f"/{arena}", **agent)
+
+    @property
+    def frames(self) -> int:
+        log = self.folder / "0-learner_node.log"
+        told = re.findall(r"frames ([\d,]+) \(", log.read_text()) if log.exists() else []
+        return int(told[-1].replace(",", "")) if told else 0
+
+    def learns(self, frames: int = 500) -> None:
+        before = self.frames
+        wait_for(lambda: self.frames >= before + frames, f"{frames} frames after {before}")
+
+
+@pytest.fixture
+def three(tmp_path: Path) -> Iterator[Callable[[Callable[[int], dict[str, str]]], Site]]:
+    with hosts(3) as made:
+        yield lambda environment: Site(made, tmp_path, environment)
+
+
+def ended(site: Site) -> dict[str, dict[str, object]]:
+    """The learner's account of each agent, once it has saved and all have ended."""
+    site.hosts.stop()
+    metadata = read_metadata(checkpoint_of(site.folder / "run"))
+    return dict(metadata["replay"]["ledger"]["accounts"])
+
+
+def test_arenas_on_other_hosts_train_a_learner_and_a_cut_cable_loses_nothing(three):
+    site = three(lambda host: SUBNET)
+    site.begin()
+    site.learns()
+    site.hosts.cable(2, plugged=False)
+    site.learns()  # the other arena is not held up
+    time.sleep(CUT_S)
+    site.hosts.cable(2, plugged=True)
+    site.learns(1000)
+    accounts = ended(site)
+    assert accounts.keys() == {"arena1", "arena2"}
+    assert all(account["gaps"] == [] for account in accounts.values())
+
+
+def test_without_multicast_by_the_addresses_of_the_others(three):
+    site: Site
+
+    def environment(host: int) -> dict[str, str]:
+        others = [site.hosts.address(i) for i in range(3) if i != host]
+        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_STATIC_PEERS": ";".join(others)}
+
+    site = three(environment)
+    site.begin()
+    site.learns()
+    assert ended(site).keys() == {"arena1", "arena2"}
+
+
+def test_by_a_discovery_server(three):
+    """Fast DDS's own, which the wheels contain, on the learner's host."""
+    site = three(lambda _: {"ROS_DISCOVERY_SERVER": f"{site.hosts.address(0)}:11811"})
+    binary = Path(sys.executable).with_name("fast-discovery-server")
+    site.hosts.run(0, [binary, "-i", "0", "-l", site.hosts.address(0), "-p", "11811"])
+    site.begin()
+    site.learns()
+    assert ended(site).keys() == {"arena1", "arena2"}
