@@ -12,7 +12,7 @@ from pa_ros.world import Trajectory
 
 DESIGN = design_named("2-L")
 ARENA = ArenaDescription(
-    mode=Mode.LOCKSTEP, design="2-L", preset="fast", seed=0, block_count=4,
+    mode=Mode.LOCKSTEP, design="2-L", arm="jaco", preset="fast", seed=0, block_count=4,
     shapes=DESIGN.vocabulary["shape"], colors=DESIGN.vocabulary["color"],
     vocabulary_digest=DESIGN.vocabulary.digest,
     training_programs=training_programs(DESIGN), joint_names=tuple("abcdef"),

@@ -152,7 +152,7 @@ class AgentNode(Node):
         if observation.stamp_ns == self._handled:
             self._answer_again()
             return
-        context = codec.decode_context(parts["features"])
+        context = codec.decode_context(parts["features"], len(arena.joint_names))
         self._watch.idle = not context.program
         self._watch.executed(context.executed)
         if not context.program:

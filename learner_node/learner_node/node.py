@@ -106,8 +106,8 @@ class LearnerNode(Node):
         self._provenance.publish(codec.encode_provenance(origin))
         self._announcement.publish(codec.encode_learner_info(self.worker.run.info))
         self.get_logger().info(
-            f"run {self.worker.run.info.run_id}: design {arena.design}, arm {arena.preset}, "
-            f"protocol {self.config.protocol}, {self.worker.engine} updates by "
+            f"run {self.worker.run.info.run_id}: design {arena.design}, arm {arena.arm}, "
+            f"{arena.preset}, protocol {self.config.protocol}, {self.worker.engine} updates by "
             f"{self.config.algorithm}; "
             f"checkpoints in {self.config.out or 'none (parameter out)'}"
         )

@@ -88,6 +88,7 @@ class LearnerWorker:
             self._arena.training_programs,
             parameters=self._config.flat(),
             design=self._arena.design,
+            arm=self._arena.arm,
             preset=self._arena.preset,
         )
 
@@ -151,6 +152,7 @@ class LearnerWorker:
             "seed": self._config.seed,
             "design": self._arena.design,
             "preset": self._arena.preset,
+            "arm": self._arena.arm,
             "run_id": self.run.info.run_id,
         }
         try:

@@ -15,7 +15,6 @@ from pa_ros.arena import (
     Design,
     condition_named,
     design_named,
-    preset_named,
 )
 
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
@@ -82,7 +81,7 @@ class SimConfig(ArenaChoice):
 
     def arena_config(self) -> ArenaConfig:
         """The preset, with the episodes' length that applies."""
-        preset = preset_named(self.preset)
+        preset = super().arena_config()
         if self.episode_steps:
             return preset.changed(episode_steps=self.episode_steps)
         return preset.changed(episode_steps=ENDLESS) if self.program_source == "topic" else preset

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pa_ros.arena import training_programs
 from pa_ros.provenance import origins
-from pa_ros.provenance.origins import JOINT_NAMES
 from pa_ros.wire.records import ArenaDescription, Mode, Origin
 from sim_node.session import Session
 
-__all__ = ["JOINT_NAMES", "describe", "origin"]
+__all__ = ["describe", "origin"]
 
 
 def describe(session: Session) -> ArenaDescription:
@@ -28,6 +27,7 @@ def origin(session: Session, node: str) -> Origin:
         session.config.seed,
         parameters=session.config.flat(),
         design=design.name,
+        arm=session.arena.arm,
         preset=session.arena.preset,
         shapes=vocabulary["shape"],
         colors=vocabulary["color"],

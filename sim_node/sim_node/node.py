@@ -24,7 +24,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Outcome, ProgramJudgement, ProgramRequest, StepContext
 from sim_node.config import SimConfig
-from sim_node.description import JOINT_NAMES, describe, origin
+from sim_node.description import describe, origin
 from sim_node.errors import LockstepError, NotPausedError, PausedError
 from sim_node.session import Frame, Ordered, Session
 from sim_node.watchdog import Watchdog
@@ -55,7 +55,8 @@ class SimNode(Node):
         )
         self.get_logger().info(
             f"arena {self.session.arena_id}: design {self.config.design}, arm "
-            f"{self.config.preset}, {self.config.mode}, programs from {self.config.program_source}"
+            f"{self.config.arm}, {self.config.preset}, {self.config.mode}, programs "
+            f"from {self.config.program_source}"
         )
         self.session.begin()  # sent as soon as someone listens
         period = self.session.arena.control_period_s / self.config.real_time_factor
@@ -77,7 +78,9 @@ class SimNode(Node):
         self._program = topics.PROGRAM.publisher(self)
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._info = topics.ARENA_INFO.publisher(self)
-        self._info.publish(codec.encode_arena_info(describe(self.session)))
+        about = describe(self.session)
+        self._joint_names = about.joint_names
+        self._info.publish(codec.encode_arena_info(about))
         self._provenance = topics.PROVENANCE.publisher(self)
         account = origin(self.session, self.get_fully_qualified_name())
         self._provenance.publish(codec.encode_provenance(account))
@@ -101,7 +104,7 @@ class SimNode(Node):
     # One control step
 
     def _on_command(self, message: Message) -> None:
-        command = codec.decode_command(message)
+        command = codec.decode_command(message, self.session.arena.joints)
         self._commanders.note(AgentKey(command.agent_id, command.incarnation))
         if self.paused:
             raise PausedError("joint_commands: expected none while the arena is paused")
@@ -132,7 +135,7 @@ class SimNode(Node):
         observation = frame.observation
         arena_id, evaluation = self.session.arena_id, frame.evaluation
         context = StepContext(arena_id, evaluation, frame.executed, frame.program)
-        features, joints = codec.encode_observation(observation, JOINT_NAMES, context)
+        features, joints = codec.encode_observation(observation, self._joint_names, context)
         self._joints.publish(joints)
         self._features.publish(features)
         self._verdict.publish(codec.encode_verdict(frame.verdict, evaluation, arena_id))

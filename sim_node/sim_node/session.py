@@ -11,7 +11,7 @@ from math import inf
 import numpy as np
 
 from pa_ros.arena import Episode, EpisodeError, ReachTask, generate
-from pa_ros.core.experience import JOINTS, Executed, Float64, Observation, Verdict
+from pa_ros.core.experience import Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
@@ -73,8 +73,8 @@ class Session:
 
     @property
     def hold(self) -> Float64:
-        """The command that keeps the arm where it is, [6] rad/s."""
-        return np.zeros(JOINTS)
+        """The command that keeps the arm where it is, [J] rad/s."""
+        return np.zeros(self.arena.joints)
 
     def begin(self, request: ResetRequest | None = None) -> Frame:
         """Begin the next episode, or the one asked for. A refusal changes nothing.

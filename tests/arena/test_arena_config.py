@@ -6,8 +6,16 @@ from typing import Any
 
 import pytest
 
-from pa_ros.arena import DESIGNS, PRESETS, ArenaConfig, Design, Kind, design_named, preset_named
-from pa_ros.arena.constants import LINKS
+from pa_ros.arena import (
+    ARMS,
+    DESIGNS,
+    PRESETS,
+    ArenaConfig,
+    Design,
+    Kind,
+    design_named,
+    preset_named,
+)
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 
@@ -17,8 +25,8 @@ WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 def test_paper_preset_stays_within_the_real_arm() -> None:
     paper = preset_named("paper")
     assert paper.arm_touches_blocks
-    for speed, link in zip(paper.joint_speed_limits, LINKS, strict=True):
-        assert speed <= link.max_speed
+    for speed, joint in zip(paper.joint_speed_limits, ARMS["jaco"].joints, strict=True):
+        assert speed <= joint.max_speed
 
 
 def test_fast_preset_says_that_it_switches_contact_off() -> None:
@@ -46,8 +54,11 @@ def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
         ("block_radii_m", (0.0, 0.4), "(0.0, 0.4)"),
         ("start_pose", (0.0,) * 5 + (math.nan,), "nan"),
         ("timestep_s", 0.03, "0.03"),
-        ("start_pose", (0.0,) * 6, "joint 2"),
-        ("joint_upper", (math.pi, 6.2, 2.4, 4.5, 6.1, 1.6), "Kinova"),
+        ("arm", "elbow", "'jaco', 'panda'], got 'elbow'"),
+        ("arm", "panda", "expected 7 numbers, the joints of panda, got 6"),
+        ("block_angles", (1.0, 1.0), "(1.0, 1.0)"),
+        ("start_pose", (0.0,) * 6, "joint_2"),
+        ("joint_upper", (math.pi, 6.2, 2.4, 4.5, 6.1, 1.6), "jaco's"),
     ],
 )
 def test_bad_parameters_are_refused_with_the_value(field: str, value: Any, shown: str) -> None:

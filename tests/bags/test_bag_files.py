@@ -308,7 +308,7 @@ def test_a_recording_of_version_0_1_is_refused(command, tmp_path, capsys, monkey
     monkeypatch.chdir(tmp_path)
     assert main([*command, str(Path(__file__).with_name("version-0.1"))]) == 2
     error = capsys.readouterr().err
-    assert "expected messages of edition 2, got edition 1, which version 0.1 records" in error
+    assert "expected messages of edition 3, got edition 1, which version 0.1 records" in error
     assert error.count("\n") == 1
     assert {path.name for path in tmp_path.rglob("*")} <= {"out", ".lock"}
 

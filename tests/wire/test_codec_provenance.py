@@ -19,6 +19,7 @@ ORIGIN = Origin(
     seed=2**63,
     parameters={"protocol": "ours", "options": ["learner.replay.batch_size=16"], "resume": False},
     design="2-L",
+    arm="jaco",
     preset="fast",
     shapes=("CUBE", "SPHERE"),
     colors=("RED", "BLUE"),

@@ -29,6 +29,7 @@ texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"
 ARENA = ArenaDescription(
     mode=Mode.LOCKSTEP,
     design="2-L",
+    arm="jaco",
     preset="fast",
     seed=2**63,
     block_count=4,

@@ -188,7 +188,7 @@ def test_an_executed_command_without_its_action_is_refused(applied):
     features, _ = codec.encode_observation(observation(), NAMES, StepContext(executed=executed))
     features.applied = applied
     with pytest.raises((errors.SizeError, errors.NonFiniteError), match="object_features.applied"):
-        codec.decode_context(features)
+        codec.decode_context(features, joints=6)
 
 
 @given(seeds, counters, st.integers(0, 2**32 - 1), stamps, texts, counters)
@@ -212,7 +212,7 @@ def test_malformed_commands_are_refused(action, error):
     message = codec.encode_command(Command(0, 0, 0, "a", 0, np.zeros(6, np.float32)))
     message.action = action
     with pytest.raises(error):
-        codec.decode_command(message)
+        codec.decode_command(message, joints=6)
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))

@@ -1,5 +1,6 @@
 """Simulated arena: arm, table, blocks, episodes, programs' verifier and reference policies."""
 
+from pa_ros.arena.arms import ARMS, Arm, Joint
 from pa_ros.arena.choice import ArenaChoice
 from pa_ros.arena.conditions import Condition, condition_named, conditions_for, training_programs
 from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
@@ -11,11 +12,13 @@ from pa_ros.arena.references import mean_reward, random_policy, scripted_action
 from pa_ros.arena.task import ReachTask
 
 __all__ = [
+    "ARMS",
     "DESIGNS",
     "ENV_ID",
     "PRESETS",
     "ArenaChoice",
     "ArenaConfig",
+    "Arm",
     "Block",
     "CommandError",
     "Condition",
@@ -23,6 +26,7 @@ __all__ = [
     "DivergedError",
     "Episode",
     "EpisodeError",
+    "Joint",
     "Kind",
     "ReachEnv",
     "ReachTask",

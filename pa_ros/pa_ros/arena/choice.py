@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pa_ros.arena.config import PRESETS
+from pa_ros.arena.arms import ARMS
+from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS
 from pa_ros.core.settings import OneOf, Settings
 from pa_ros.language.syntax import NEAR
@@ -14,7 +15,7 @@ from pa_ros.world.relations import RELATIONS
 
 
 class ArenaChoice(Settings):
-    """A design and an arm, by name."""
+    """A design, an arm and a preset, by name."""
 
     design: Annotated[str, OneOf(lambda: DESIGNS)] = Field(
         "2-L", description="which blocks there are, and which programs are held out"
@@ -22,4 +23,11 @@ class ArenaChoice(Settings):
     relations: tuple[Annotated[str, OneOf(lambda: RELATIONS)], ...] = Field(
         (NEAR,), description="that programs ask for, in the order of their embeddings"
     )
-    preset: Annotated[str, OneOf(lambda: PRESETS)] = Field("fast", description="of the arm")
+    arm: Annotated[str, OneOf(lambda: ARMS)] = Field("jaco", description="in the middle")
+    preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
+        "fast", description="the arm's speed, and whether it touches blocks"
+    )
+
+    def arena_config(self) -> ArenaConfig:
+        """The arm's preset; ConfigError where it has none of that name."""
+        return preset_named(self.preset, self.arm)

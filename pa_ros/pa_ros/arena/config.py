@@ -1,34 +1,19 @@
-"""Parameters of the arena and the presets `paper` and `fast`."""
+"""Parameters of the arena, for any of its arms, and the presets `paper` and `fast`."""
 
 from __future__ import annotations
 
-from math import radians
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, PositiveFloat, model_validator
 from typing_extensions import Self
 
-from pa_ros.arena.constants import LINKS
+from pa_ros.arena.arms import ARMS
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import JOINTS
-from pa_ros.core.settings import Settings
+from pa_ros.core.settings import OneOf, Settings
 
-Joints = tuple[float, float, float, float, float, float]
-Speeds = tuple[
-    PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat, PositiveFloat
-]
-
-
-def _degrees(a: float, b: float, c: float, d: float, e: float, f: float) -> Joints:
-    return radians(a), radians(b), radians(c), radians(d), radians(e), radians(f)
-
-
-# Hand 0.40 m from the base axis, 0.28 m above the table, pointing down.
-START_POSE = _degrees(0.0, 202.0, 81.0, 199.0, 291.0, 0.0)
-# A part of Kinova's limits in which the hand, pointing down, can be near any place where blocks
-# are put. The base turns freely: its entries bound the start pose only.
-LOWER = _degrees(-180.0, 180.0, 35.0, 139.0, 231.0, -90.0)
-UPPER = _degrees(180.0, 250.0, 140.0, 259.0, 351.0, 90.0)
+Joints = tuple[float, ...]  # an element for each of the arm's
+_JACO: dict[str, Any] = ARMS["jaco"].settings  # other arms bring their own (`_of_the_arm`)
 
 
 class ArenaConfig(Settings):
@@ -37,8 +22,11 @@ class ArenaConfig(Settings):
     SECTION: ClassVar[str] = "arena"
 
     preset: str = Field("custom", description="what these values are called")
-    joint_speed_limits: Speeds = Field(
-        (1.5, 1.5, 1.5, 1.5, 1.5, 1.5),
+    arm: Annotated[str, OneOf(lambda: ARMS)] = Field(
+        "jaco", description="its joints are what the other values, and all sizes, are of"
+    )
+    joint_speed_limits: tuple[PositiveFloat, ...] = Field(
+        _JACO["joint_speed_limits"],
         description="rad/s of each joint; commands are clamped to ±these",
     )
     thresholds: tuple[PositiveFloat, ...] = Field(
@@ -50,10 +38,15 @@ class ArenaConfig(Settings):
         True, description="the arm touches the table in any case, itself never"
     )
     start_pose: Joints = Field(
-        START_POSE, description="rad; the base angle is drawn uniformly in each episode"
+        _JACO["start_pose"],
+        description="rad; the base angle is drawn from its range in each episode",
     )
-    joint_lower: Joints = Field(LOWER, description="rad, working range of each joint")
-    joint_upper: Joints = Field(UPPER, description="rad, working range of each joint")
+    joint_lower: Joints = Field(
+        _JACO["joint_lower"], description="rad, working range of each joint"
+    )
+    joint_upper: Joints = Field(
+        _JACO["joint_upper"], description="rad, working range of each joint"
+    )
     timestep_s: float = Field(0.01, gt=0, description="of the physics")
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
@@ -62,7 +55,11 @@ class ArenaConfig(Settings):
     block_mass_kg: float = Field(1.0, gt=0, description="of each block")
     block_friction: float = Field(1.0, gt=0, description="sliding")
     block_radii_m: tuple[PositiveFloat, PositiveFloat] = Field(
-        (0.28, 0.58), description="least and greatest, from the base axis, where blocks start"
+        _JACO["block_radii_m"],
+        description="least and greatest, from the base axis, where blocks start",
+    )
+    block_angles: tuple[float, float] = Field(
+        _JACO["block_angles"], description="rad, least and greatest, about the base axis"
     )
     block_separation_m: float = Field(
         0.20, gt=0, description="least between two blocks' centers at the start"
@@ -78,23 +75,45 @@ class ArenaConfig(Settings):
     def control_period_ns(self) -> int:
         return round(self.control_period_s * 1e9)
 
+    @property
+    def joints(self) -> int:
+        """How many the arm has: sizes of commands and of the arm's features."""
+        return len(ARMS[self.arm].joints)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_the_arm(cls, values: Any) -> Any:
+        """What is not given is the arm's own."""
+        known = isinstance(values, Mapping) and values.get("arm", "jaco") in ARMS
+        return {**ARMS[values.get("arm", "jaco")].settings, **values} if known else values
+
     @model_validator(mode="after")
     def _ranges_hold(self) -> Self:
-        lower, upper = self.block_radii_m
-        if not lower < upper:
-            raise ValueError(
-                f"block_radii_m: expected the first below the second, got {lower, upper}"
-            )
-        rows = zip(self.joint_lower, self.start_pose, self.joint_upper, LINKS, strict=True)
-        for joint, (low, start, high, link) in enumerate(rows, start=1):
+        for name in ("block_radii_m", "block_angles"):
+            lower, upper = getattr(self, name)
+            if not lower < upper:
+                raise ValueError(f"{name}: expected the first below the second, got {lower, upper}")
+        return self
+
+    @model_validator(mode="after")
+    def _joints_can(self) -> Self:
+        arm = ARMS[self.arm]
+        for name in ("joint_speed_limits", "start_pose", "joint_lower", "joint_upper"):
+            if len(values := getattr(self, name)) != len(arm.joints):
+                raise ValueError(
+                    f"{name}: expected {len(arm.joints)} numbers, the joints of {self.arm}, "
+                    f"got {len(values)}: {values}"
+                )
+        rows = zip(arm.joints, self.joint_lower, self.start_pose, self.joint_upper, strict=True)
+        for joint, low, start, high in rows:
             if not low <= start <= high:
                 raise ValueError(
-                    f"start_pose: joint {joint}: expected {low} to {high} rad, got {start}"
+                    f"start_pose: {joint.name}: expected {low} to {high} rad, got {start}"
                 )
-            if link.limits and not link.limits[0] <= low < high <= link.limits[1]:
+            if joint.limits and not joint.limits[0] <= low < high <= joint.limits[1]:
                 raise ValueError(
-                    f"joint_lower: joint {joint}: expected a range within Kinova's {link.limits} "
-                    f"rad, got {low} to {high}"
+                    f"joint_lower: {joint.name}: expected a range within {self.arm}'s "
+                    f"{joint.limits} rad, got {low} to {high}"
                 )
         return self
 
@@ -108,19 +127,18 @@ class ArenaConfig(Settings):
         return self
 
 
-_VALUES: dict[str, dict[str, Any]] = {
-    # Within the real Jaco's speeds (36°/s = 0.628 rad/s), slow enough for the script to score
-    # about 0.6, which is "effectively perfect" in the paper. The arm pushes blocks.
-    "paper": {"joint_speed_limits": (0.5,) * JOINTS},
-    # Faster than the real arm, and the arm passes through blocks (it still touches the table):
-    # the setting in which learning takes the fewest frames.
-    "fast": {"joint_speed_limits": (1.5,) * JOINTS, "arm_touches_blocks": False},
-}
-PRESETS = {name: ArenaConfig(preset=name, **values) for name, values in _VALUES.items()}
+# The arm's speeds come with each. In `fast` it passes through blocks (but touches the table): the
+# setting in which learning takes the fewest frames. In `paper` it pushes them.
+_VALUES: dict[str, dict[str, Any]] = {"paper": {}, "fast": {"arm_touches_blocks": False}}
 
 
-def preset_named(name: str) -> ArenaConfig:
-    """Look up a preset; ConfigError names the known ones."""
-    if name not in PRESETS:
-        raise ConfigError(f"arena: expected a preset of {sorted(PRESETS)}, got {name!r}")
-    return PRESETS[name]
+def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:
+    """Look up a preset for an arm; ConfigError names the known ones."""
+    speeds = ARMS[arm].speeds
+    known = [preset for preset in _VALUES if preset in speeds]
+    if name not in known:
+        raise ConfigError(f"arena: expected a preset of {sorted(known)} of {arm}, got {name!r}")
+    return ArenaConfig(preset=name, arm=arm, joint_speed_limits=speeds[name], **_VALUES[name])
+
+
+PRESETS = {name: preset_named(name) for name in _VALUES}

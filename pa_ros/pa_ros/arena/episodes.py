@@ -48,7 +48,7 @@ def generate(
     alone), there are fewer than `condition.n_blocks`. Raises EpisodeError if they don't fit.
     """
     rng = np.random.default_rng([seed, RANDOM_STREAM, index])
-    base = float(rng.uniform(-pi, pi))
+    base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
     target = condition.targets[int(rng.integers(len(condition.targets)))]
     program, required = program_for(condition, design, target, rng)
     named = satisfying(program, [kind.words for kind in condition.pool], None)
@@ -82,18 +82,20 @@ def _distractors(
 
 
 def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Draw places uniformly on a ring around the base, no two closer than the separation."""
+    """Draw places uniformly on a ring, or a part of one, around the base, no two closer than the
+    separation."""
     low, high = config.block_radii_m
+    first, last = config.block_angles
     for _ in range(PLACEMENT_TRIES):
         places: list[tuple[float, float]] = []
         for _ in range(20 * count):
-            radius, angle = rng.uniform(low**2, high**2) ** 0.5, rng.uniform(-pi, pi)
+            radius, angle = rng.uniform(low**2, high**2) ** 0.5, rng.uniform(first, last)
             x, y = float(radius * cos(angle)), float(radius * sin(angle))
             if all((x - u) ** 2 + (y - v) ** 2 >= config.block_separation_m**2 for u, v in places):
                 places.append((x, y))
             if len(places) == count:
                 return places
     raise EpisodeError(
-        f"{count} blocks don't fit on the ring {low} to {high} m at a distance of "
-        f"{config.block_separation_m} m"
+        f"{count} blocks don't fit on the ring {low} to {high} m, {first:.2f} to {last:.2f} rad, "
+        f"at a distance of {config.block_separation_m} m"
     )

@@ -18,8 +18,6 @@ from pa_ros.arena.render import top_view
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import (
-    ARM_FEATURES,
-    JOINTS,
     OBJECT_FEATURES,
     Float32,
     Observation,
@@ -34,9 +32,9 @@ SEED_RANGE = 2**31 - 1
 class ReachEnv(gymnasium.Env[Float32, Float32]):
     """Reach for one named block.
 
-    Observation, float32 [18 + 16 · K + V]: the arm's 18 features; 16 features for each of the K
+    Observation, float32 [3 · J + 16 · K + V]: the arm's features; 16 features for each of the K
     kinds of block in the design, always at the same place and zero if absent (paper, appendix
-    "Canonical"); 1 at the V vocabulary words that describe the target. Action, [6] in [-1, 1]:
+    "Canonical"); 1 at the V vocabulary words that describe the target. Action, [J] in [-1, 1]:
     parts of the joint speed limits. Reward ±1, or as `reward` has it. Episodes are truncated,
     never terminated. `info` has the program, the distance (m) and whether it is satisfied.
     """
@@ -50,18 +48,20 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
         condition: str = "train",
         render_mode: str | None = None,
         reward: Reward | None = None,
+        arm: str = "jaco",
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"gym: render_mode: expected None or rgb_array, got {render_mode!r}")
-        self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset)
+        self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm)
         self.design = design if isinstance(design, Design) else design_named(design)
         self.condition, self.render_mode, self._reward = condition, render_mode, reward
         self._slot = {kind: i for i, kind in enumerate(self.design.extended_pool)}
         if condition in ("train", "eval"):
             self._slot = {kind: i for i, kind in enumerate(self.design.pool)}
-        size = ARM_FEATURES + OBJECT_FEATURES * len(self._slot) + len(self.design.vocabulary.words)
+        joints = self.config.joints
+        size = 3 * joints + OBJECT_FEATURES * len(self._slot) + len(self.design.vocabulary.words)
         self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (joints,), np.float32)
         self._limits = np.array(self.config.joint_speed_limits)
         self._task: ReachTask | None = None
         self._next_episode = 0

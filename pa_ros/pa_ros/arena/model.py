@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import mujoco
-import numpy as np
 
 from pa_ros.arena import constants as c
+from pa_ros.arena.arms import ARMS
+from pa_ros.arena.arms.arm import Arm
 from pa_ros.arena.config import ArenaConfig
+from pa_ros.core.errors import ConfigError
 
 # Contact bits: two geoms touch if one's type meets the other's affinity. The arm has no type, so
 # it never touches itself.
@@ -21,11 +23,11 @@ SLEEP_TOLERANCE = 1e-5
 def build(config: ArenaConfig, shapes: Sequence[str]) -> mujoco.MjModel:
     """Compile the arena with one free block per entry of `shapes`, in that order.
 
-    The initial configuration (qpos0) has the arm in `config.start_pose`; bodies are `link1` …
-    `link6`, `hand`, `block0` …, so that the hand and the blocks are consecutive.
+    Bodies are the arm's, the last one `hand`, then `block0` …, so that the hand and the blocks are
+    consecutive. Raises ConfigError for an arm that isn't what `Arm` says.
     """
     blocks = "".join(_block(config, i, shape) for i, shape in enumerate(shapes))
-    return mujoco.MjModel.from_xml_string(f"""
+    text = f"""
 <mujoco model="programmable reaching">
   <compiler angle="radian" autolimits="true"/>
   <option timestep="{config.timestep_s}" integrator="implicitfast"
@@ -42,14 +44,29 @@ def build(config: ArenaConfig, shapes: Sequence[str]) -> mujoco.MjModel:
     <geom name="table" type="box" pos="0 0 {-c.TABLE_THICKNESS_M / 2}"
       size="{c.TABLE_SIDE_M / 2} {c.TABLE_SIDE_M / 2} {c.TABLE_THICKNESS_M / 2}"
       contype="{SOLID}" conaffinity="0" rgba="0.6 0.5 0.4 1"/>
-    <geom name="base" type="cylinder" pos="0 0 {c.BASE_HEIGHT_M / 2}"
-      size="{c.BASE_RADIUS_M} {c.BASE_HEIGHT_M / 2}" mass="{c.BASE_MASS_KG}"
-      {_arm_contact(config)}/>
-    {_arm(config)}
+    {ARMS[config.arm].mjcf(config, _arm_contact(config))}
     {blocks}
   </worldbody>
   <actuator>{_actuators(config)}</actuator>
-</mujoco>""")
+</mujoco>"""
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise ConfigError(f"arm {config.arm}: expected MJCF bodies, got: {error}") from error
+    _check(model, ARMS[config.arm], len(shapes))
+    return model
+
+
+def _check(model: mujoco.MjModel, arm: Arm, blocks: int) -> None:
+    """The arm has its joints, in order, each of one number, and the hand as its last body."""
+    joints = [model.joint(i).name for i in range(model.njnt - blocks)]
+    bodies = [model.body(i).name for i in range(model.nbody - blocks)]
+    if joints != list(arm.joint_names) or model.nq != len(joints) + 7 * blocks:
+        raise ConfigError(
+            f"arm {arm.name}: expected hinges {list(arm.joint_names)} in its model, got {joints}"
+        )
+    if bodies[-1] != "hand":
+        raise ConfigError(f"arm {arm.name}: expected `hand` as its last body, got {bodies[1:]}")
 
 
 def rest_height(shape: str) -> float:
@@ -61,28 +78,6 @@ def rest_height(shape: str) -> float:
 def _arm_contact(config: ArenaConfig) -> str:
     affinity = SOLID | BLOCK if config.arm_touches_blocks else SOLID
     return f'contype="0" conaffinity="{affinity}" rgba="0.25 0.25 0.28 1"'
-
-
-def _arm(config: ArenaConfig) -> str:
-    """Chain of nested bodies; each frame is Kinova's, turned by the start angle (`ref`)."""
-    opening, closing = "", ""
-    for i, link in enumerate(c.LINKS):
-        start = config.start_pose[i]
-        limits = f'range="{config.joint_lower[i]} {config.joint_upper[i]}"' if i else ""
-        opening += f"""
-<body name="link{i + 1}" gravcomp="1" pos="{_text(link.origin_m)}"
-  quat="{_text(_quaternion(link.origin_rpy, start))}">
-  <joint name="joint{i + 1}" axis="0 0 1" ref="{start}" armature="{link.armature}" {limits}/>
-  <geom type="capsule" fromto="0 0 0 {_text(link.capsule_end_m)}" size="{link.radius_m}"
-    mass="{link.mass_kg}" {_arm_contact(config)}/>"""
-        closing += "</body>"
-    hand = f"""
-<body name="hand" gravcomp="1" pos="{_text(c.HAND_OFFSET_M)}"
-  quat="{_text(_quaternion(c.HAND_RPY, 0.0))}">
-  <geom name="hand" type="capsule" size="{c.HAND_RADIUS_M} {c.HAND_HALF_LENGTH_M}"
-    mass="{c.HAND_MASS_KG}" {_arm_contact(config).replace("0.25 0.25 0.28", "1 1 1")}/>
-</body>"""
-    return opening + hand + closing
 
 
 def _block(config: ArenaConfig, index: int, shape: str) -> str:
@@ -103,22 +98,9 @@ def _block(config: ArenaConfig, index: int, shape: str) -> str:
 
 
 def _actuators(config: ArenaConfig) -> str:
-    rows = zip(c.LINKS, config.joint_speed_limits, strict=True)
+    rows = zip(ARMS[config.arm].joints, config.joint_speed_limits, strict=True)
     return "".join(
-        f'<velocity joint="joint{i + 1}" kv="{link.velocity_gain}" '
-        f'ctrlrange="{-speed} {speed}" forcerange="{-link.max_torque} {link.max_torque}"/>'
-        for i, (link, speed) in enumerate(rows)
+        f'<velocity joint="{joint.name}" kv="{joint.velocity_gain}" '
+        f'ctrlrange="{-speed} {speed}" forcerange="{-joint.max_torque} {joint.max_torque}"/>'
+        for joint, speed in rows
     )
-
-
-def _quaternion(rpy: c.Vector, turn: float) -> tuple[float, ...]:
-    """Rotation by rpy (fixed axes, URDF), then about the new z by `turn`; wxyz."""
-    fixed, about_z, result = np.zeros(4), np.zeros(4), np.zeros(4)
-    mujoco.mju_euler2Quat(fixed, np.array(rpy, dtype=np.float64), "XYZ")
-    mujoco.mju_axisAngle2Quat(about_z, np.array([0.0, 0.0, 1.0]), turn)
-    mujoco.mju_mulQuat(result, fixed, about_z)
-    return tuple(result.tolist())
-
-
-def _text(values: Sequence[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, hypot, pi
+from math import atan2, copysign, hypot, pi
 
 import numpy as np
 
+from pa_ros.arena.arms import ARMS
 from pa_ros.arena.task import ReachTask
-from pa_ros.core.experience import JOINTS, Float64
+from pa_ros.core.experience import Float64
 from pa_ros.world.relations import RELATIONS
 
 Policy = Callable[[ReachTask], Float64]
@@ -18,7 +19,7 @@ SLACK_RAD = 0.02  # a joint this near to its limit is not asked to go on
 
 
 def scripted_action(task: ReachTask) -> Float64:
-    """Joint velocities (rad/s, [6]) toward where the program's relation to the nearest named block
+    """Joint velocities (rad/s, [J]) toward where the program's relation to the nearest named block
     holds. Privileged."""
     return pursue(task, nearest_target(task))
 
@@ -31,7 +32,7 @@ def nearest_target(task: ReachTask) -> Float64:
 
 
 def pursue(task: ReachTask, target: Float64) -> Float64:
-    """Joint velocities (rad/s, [6]) that bring the hand into the program's relation to something at
+    """Joint velocities (rad/s, [J]) that bring the hand into the program's relation to something at
     `target` (m, table frame, [3])."""
     relation = task.program.relation
     hand, threshold = task.simulation.positions[0], task.scoring.threshold(relation)
@@ -39,15 +40,15 @@ def pursue(task: ReachTask, target: Float64) -> Float64:
 
 
 def toward(task: ReachTask, goal: Float64) -> Float64:
-    """Joint velocities (rad/s, [6]) toward the point `goal` (m, table frame, [3]).
+    """Joint velocities (rad/s, [J]) toward the point `goal` (m, table frame, [3]).
 
     Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
-    height), so that a target behind the arm is reached by turning the base. The base turns at
-    its own limit; the other joints are slowed down together.
+    height), so that a target behind the arm is reached by turning the base, the way that its
+    working range allows. The base turns at its own limit; the others are slowed down together.
     """
     simulation = task.simulation
     hand = simulation.positions[0]
-    error = _cylindrical_error(hand, goal)
+    error = _cylindrical_error(task, hand, goal)
     jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
     rates = error / task.config.control_period_s
     for _ in range(2):  # again without the joints that are at their limits
@@ -61,7 +62,7 @@ def random_policy(seed: int) -> Policy:
     rng = np.random.default_rng([seed, 3])
 
     def act(task: ReachTask) -> Float64:
-        return np.array(task.config.joint_speed_limits) * rng.uniform(-1.0, 1.0, JOINTS)
+        return np.array(task.config.joint_speed_limits) * rng.uniform(-1.0, 1.0, task.config.joints)
 
     return act
 
@@ -87,15 +88,25 @@ def _distance(a: Float64, b: Float64) -> float:
     return float(np.linalg.norm(a - b))
 
 
-def _cylindrical_error(hand: Float64, goal: Float64) -> Float64:
-    """Goal minus hand: radius (m), azimuth (rad, the short way round), height (m)."""
+def _cylindrical_error(task: ReachTask, hand: Float64, goal: Float64) -> Float64:
+    """Goal minus hand: radius (m), azimuth (rad, the way the base can turn), height (m)."""
     turn = atan2(goal[1], goal[0]) - atan2(hand[1], hand[0])
-    turn = (turn + pi) % (2 * pi) - pi
+    turn = (turn + pi) % (2 * pi) - pi  # the short way round
+    if not _turns_freely(task):
+        low, high = task.config.joint_lower[0], task.config.joint_upper[0]
+        other = turn - copysign(2 * pi, turn)
+        base = task.simulation.joint_position[0]
+        if not low <= base + turn <= high and low <= base + other <= high:
+            turn = other
     return np.array([hypot(*goal[:2]) - hypot(*hand[:2]), turn, goal[2] - hand[2]])
 
 
+def _turns_freely(task: ReachTask) -> bool:
+    return ARMS[task.config.arm].joints[0].limits is None
+
+
 def _cylindrical_jacobian(hand: Float64, jacobian: Float64) -> Float64:
-    """Rows for x, y, z turned into rows for radius, azimuth and height, [3, 6]."""
+    """Rows for x, y, z turned into rows for radius, azimuth and height, [3, J]."""
     radius = max(hypot(*hand[:2]), 0.05)
     x, y = hand[:2] / radius
     frame = np.array([[x, y, 0.0], [-y / radius, x / radius, 0.0], [0.0, 0.0, 1.0]])
@@ -108,17 +119,18 @@ def _damped_least_squares(jacobian: Float64, rates: Float64) -> Float64:
 
 
 def _free(task: ReachTask, velocity: Float64) -> Float64:
-    """1 for joints that can go where the velocity points, 0 at a limit; the base always can."""
+    """1 for joints that can go where the velocity points, 0 at a limit."""
     position = task.simulation.joint_position
     up = (velocity > 0) & (position > np.array(task.config.joint_upper) - SLACK_RAD)
     down = (velocity < 0) & (position < np.array(task.config.joint_lower) + SLACK_RAD)
     free = (~(up | down)).astype(np.float64)
-    free[0] = 1.0
+    if _turns_freely(task):
+        free[0] = 1.0
     return free
 
 
 def _limited(velocity: Float64, limits: Float64) -> Float64:
-    excess = float(np.max(np.abs(velocity[1:]) / limits[1:]))
+    excess = float(np.max(np.abs(velocity[1:]) / limits[1:], initial=0.0))
     limited = velocity.copy()
     limited[1:] /= max(excess, 1.0)
     return np.clip(limited, -limits, limits)

@@ -14,7 +14,7 @@ from pa_ros.arena.episodes import Episode
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError
 from pa_ros.arena.features import HAND_INDEX, object_features, template
 from pa_ros.arena.model import build, rest_height
-from pa_ros.core.experience import JOINTS, Float32, Float64
+from pa_ros.core.experience import Float32, Float64
 
 _World = tuple[mujoco.MjModel, mujoco.MjData]
 
@@ -24,6 +24,7 @@ class Simulation:
 
     def __init__(self, config: ArenaConfig) -> None:
         self.config = config
+        self._joints = config.joints
         self._limits = np.array(config.joint_speed_limits)
         self._world = lru_cache(maxsize=128)(self._build)  # by the blocks' shapes, in order
         self._placed = False
@@ -34,20 +35,20 @@ class Simulation:
             raise EpisodeError(f"episode {episode.index}: expected at least one block, got none")
         self.model, self.data = self._world(tuple(block.kind.shape for block in episode.blocks))
         for i, block in enumerate(episode.blocks):
-            pose = self.model.qpos0[JOINTS + 7 * i : JOINTS + 7 * (i + 1)]
+            pose = self.model.qpos0[self._joints + 7 * i : self._joints + 7 * (i + 1)]
             pose[:3] = block.x, block.y, rest_height(block.kind.shape)
             pose[3:] = cos(block.yaw / 2), 0.0, 0.0, sin(block.yaw / 2)
             rgba = np.array(COLOR_RGBA[block.kind.color].split(), dtype=np.float32)
             self.model.geom_rgba[self.model.geom(f"block{i}").id] = rgba
         mujoco.mj_resetData(self.model, self.data)  # puts the blocks to sleep where they are
-        self.data.qpos[:JOINTS] = episode.arm_start
+        self.data.qpos[: self._joints] = episode.arm_start
         self._template = template([block.kind for block in episode.blocks])
         self._view_arrays(len(episode.blocks))
         mujoco.mj_kinematics(self.model, self.data)
         self._placed = True
 
     def advance(self, joint_velocity: Float64) -> None:
-        """Command joint velocities, rad/s [6], for one control period; clamped to the limits.
+        """Command joint velocities, rad/s [J], for one control period; clamped to the limits.
 
         Raises CommandError (and moves nothing) if mis-sized or not finite.
         """
@@ -61,7 +62,7 @@ class Simulation:
         mujoco.mj_kinematics(self.model, self.data)  # poses of the new positions
 
     def checked(self, joint_velocity: Float64) -> Float64:
-        """The command as float64 [6], or CommandError; EpisodeError before the first `place`."""
+        """The command as float64 [J], or CommandError; EpisodeError before the first `place`."""
         if not self._placed:
             raise EpisodeError("expected an episode to be placed before the first command")
         try:
@@ -69,8 +70,10 @@ class Simulation:
         except (TypeError, ValueError) as error:
             received = repr(joint_velocity)[:80]
             raise CommandError(f"joint command: expected numbers, got {received}") from error
-        if command.shape != (JOINTS,):
-            raise CommandError(f"joint command: expected shape ({JOINTS},), got {command.shape}")
+        if command.shape != (self._joints,):
+            raise CommandError(
+                f"joint command: expected shape ({self._joints},), got {command.shape}"
+            )
         if not np.isfinite(command).all():
             raise CommandError(f"joint command: expected finite rad/s, got {command.tolist()}")
         return command
@@ -81,12 +84,12 @@ class Simulation:
 
     @property
     def joint_position(self) -> Float64:
-        """[6] rad, a copy."""
+        """[J] rad, a copy."""
         return np.array(self._arm_position)
 
     @property
     def joint_velocity(self) -> Float64:
-        """[6] rad/s, a copy."""
+        """[J] rad/s, a copy."""
         return np.array(self._arm_velocity)
 
     @property
@@ -96,8 +99,8 @@ class Simulation:
 
     @property
     def link_positions(self) -> Float64:
-        """Joints 1 to 6 and the hand in the table's frame, [7, 3] m, a copy."""
-        return np.array(self.data.xpos[self._hand - JOINTS : self._hand + 1])
+        """The arm's joints and the hand in the table's frame, [J + 1, 3] m."""
+        return np.vstack([self.data.xanchor[: self._joints], self._position[:1]])
 
     @property
     def hand_pose(self) -> Float64:
@@ -109,11 +112,11 @@ class Simulation:
         return np.array([*self._position[HAND_INDEX], x, y, z, w])
 
     def hand_jacobian(self) -> Float64:
-        """Of the hand's position in the table's frame with respect to the joints, [3, 6] m/rad."""
+        """Of the hand's position in the table's frame with respect to the joints, [3, J] m/rad."""
         jacobian = np.zeros((3, self.model.nv))
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_jacBody(self.model, self.data, jacobian, None, self._hand)
-        return jacobian[:, :JOINTS]
+        return jacobian[:, : self._joints]
 
     def _build(self, shapes: tuple[str, ...]) -> _World:
         model = build(self.config, shapes)
@@ -126,4 +129,5 @@ class Simulation:
         self._position, self._quaternion = self.data.xpos[rows], self.data.xquat[rows]
         self._rotation = self.data.xmat[self._hand]
         self._warnings = self.data.warning.number
-        self._arm_position, self._arm_velocity = self.data.qpos[:JOINTS], self.data.qvel[:JOINTS]
+        arm = slice(self._joints)
+        self._arm_position, self._arm_velocity = self.data.qpos[arm], self.data.qvel[arm]

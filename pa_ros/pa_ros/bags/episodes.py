@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
@@ -14,7 +14,7 @@ from pa_ros.bags.errors import ForeignBagError
 from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES, vocabulary_of
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import JOINTS, Float32, Float64
+from pa_ros.core.experience import Float32, Float64
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.world import Trajectory
@@ -31,16 +31,16 @@ _SETTLED: Final = 20  # rows of the next episode after which nothing of the one 
 
 @dataclass
 class Row:
-    """One control step; NaN where the recording says nothing."""
+    """One control step; NaN, or of the joints nothing, where the recording says nothing."""
 
     step: int
     stamp_ns: int  # simulation time; -1: not recorded
     objects: Float32  # [N, 16], core.experience.OBJECT_FEATURE_NAMES
     hand_index: int
     program: str  # in force; its id where the text is not recorded
-    joint_position: Float64 = field(default_factory=lambda: np.full(JOINTS, np.nan))  # rad
-    joint_velocity: Float64 = field(default_factory=lambda: np.full(JOINTS, np.nan))  # rad/s
-    action: Float32 = field(default_factory=lambda: np.full(JOINTS, np.nan, dtype=np.float32))
+    joint_position: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad
+    joint_velocity: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad/s
+    action: Float32 = field(default_factory=lambda: np.empty(0, np.float32))  # [J]
     policy_version: int = -1  # of the weights that chose the action
     reward: float = float("nan")  # of this row's state
     distance: float = float("nan")  # m, to the nearest object that the program names
@@ -74,14 +74,20 @@ class RecordedEpisode:
             "step": np.array([row.step for row in rows]),
             "stamp_s": np.array(stamps),
             "objects": np.stack([row.objects for row in rows]),
-            "joint_position": np.stack([row.joint_position for row in rows]),
-            "joint_velocity": np.stack([row.joint_velocity for row in rows]),
-            "action": np.stack([row.action for row in rows]),
+            "joint_position": _stacked([row.joint_position for row in rows]),
+            "joint_velocity": _stacked([row.joint_velocity for row in rows]),
+            "action": _stacked([row.action for row in rows]),
             "policy_version": np.array([row.policy_version for row in rows]),
             "reward": np.array([row.reward for row in rows]),
             "distance": np.array([row.distance for row in rows]),
             "program": np.array([row.program for row in rows]),
         }  # fmt: skip
+
+
+def _stacked(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Rows as one array, [T, J]; NaN for those that are empty."""
+    width = max(map(len, rows))
+    return np.stack([row if len(row) else np.full(width, np.nan, row.dtype) for row in rows])
 
 
 def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode]:

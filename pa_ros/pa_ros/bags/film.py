@@ -17,7 +17,7 @@ from pa_ros.arena.episodes import Block, Episode
 from pa_ros.arena.render import render, top_view
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
-from pa_ros.core.experience import COLORS, JOINTS, SHAPES
+from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language import parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import ArenaDescription
@@ -30,9 +30,9 @@ class Stage:
 
     def __init__(self, episode: RecordedEpisode, arena: ArenaDescription) -> None:
         """Raises BagError if a row lacks the joints' positions."""
-        if not episode.rows or np.isnan(episode.rows[0].joint_position).any():
+        if not episode.rows or not len(episode.rows[0].joint_position):
             raise BagError(f"film: episode {episode.number}: its joint positions are not recorded")
-        config = preset_named(arena.preset).changed(episode_steps=arena.episode_steps)
+        config = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
         self.task = ReachTask(config, design_named(arena.design), arena.seed)
         first = episode.rows[0]
         kinds = [_kind(first, i) for i in range(len(first.objects)) if i != first.hand_index]
@@ -47,14 +47,15 @@ class Stage:
     def show(self, row: Row) -> None:
         """Put the arm and the blocks where a row says."""
         data, model = self.task.simulation.data, self.task.simulation.model
-        if not np.isnan(row.joint_position).any():
-            data.qpos[:JOINTS] = row.joint_position
+        joints = self.task.config.joints
+        if len(row.joint_position):
+            data.qpos[:joints] = row.joint_position
         mujoco.mj_kinematics(model, data)
         hand = model.body("hand").id
         rotation, origin = data.xmat[hand].reshape(3, 3), data.xpos[hand]
         blocks = np.delete(row.objects.astype(np.float64), row.hand_index, axis=0)
         for i, block in enumerate(blocks):
-            pose = data.qpos[JOINTS + 7 * i : JOINTS + 7 * (i + 1)]
+            pose = data.qpos[joints + 7 * i : joints + 7 * (i + 1)]
             pose[:3] = origin + rotation @ block[:3]
             mujoco.mju_mulQuat(pose[3:], data.xquat[hand], np.roll(block[3:7], 1))
         mujoco.mj_kinematics(model, data)

@@ -16,8 +16,8 @@ class Reenactment:
     """Re-enacts trajectories of training episodes that were recorded from their first step."""
 
     def __init__(self, arena: ArenaDescription, condition: str = "train") -> None:
-        """Raises ConfigError for a design or preset that is not known here."""
-        preset = preset_named(arena.preset).changed(episode_steps=arena.episode_steps)
+        """Raises ConfigError for a design, arm or preset that is not known here."""
+        preset = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
         design = replace(design_named(arena.design), n_blocks=arena.block_count)
         self.checked = 0  # transitions
         self.skipped = 0  # transitions of episodes whose beginning is not recorded

@@ -85,6 +85,7 @@ class RunLog:
             self._programs,
             parameters=self._parameters,
             design=self._design.name,
+            arm=self._arena.arm,
             preset=self._arena.preset,
         )
         arena = describe(self._arena, self._design, self._seed, self._programs, run_id)

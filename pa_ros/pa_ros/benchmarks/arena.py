@@ -11,7 +11,7 @@ import numpy as np
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import design_named
 from pa_ros.arena.task import ReachTask
-from pa_ros.core.experience import JOINTS, Float64
+from pa_ros.core.experience import Float64
 from pa_ros.provenance.software import device, versions
 
 
@@ -25,7 +25,7 @@ def bench_sim(
     arena = config or preset_named("fast")
     task = ReachTask(arena, design_named(design), seed=0)
     rng = np.random.default_rng(0)
-    commands = rng.uniform(-1, 1, (steps, JOINTS)) * np.array(arena.joint_speed_limits)
+    commands = rng.uniform(-1, 1, (steps, arena.joints)) * np.array(arena.joint_speed_limits)
     _run(task, commands[: arena.episode_steps])  # builds models, warms caches
     whole = _run(task, commands)
     return {

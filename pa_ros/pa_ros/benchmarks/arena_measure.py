@@ -23,7 +23,7 @@ from pa_ros.arena.references import (
 )
 from pa_ros.arena.task import ReachTask
 from pa_ros.benchmarks.arena import bench_sim
-from pa_ros.core.experience import JOINTS, Float64
+from pa_ros.core.experience import Float64
 
 DESIGN = "2-L"
 NUDGE_RAD = 1e-7  # at the hand, 0.04 µm
@@ -44,7 +44,8 @@ def speeds_and_thresholds(episodes: int) -> Iterable[str]:
     """Scripted reward per step by joint speed and threshold, without and with contact."""
     yield "| rad/s | 0.10 m | 0.15 m | 0.20 m | 0.20 m, arm touches blocks |\n|---|---|---|---|---|"
     for speed in (0.4, 0.5, 0.628, 1.0, 1.5):
-        free = PRESETS["fast"].changed(preset="custom", joint_speed_limits=(speed,) * JOINTS)
+        fast = PRESETS["fast"]
+        free = fast.changed(preset="custom", joint_speed_limits=(speed,) * fast.joints)
         row = [free.changed(thresholds=(threshold,)) for threshold in (0.10, 0.15, 0.20)]
         row.append(free.changed(arm_touches_blocks=True))
         yield f"| {speed} | " + " | ".join(f"{_scripted(c, episodes):.3f}" for c in row) + " |"
@@ -172,8 +173,8 @@ def _compare(exact: ArenaConfig, config: ArenaConfig, episodes: int) -> tuple[fl
     for episode in range(episodes):
         for task in tasks:
             task.reset(episode)
-        command = np.array(config.joint_speed_limits) * rng.choice([-1.0, 1.0], JOINTS)
-        command *= rng.uniform(0.2, 1.0, JOINTS)
+        command = np.array(config.joint_speed_limits) * rng.choice([-1.0, 1.0], config.joints)
+        command *= rng.uniform(0.2, 1.0, config.joints)
         for step in range(10):
             for task in tasks:
                 task.step(command if step < 5 else -command)

@@ -20,7 +20,7 @@ EXIT_FAILED, EXIT_INTERRUPTED = 1, 130
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros demo`."""
-    add_settings(parser, ArenaChoice, "design", "preset")
+    add_settings(parser, ArenaChoice, "design", "arm", "preset")
     add_settings(parser, DemoConfig, "seed", "minutes")
     parser.add_argument(
         "--no-shipped",
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Demonstrate; the exit status."""
     folder = options.folder or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
-    design, arena = design_named(options.design), preset_named(options.preset)
+    design, arena = design_named(options.design), preset_named(options.preset, options.arm)
     config = settings_from(options, DemoConfig, design=design, arena=arena, folder=folder)
     print(f"ROS domain {use_domain(options.domain_id)}; everything is left in {folder}/\n")
     with signals_noted() as interrupted:

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
+from pa_ros.arena import ArenaConfig, Design, design_named
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, write_report
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--checkpoint", type=Path, help="folder that a training run left")
     source.add_argument("--policy", choices=REFERENCES, help="a reference policy")
-    for name in ("design", "preset"):
+    for name in ("design", "arm", "preset"):
         default = f"the checkpoint's, or {EvaluationConfig.leaf(name).default}"
         add_setting(parser, EvaluationConfig, name, otherwise=default)
     parser.add_argument(
@@ -55,13 +55,13 @@ def run(options: argparse.Namespace) -> int:
     if options.condition in (ALL, RANDOM_WEIGHTS) and not options.checkpoint:
         raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
     if options.checkpoint:
-        agent = load_agent(options.checkpoint, options.design, options.preset)
+        agent = load_agent(options.checkpoint, options.design, options.preset, options.arm)
         if options.condition == ALL:
             return _all_conditions(agent, options)
         report = _agent_report(agent, options)
     else:
         chosen = settings_from(options, EvaluationConfig)
-        design, arena = design_named(chosen.design), preset_named(chosen.preset)
+        design, arena = design_named(chosen.design), chosen.arena_config()
         report = _report(options, design, arena, options.policy, options.condition)
     write_report(options.json, report)
     return 0
@@ -97,6 +97,7 @@ def _setting(
 ) -> dict[str, float | int | str]:
     return {
         "eval.design": design.name,
+        "eval.arm": arena.arm,
         "eval.preset": arena.preset,
         "eval.seed": options.seed,
         "device": device(),

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     usual = "ours; ours-slow for preset paper"
     add_setting(parser, LearningChoice, "protocol", otherwise=usual)
     add_setting(parser, LearningChoice, "algorithm")
-    add_setting(parser, ArenaChoice, "preset")
+    add_settings(parser, ArenaChoice, "arm", "preset")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
         help="change the protocol, as in pa_ros train; with --tag",
@@ -113,6 +113,7 @@ def _experiment(options: argparse.Namespace) -> Experiment:
     experiment = replace(
         experiment,
         preset=options.preset,
+        arm=options.arm,
         algorithm=options.algorithm,
         options=(*experiment.options, *options.options),
         tag=options.tag,

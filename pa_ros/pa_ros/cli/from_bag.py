@@ -60,11 +60,16 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
     seed = origin.seed if options.seed is None else options.seed
     programs = origin.learner.training_programs
     learner = Learner(network, config, programs, seed, bag.scoring)
-    return learner, {"seed": seed, "design": origin.design, "preset": origin.preset}
+    return learner, {
+        "seed": seed,
+        "design": origin.design,
+        "preset": origin.preset,
+        "arm": origin.arm,
+    }
 
 
 def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, object]]:
-    design, arena = design_named(options.design), preset_named(options.preset)
+    design, arena = design_named(options.design), preset_named(options.preset, options.arm)
     protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
     seed = options.seed or 0
     learner = Learner(
@@ -74,7 +79,8 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
         seed,
         Scoring.of(design.vocabulary.relations, arena.thresholds),
     )
-    return learner, {"seed": seed, "design": design.name, "preset": arena.preset}
+    about = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
+    return learner, {"seed": seed, **about}
 
 
 class _Progress:

@@ -62,7 +62,7 @@ class Environment(Protocol):
         """Begin an episode, fixed by its index."""
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
-        """Act for one control period, rad/s, [6]."""
+        """Act for one control period, rad/s, [J]."""
 
 
 class Log(Protocol):
@@ -76,7 +76,8 @@ class Log(Protocol):
 
 
 class TrainConfig(Settings):
-    """One training run. `design` and `preset` name the environment that the caller builds."""
+    """One training run. `design`, `preset` and `arm` name the environment that the caller
+    builds."""
 
     SECTION: ClassVar[str] = "train"
 
@@ -85,6 +86,7 @@ class TrainConfig(Settings):
     frames: int = Field(100_000, ge=1, description="control steps to train for, whole episodes")
     design: str = Field("2-L", description="of the environment")
     preset: str = Field("fast", description="of the environment")
+    arm: str = Field("jaco", description="of the environment")
     condition: str = Field("train", description="that episodes are drawn from")
     agent_id: str = Field("agent", description="of the one agent")
     evaluate_every_frames: int = Field(
@@ -114,7 +116,7 @@ def train(
 ) -> Learner:
     """Train for `config.frames` control steps, whole episodes; returns the learner.
 
-    `max_speed` is [6] rad/s: a velocity command is the action times it. Leaves progress.csv and
+    `max_speed` is [J] rad/s: a velocity command is the action times it. Leaves progress.csv and
     `checkpoint/` under `config.out`. With `resume`, goes on from the checkpoint there (raises
     CheckpointError if there is none that fits), and ends where an unbroken run would have. Raises
     FolderInUseError if another run writes into `config.out`, FolderUsedError if it holds a run that
@@ -143,11 +145,12 @@ def _resume(config: TrainConfig, learner: Learner) -> dict[str, Any]:
         log.warning(passed_over)
         make_latest(path)
     extra = restore(path, learner)
-    for name in ("seed", "design", "preset"):
-        if extra.get(name) != getattr(config, name):
+    facts = {"arm": "jaco", **extra}  # 0.2 had no other
+    for name in ("seed", "design", "preset", "arm"):
+        if facts.get(name) != getattr(config, name):
             raise CheckpointError(
                 f"checkpoint: {path}: {name}: expected {getattr(config, name)!r}, "
-                f"got {extra.get(name)!r}"
+                f"got {facts.get(name)!r}"
             )
     return extra
 
@@ -282,6 +285,7 @@ class _Run:
             "seed": self._config.seed,
             "design": self._config.design,
             "preset": self._config.preset,
+            "arm": self._config.arm,
             "run_id": self._learning.info.run_id,
         }
         save_checkpoint(checkpoint_of(self._config.out), self._learner, extra)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from pa_ros import __version__
-from pa_ros.arena import ArenaConfig, Design
+from pa_ros.arena import ARMS, ArenaConfig, Design
 from pa_ros.arena.features import HAND_INDEX
-from pa_ros.core.experience import JOINTS
 from pa_ros.language import Program
 from pa_ros.provenance.software import device, versions
 from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
     from pa_ros.learning.learner import (
         Learner,  # brings torch, which an arena can do without
     )
-
-JOINT_NAMES: Final = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
 
 
 def origin(node: str, instance: str, seed: int, **of_process: Any) -> Origin:
@@ -76,6 +73,7 @@ def describe(
     return ArenaDescription(
         mode=mode,
         design=design.name,
+        arm=arena.arm,
         preset=arena.preset,
         seed=seed,
         block_count=design.n_blocks,
@@ -83,7 +81,7 @@ def describe(
         colors=design.vocabulary["color"],
         vocabulary_digest=design.vocabulary.digest,
         training_programs=tuple(training_programs),
-        joint_names=JOINT_NAMES,
+        joint_names=ARMS[arena.arm].joint_names,
         joint_lower=arena.joint_lower,
         joint_upper=arena.joint_upper,
         speed_limits=arena.joint_speed_limits,

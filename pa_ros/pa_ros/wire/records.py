@@ -31,7 +31,7 @@ class Command:
     stamp_ns: int  # of the observation answered
     agent_id: str
     policy_version: int
-    action: Float32  # [6], share of each joint's speed limit
+    action: Float32  # [J], share of each joint's speed limit
     incarnation: int = 0  # of the agent
     number: int = 0  # of the command, among the agent's
 
@@ -68,6 +68,7 @@ class ArenaDescription:
 
     mode: Mode
     design: str
+    arm: str
     preset: str
     seed: int
     block_count: int
@@ -163,6 +164,7 @@ class Origin:
     seed: int
     parameters: Mapping[str, Any]  # plain JSON
     design: str = ""
+    arm: str = ""
     preset: str = ""
     shapes: tuple[str, ...] = ()
     colors: tuple[str, ...] = ()

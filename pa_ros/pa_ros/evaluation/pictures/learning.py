@@ -49,7 +49,8 @@ def learning_figure(table: Path) -> Path:
         ylabel="normalized score (random 0, scripted 1)",
         ylim=(-0.1, 1.05),
         title=f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}, "
-        f"{setting['preset']} arm: {len(seeds)} seed{'s' if len(seeds) > 1 else ''}",
+        f"{setting.get('arm', 'jaco')}, {setting['preset']} preset: "
+        f"{len(seeds)} seed{'s' if len(seeds) > 1 else ''}",
     )
     axes.legend(loc="lower right", frameon=False)
     picture = table.with_suffix(".png")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,19 +45,22 @@ class TrainedAgent:
         return content.hexdigest()[:12]
 
 
-def load_agent(path: Path, design: str | None = None, preset: str | None = None) -> TrainedAgent:
+def load_agent(
+    path: Path, design: str | None = None, preset: str | None = None, arm: str | None = None
+) -> TrainedAgent:
     """The agent of a checkpoint or of a training run's folder.
 
-    Design and preset are those it was trained in unless given; ConfigError if nothing says them.
+    Design, preset and arm are those it was trained in unless given; ConfigError if nothing says
+    them.
     """
     folder = trained(path)
-    facts = read_metadata(folder)["extra"]
-    named = {"design": design or facts.get("design"), "preset": preset or facts.get("preset")}
+    facts = {"arm": "jaco", **read_metadata(folder)["extra"]}  # of 0.2, which had no other arm
+    given = {"design": design, "preset": preset, "arm": arm}
+    named: dict[str, Any] = {name: value or facts.get(name) for name, value in given.items()}
     if missing := [name for name, value in named.items() if value is None]:
         raise ConfigError(f"agent {path}: expected its {missing} in the checkpoint, found none")
-    return TrainedAgent(
-        load_policy(folder), design_named(named["design"]), preset_named(named["preset"])
-    )
+    arena = preset_named(named["preset"], named["arm"])
+    return TrainedAgent(load_policy(folder), design_named(named["design"]), arena)
 
 
 def trained(out: Path) -> Path:

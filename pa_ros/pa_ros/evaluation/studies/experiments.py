@@ -40,6 +40,7 @@ class Experiment:
     network: str = "programmable"
     protocol: str = "ours"
     preset: str = "fast"
+    arm: str = "jaco"
     evaluate_every_frames: int = 2_500
     evaluation_episodes: int = 50
     options: tuple[str, ...] = ()  # of the protocol, as `pa_ros train --set` takes them
@@ -49,7 +50,8 @@ class Experiment:
 
     @property
     def label(self) -> str:
-        """Name of its tables: what is not usual of algorithm, protocol, preset and tag is said."""
+        """Name of its tables, which says what is not usual of algorithm, protocol, preset and arm,
+        and the tag."""
         parts = [self.name]
         if self.algorithm != DPG:
             parts.append(self.algorithm)
@@ -57,6 +59,8 @@ class Experiment:
             parts.append(f"{self.protocol}-protocol")
         if self.preset != "fast":
             parts.append(f"{self.preset}-arm")
+        if self.arm != "jaco":
+            parts.append(self.arm)
         return ".".join([*parts, *filter(None, [self.tag])])
 
     @property
@@ -140,7 +144,8 @@ def run_seed(experiment: Experiment, seed: int, folder: Path) -> Path:
 def _train_until(
     experiment: Experiment, seed: int, folder: Path, frames: int, condition: str
 ) -> None:
-    arena, design = preset_named(experiment.preset), design_named(experiment.design)
+    arena = preset_named(experiment.preset, experiment.arm)
+    design = design_named(experiment.design)
     protocol = experiment.settings
     train(
         TrainConfig(
@@ -149,6 +154,7 @@ def _train_until(
             frames=frames,
             design=design.name,
             preset=arena.preset,
+            arm=arena.arm,
             condition=condition,
             evaluate_every_frames=experiment.evaluate_every_frames,
             checkpoint_every_frames=min(50_000, max(experiment.frames // 4, 1)),

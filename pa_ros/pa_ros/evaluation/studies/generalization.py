@@ -92,7 +92,7 @@ def generalize(
 def _one_setting(agents: Iterable[TrainedAgent]) -> tuple[Design, ArenaConfig]:
     settings = {(agent.design, agent.arena) for agent in agents}
     if len(settings) != 1:
-        found = sorted((design.name, arena.preset) for design, arena in settings)
+        found = sorted((design.name, arena.arm, arena.preset) for design, arena in settings)
         raise ConfigError(f"generalization: expected agents of one design and arena, got {found}")
     return settings.pop()
 
@@ -174,6 +174,7 @@ def setting(agents: Mapping[int, TrainedAgent], episodes: int) -> dict[str, obje
     design, arena = _one_setting(agents.values())
     return {
         "design": design.name,
+        "arm": arena.arm,
         "preset": arena.preset,
         "shapes": design.vocabulary["shape"],  # with the spare words
         "colors": design.vocabulary["color"],

@@ -46,12 +46,15 @@ def compare(name: str, results: Path) -> tuple[list[Variant], dict[str, list[See
         for table in results.glob(f"{name}*.csv")
         if table.stem.split(".")[0] == name and table.with_suffix(".json").exists()
     )
-    settings = {table: json.loads(table.with_suffix(".json").read_text()) for table in tables}
+    settings = {
+        table: {"arm": "jaco", **json.loads(table.with_suffix(".json").read_text())}
+        for table in tables
+    }
     own = settings.get(results / f"{name}.csv", {})
     chosen = [
         table
         for table, setting in settings.items()
-        if all(setting[key] == own.get(key) for key in ("preset", "protocol"))
+        if all(setting[key] == own.get(key) for key in ("arm", "preset", "protocol"))
     ]
     if len(chosen) < 2:
         raise TableError(f"variants: expected {name} and a variant of it in {results}")

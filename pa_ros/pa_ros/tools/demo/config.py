@@ -48,7 +48,7 @@ class DemoConfig(Settings):
     def training(self) -> Parameters:
         """Parameters of the three nodes that learn."""
         seed, protocol = self.seed, usual_protocol(self.arena.preset)
-        arena = {"design": self.design.name, "preset": self.arena.preset, "seed": seed}
+        arena = {**self._arena, "seed": seed}
         changes: dict[str, dict[str, Any]] = {
             "sim_node": arena,
             "agent_node": {"seed": seed},
@@ -60,11 +60,14 @@ class DemoConfig(Settings):
         }
         return merged(load_parameters(packaged("train_2l")), changes)
 
+    @property
+    def _arena(self) -> dict[str, Any]:
+        return {"design": self.design.name, "arm": self.arena.arm, "preset": self.arena.preset}
+
     def execution(self) -> Parameters:
         """Parameters of the two nodes that execute."""
         arena = {
-            "design": self.design.name,
-            "preset": self.arena.preset,
+            **self._arena,
             "seed": self.scene_seed,
             "condition": FULL,
             "eval_condition": FEWER,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import JOINTS, OBJECT_FEATURE_NAMES
+from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.wire import errors
 from pa_ros.wire.arrays import float64_field
 from pa_ros.wire.codec.program import read_programs
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.interfaces import ArenaInfo
 from pa_ros.wire.records import WIRE_VERSION, ArenaDescription, Mode
+from pa_ros.world.world import MAX_JOINTS
 
 
 def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
@@ -22,6 +23,7 @@ def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
     message.wire_version = WIRE_VERSION
     message.mode = int(arena.mode)
     message.design = arena.design
+    message.arm = arena.arm
     message.preset = arena.preset
     message.seed = arena.seed
     message.block_count = arena.block_count
@@ -47,6 +49,7 @@ def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
     return ArenaDescription(
         mode=Mode(message.mode),
         design=message.design,
+        arm=message.arm,
         preset=message.preset,
         seed=message.seed,
         block_count=message.block_count,
@@ -78,16 +81,17 @@ def _check(message: ArenaInfo) -> None:
     if message.mode not in tuple(Mode):
         raise errors.RangeError("arena_info.mode", [int(mode) for mode in Mode], message.mode)
     joints = tuple(message.joint_names)
-    if len(joints) != JOINTS or len(set(joints)) != JOINTS:
-        raise errors.JointNamesError("arena_info.joint_names", f"{JOINTS} different names", joints)
+    if not 1 <= len(set(joints)) == len(joints) <= MAX_JOINTS:
+        expected = f"1 to {MAX_JOINTS} different names"
+        raise errors.JointNamesError("arena_info.joint_names", expected, joints)
     _check_numbers(message)
 
 
 def _check_numbers(message: ArenaInfo) -> None:
     for field in ("joint_lower", "joint_upper", "speed_limits"):
         size = len(getattr(message, field))
-        if size != JOINTS:
-            raise errors.SizeError(f"arena_info.{field}", JOINTS, size)
+        if size != len(message.joint_names):
+            raise errors.SizeError(f"arena_info.{field}", len(message.joint_names), size)
     if not all(
         low < high for low, high in zip(message.joint_lower, message.joint_upper, strict=True)
     ):

@@ -25,6 +25,7 @@ def encode_provenance(origin: Origin) -> Provenance:
     message.seed = origin.seed
     message.parameters = json.dumps(dict(origin.parameters), sort_keys=True)
     message.design = origin.design
+    message.arm = origin.arm
     message.preset = origin.preset
     message.shapes = list(origin.shapes)
     message.colors = list(origin.colors)
@@ -49,6 +50,7 @@ def decode_provenance(message: Provenance) -> Origin:
         seed=int(message.seed),
         parameters=_parameters(message.parameters),
         design=message.design,
+        arm=message.arm,
         preset=message.preset,
         shapes=tuple(message.shapes),
         colors=tuple(message.colors),

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from pa_ros.core.experience import (
-    JOINTS,
     OBJECT_FEATURES,
     CommandKey,
     Executed,
@@ -68,19 +67,21 @@ def arena_of(message: ObjectFeatures | JointState | VerdictMessage) -> str:
     return str(message.header.frame_id if isinstance(message, JointState) else message.arena_id)
 
 
-def decode_context(message: ObjectFeatures) -> StepContext:
-    """What the features say beside the observation. Raises SizeError, NonFiniteError."""
-    return StepContext(
-        message.arena_id, bool(message.evaluation), decode_executed(message), message.program
-    )
+def decode_context(message: ObjectFeatures, joints: int | None = None) -> StepContext:
+    """What the features say beside the observation, in an arena whose arm has so many joints.
+    Raises SizeError, NonFiniteError."""
+    executed = decode_executed(message, joints)
+    return StepContext(message.arena_id, bool(message.evaluation), executed, message.program)
 
 
-def decode_executed(message: ObjectFeatures) -> Executed | None:
-    """The command that, unaltered, led to this step. Raises SizeError, NonFiniteError."""
+def decode_executed(message: ObjectFeatures, joints: int | None = None) -> Executed | None:
+    """The command that, unaltered, led to this step, for so many joints; None: for however many.
+    Raises SizeError, NonFiniteError."""
     if not message.commanded_by:
         return None
     command = CommandKey(message.commanded_by, message.commanded_incarnation, message.command_id)
-    action = read_float32("object_features.applied", message.applied, (JOINTS,))
+    shape = (len(message.applied) if joints is None else joints,)
+    action = read_float32("object_features.applied", message.applied, shape)
     return Executed(command, action)
 
 
@@ -138,12 +139,12 @@ def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[
 
 
 def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
-    """Positions (rad) and velocities (rad/s) of the joints named, in that order; of six as they
+    """Positions (rad) and velocities (rad/s) of the joints named, in that order; of all as they
     come if none is named. Raises SizeError, NonFiniteError, RangeError, JointNamesError."""
     received = tuple(joints.name)
     if not set(names) <= set(received):
         raise errors.JointNamesError("joint_states.name", names, received)
-    shape = (len(received),) if names else (JOINTS,)
+    shape = (len(received),)
     position = read_float64("joint_states.position", joints.position, shape)
     velocity = read_float64("joint_states.velocity", joints.velocity, shape)
     _check_sane("joint_states.position", position)
@@ -155,7 +156,7 @@ def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, 
 
 
 def _check_sane(field: str, values: Float32 | Float64) -> None:
-    largest = np.abs(values).max()
+    largest = np.abs(values).max(initial=0.0)
     if largest > LARGEST:
         raise errors.RangeError(field, f"within ±{LARGEST:g}", largest)
 
@@ -209,15 +210,17 @@ def encode_command(command: Command) -> JointCommand:
     return message
 
 
-def decode_command(message: JointCommand) -> Command:
-    """Raises SizeError, NonFiniteError. Clamping to [-1, 1] is the arm's affair."""
+def decode_command(message: JointCommand, joints: int | None = None) -> Command:
+    """A command for an arm of so many joints; None: of however many. Clamping to [-1, 1] is the
+    arm's affair. Raises SizeError, NonFiniteError."""
+    shape = (len(message.action) if joints is None else joints,)
     return Command(
         episode=message.episode,
         step=message.step,
         stamp_ns=header_stamp(message),
         agent_id=message.agent_id,
         policy_version=message.policy_version,
-        action=read_float32("joint_commands.action", message.action, (JOINTS,)),
+        action=read_float32("joint_commands.action", message.action, shape),
         incarnation=message.incarnation,
         number=message.command_id,
     )
