@@ -146,7 +146,7 @@ def test_a_trajectory_that_is_missing_is_named(recorded, tmp_path, capsys):
     assert main(["verify", str(copy)]) == 1
     out = capsys.readouterr().out
     assert "INCOMPLETE: trajectory 3 of agent, which led to version 4, is not in the bag" in out
-    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
+    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 1
     assert "1 trajectories were learned from but are not in the bag" in capsys.readouterr().out
 
 
@@ -259,3 +259,80 @@ def test_one_of_several_arenas_is_chosen_by_its_namespace(recorded, tmp_path, ca
     assert checkpoint_file(tmp_path / "out", "engine.safetensors") == checkpoint_file(
         recorded, "engine.safetensors"
     )
+
+
+def begun_late(first: int, several: bool = False, lacking: int = -1):
+    """A recorder that heard no weights before a version; of `several` agents, if told so."""
+
+    def change(topic, message):
+        if several and topic == "/trajectories" and message.sequence % 2:
+            return [replace(message, agent_id="other")]
+        if topic == "/policy_weights" and message.version < first:
+            return []
+        return [] if topic == "/trajectories" and message.sequence == lacking else [message]
+
+    return change
+
+
+def test_first_versions_that_were_not_heard_are_proved_by_the_first_that_was(
+    recorded, tmp_path, capsys
+):
+    copy = rewritten(recorded / "bag", tmp_path / "copy", begun_late(4))
+    assert main(["verify", str(copy)]) == 0
+    assert "2 versions of the weights are equal" in capsys.readouterr().out
+    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
+    for name in ("engine.safetensors", "replay.safetensors"):
+        assert checkpoint_file(tmp_path / "out", name) == checkpoint_file(recorded, name)
+
+
+def test_of_a_recording_that_began_too_late_it_is_said(recorded, tmp_path, capsys):
+    copy = rewritten(recorded / "bag", tmp_path / "late", begun_late(4, lacking=0))
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert "INCOMPLETE: what led to versions 1 to 1 is not in the bag" in out
+    assert "DIFFERENT" not in out and "\nEQUAL" not in out
+
+
+def test_an_order_that_is_not_known_is_not_called_different(recorded, tmp_path, capsys):
+    kept = []
+
+    def swapped(topic, message):
+        """The second trajectory is recorded before the first, and is of another agent."""
+        found = begun_late(4, several=True)(topic, message)
+        if topic == "/policy_weights":
+            for one in found:
+                one.consumed = [
+                    replace(one.consumed[0], sequence=4),
+                    replace(one.consumed[0], sequence=3, agent_id="other"),
+                ]
+                one.latest = [] if one.version == 4 else one.latest
+        if topic != "/trajectories" or message.sequence > 1:
+            return found
+        kept[:0] = found
+        return kept if len(kept) == 2 else []
+
+    copy = rewritten(recorded / "bag", tmp_path / "copy", swapped)
+    assert main(["verify", "--no-arena", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert "INCOMPLETE: the first 4 versions of the weights were not heard" in out
+    assert "DIFFERENT" not in out
+    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 1
+    assert "4 versions are from before the recording" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arenas", [0, 2])
+def test_transitions_that_no_one_arena_can_be_asked_about_are_said(
+    recorded, tmp_path, capsys, arenas
+):
+    def change(topic, message):
+        if topic != "/arena_info":
+            return [message]
+        return [replace(message, arena_id=f"{message.arena_id}{n}") for n in range(arenas)]
+
+    copy = rewritten(recorded / "bag", tmp_path / "copy", change)
+    if arenas:
+        assert main(["verify", str(copy)]) == 1
+        assert "expected one arena's description to hold trans" in capsys.readouterr().out
+        assert main(["verify", "--no-arena", str(copy)]) == 0
+    else:  # nor is it known what was rewarded
+        assert main(["verify", str(copy)]) == 2

@@ -43,6 +43,9 @@ class Lesson:
     version: int | None
 
 
+_BEGINNING: Final = Published(0, "", "", {}, None)  # before anything was learned
+
+
 class Experience:
     """The learning recorded in one bag. Raises ForeignBagError if there are no transitions."""
 
@@ -87,6 +90,15 @@ class Experience:
             )
         return Scoring({NEAR: thresholds.pop()})
 
+    @property
+    def unheard(self) -> int:
+        """Versions of the weights before the first that was recorded. The trajectories that led to
+        them come in the order of the recording, which is the learner's if there was one agent."""
+        about = [origin.learner for origin in self.origins if origin.learner is not None]
+        if not self.published or len({one.first_version for one in about}) != 1:
+            return 0
+        return max(0, min(self.published) - about[0].first_version)
+
     def lessons(self, vocabulary: Vocabulary) -> Iterator[Lesson]:
         """Trajectories in the learner's order, as far as the weights tell it; else as they came.
 
@@ -108,6 +120,8 @@ class Experience:
         left = dict.fromkeys(self.keys)
         plan: list[tuple[TrajectoryKey, int | None]] = []
         versions = sorted(self.published)
+        if self.unheard:
+            versions.insert(0, versions[0] - self.unheard)
         for before, version in zip(versions, versions[1:], strict=False):
             between = self._between(left, before, version)
             for led_to, key in enumerate(between, start=version - len(between) + 1):
@@ -120,7 +134,7 @@ class Experience:
     ) -> list[TrajectoryKey]:
         """What led from one recorded version to the next, in order. The last is known; of those
         that led to versions not recorded, the accounts tell."""
-        earlier, later = self.published[before], self.published[version]
+        earlier, later = self.published.get(before, _BEGINNING), self.published[version]
         last = [] if later.latest is None else [later.latest]
         within = [
             key

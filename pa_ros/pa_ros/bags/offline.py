@@ -20,6 +20,13 @@ class Lessons:
     left_out: int = 0  # the bag has them, the recorded learner had not taken them in
     refused: int = 0  # not usable with these networks
     refusal: str = ""  # the first
+    unheard: int = 0  # versions from before the recording, of whose trajectories the order is open
+    unseen: str = ""  # parts of the bags that were damaged
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything was learned that the recorded learners had learned."""
+        return not (self.missing or self.refused or self.unheard or self.unseen)
 
 
 def learn(
@@ -37,6 +44,9 @@ def learn(
     for experience in experiences:
         run = runs.setdefault(_run(experience), len(runs))
         followed = len(experience.published) > 1
+        found.unseen = "; ".join(filter(None, (found.unseen, experience.unseen)))
+        if len({key[:2] for key in experience.keys}) > 1:  # of one agent the order is its own
+            found.unheard += experience.unheard
         for lesson in experience.lessons(learner.network.vocabulary):
             if lesson.trajectory is None:
                 found.missing += 1

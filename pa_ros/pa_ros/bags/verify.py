@@ -91,6 +91,12 @@ def verify(
         if reenactment is not None:
             _reenact(reenactment, lesson.trajectory, found)
         if not found.difference and lesson.version is not None:
+            if lesson.version > learner.counters.version + 1:
+                found.incomplete = (
+                    f"what led to versions {learner.counters.version + 1} to {lesson.version - 1} "
+                    "is not in the bag: its recording began too late"
+                )
+                break
             try:
                 learner.consume(lesson.trajectory)
             except PaError as error:
@@ -100,6 +106,15 @@ def verify(
             break
         if progress is not None:
             progress(found)
+    if found.difference and experience.unheard and not found.compared:
+        found.incomplete, found.difference = (
+            (
+                f"the first {experience.unheard} versions of the weights were not heard, nor is it "
+                f"known in which order their trajectories were learned from: {found.difference} is "
+                "not as recorded"
+            ),
+            "",
+        )
     if experience.unseen and not found.incomplete:
         found.incomplete = f"parts of the bag were damaged and not seen: {experience.unseen}"
     if not found.compared and not found.difference:
@@ -134,7 +149,11 @@ def _reenact(reenactment: Reenactment, trajectory: Trajectory, found: Verificati
 def _reenactment(experience: Experience, found: Verification) -> Reenactment | None:
     description = experience.arena
     if description is None:
-        found.note += "; no arena described itself: transitions are not held against one"
+        count = len({arena.arena_id for arena in experience.arenas})
+        found.incomplete = (
+            f"expected one arena's description to hold transitions against, got {count}; "
+            "--no-arena compares weights only"
+        )
         return None
     return Reenactment(description, _condition(experience.origins, description.arena_id))
 

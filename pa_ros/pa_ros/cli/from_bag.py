@@ -25,6 +25,7 @@ from pa_ros.world import Scoring
 
 log = logging.getLogger(__name__)
 REPORT_S = 5.0
+EXIT_INCOMPLETE = 1
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
         extra = {"wall_s": time.monotonic() - started, **about}
         save_checkpoint(checkpoint_of(options.out), learner, extra)
     _conclude(found, learner, options.out)
-    return 0
+    return 0 if found.complete else EXIT_INCOMPLETE
 
 
 def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dict[str, object]]:
@@ -105,8 +106,15 @@ def _conclude(found: Lessons, learner: Learner, out: Path) -> None:
     for count, what in (
         (found.missing, "trajectories were learned from but are not in the bag"),
         (found.left_out, "trajectories are in the bag, but its learner had not taken them in"),
+        (
+            found.unheard,
+            "versions are from before the recording, and several agents led to them: "
+            "the order of their trajectories is not known, so these are other weights",
+        ),
         (found.refused, f"trajectories could not be used, the first because {found.refusal}"),
     ):
         if count:
             print(f"{count} {what}")
+    if found.unseen:
+        print(f"INCOMPLETE: parts of the recording were damaged and not seen: {found.unseen}")
     print(f"weights of version {counters.version}: {weights_checksum(learner.snapshot())}")
