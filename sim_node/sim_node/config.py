@@ -14,7 +14,6 @@ from pa_ros.arena import (
     Condition,
     Design,
     condition_named,
-    design_named,
 )
 
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
@@ -72,7 +71,7 @@ class SimConfig(ArenaChoice):
 
     def design_of(self) -> Design:
         """The design, with this number of blocks."""
-        design = design_named(self.design)
+        design = super().design_of()
         return replace(design, n_blocks=self.blocks) if self.blocks else design
 
     def condition_of(self, name: str) -> Condition:

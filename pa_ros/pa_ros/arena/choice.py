@@ -8,9 +8,8 @@ from pydantic import Field
 
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
-from pa_ros.arena.designs import DESIGNS
+from pa_ros.arena.designs import DESIGNS, Design, design_named
 from pa_ros.core.settings import OneOf, Settings
-from pa_ros.language.syntax import NEAR
 from pa_ros.world.relations import RELATIONS
 
 
@@ -21,12 +20,17 @@ class ArenaChoice(Settings):
         "2-L", description="which blocks there are, and which programs are held out"
     )
     relations: tuple[Annotated[str, OneOf(lambda: RELATIONS)], ...] = Field(
-        (NEAR,), description="that programs ask for, in the order of their embeddings"
+        (), description="that programs ask for; none: the design's own, which is NEAR in the paper"
     )
     arm: Annotated[str, OneOf(lambda: ARMS)] = Field("jaco", description="in the middle")
     preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
         "fast", description="the arm's speed, and whether it touches blocks"
     )
+
+    def design_of(self) -> Design:
+        """The design, with these relations."""
+        design = design_named(self.design)
+        return design.with_relations(*self.relations) if self.relations else design
 
     def arena_config(self) -> ArenaConfig:
         """The arm's preset; ConfigError where it has none of that name."""

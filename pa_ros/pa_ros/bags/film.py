@@ -40,7 +40,7 @@ class Stage:
         start: Any = tuple(first.joint_position)
         self._vocabulary = self.task.design.vocabulary
         word = next(kind.color for kind in kinds if _known(kind, arena))
-        anything = parse(f"NEAR(HAND, {word})", self._vocabulary)
+        anything = parse(f"{self._vocabulary.relations[0]}(HAND, {word})", self._vocabulary)
         self.task.reset_to(Episode(episode.number, "train", blocks, start, anything))
         self._shown = ""
 

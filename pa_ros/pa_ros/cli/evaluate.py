@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pa_ros.arena import ArenaConfig, Design, design_named
+from pa_ros.arena import ArenaConfig, Design
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, write_report
@@ -30,6 +30,7 @@ from pa_ros.evaluation.studies.generalization import (
 from pa_ros.provenance.software import device, versions
 
 ALL = "all"
+ITS_OWN = "the design's"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--checkpoint", type=Path, help="folder that a training run left")
     source.add_argument("--policy", choices=REFERENCES, help="a reference policy")
-    for name in ("design", "arm", "preset"):
-        default = f"the checkpoint's, or {EvaluationConfig.leaf(name).default}"
+    for name in ("design", "relations", "arm", "preset"):
+        default = f"the checkpoint's, or {EvaluationConfig.leaf(name).default or ITS_OWN}"
         add_setting(parser, EvaluationConfig, name, otherwise=default)
     parser.add_argument(
         "--condition",
@@ -61,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
         report = _agent_report(agent, options)
     else:
         chosen = settings_from(options, EvaluationConfig)
-        design, arena = design_named(chosen.design), chosen.arena_config()
+        design, arena = chosen.design_of(), chosen.arena_config()
         report = _report(options, design, arena, options.policy, options.condition)
     write_report(options.json, report)
     return 0

@@ -8,11 +8,12 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from pa_ros.arena import design_named, preset_named, training_programs
+from pa_ros.arena import ArenaChoice, training_programs
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
+from pa_ros.cli.options import settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import save_checkpoint
@@ -70,7 +71,8 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
 
 
 def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, object]]:
-    design, arena = design_named(options.design), preset_named(options.preset, options.arm)
+    chosen = settings_from(options, ArenaChoice)
+    design, arena = chosen.design_of(), chosen.arena_config()
     protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
     seed = options.seed or 0
     learner = Learner(

@@ -8,19 +8,21 @@ import sys
 from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language.parser import parse
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.world.relations import RELATIONS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros program`."""
     parser.add_argument("action", choices=["check"])
     parser.add_argument("text", help="a program, or - to read it from standard input")
-    parser.add_argument("--design", help="use the vocabulary of this design (default: every word)")
+    every = "use the vocabulary of this design (default: every word and relation)"
+    parser.add_argument("--design", help=every)
 
 
 def vocabulary(design: str | None) -> Vocabulary:
-    """The vocabulary of a design, or the arena's own words."""
+    """The vocabulary of a design, or the arena's own words and all relations."""
     if design is None:
-        return Vocabulary.of(shape=SHAPES, color=COLORS)
+        return Vocabulary.of(shape=SHAPES, color=COLORS).asking(*RELATIONS)
     from pa_ros.arena.designs import design_named
 
     return design_named(design).vocabulary

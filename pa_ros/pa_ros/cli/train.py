@@ -15,8 +15,6 @@ from pa_ros.arena import (
     ArenaConfig,
     Design,
     ReachTask,
-    design_named,
-    preset_named,
     training_programs,
 )
 from pa_ros.bags.run_log import RunLog
@@ -32,7 +30,7 @@ EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
-    add_settings(parser, ArenaChoice, "design", "arm", "preset")
+    add_settings(parser, ArenaChoice, "design", "relations", "arm", "preset")
     usual = "ours, or ours-slow for preset paper"
     add_setting(parser, LearningChoice, "protocol", otherwise=usual)
     add_settings(parser, LearningChoice, "algorithm", "network")
@@ -62,7 +60,8 @@ def run(options: argparse.Namespace) -> int:
     options.protocol = options.protocol or usual_protocol(options.preset)
     if options.from_bag:
         return from_bag.run(options)
-    design, arena = design_named(options.design), preset_named(options.preset, options.arm)
+    chosen = settings_from(options, ArenaChoice)
+    design, arena = chosen.design_of(), chosen.arena_config()
     protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
     config = settings_from(options, TrainConfig)
     programs, seed = training_programs(design), config.seed

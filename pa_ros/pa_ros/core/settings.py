@@ -75,7 +75,8 @@ class Leaf:
     def expected(self) -> str:
         """What a value must be, in words."""
         if self.choices:
-            return f"one of {list(self.choices)}"
+            some = "some" if get_origin(self.type) is tuple else "one"
+            return f"{some} of {list(self.choices)}"
         if get_origin(self.type) is tuple:
             items = get_args(self.type)
             several = _several(items[0])
@@ -235,7 +236,8 @@ def _leaves(kind: type[Settings], at: Settings | None, prefix: str) -> Iterator[
             continue
         bound = {key: getattr(m, key) for m in field.metadata for key in ("ge", "gt", "le", "lt")
                  if getattr(m, key, None) is not None}  # fmt: skip
-        choices = [one for m in field.metadata if isinstance(m, OneOf) for one in m.names()]
+        told = [*field.metadata, *_of_items(part)]
+        choices = [one for m in told if isinstance(m, OneOf) for one in m.names()]
         if get_origin(part) is Literal:
             choices, part = list(get_args(part)), str
         yield Leaf(
@@ -249,6 +251,12 @@ def _leaves(kind: type[Settings], at: Settings | None, prefix: str) -> Iterator[
             "lt" in bound,
             tuple(choices),
         )
+
+
+def _of_items(part: Any) -> tuple[Any, ...]:
+    """Metadata of a list's items."""
+    items = get_args(part)[:1] if get_origin(part) is tuple else ()
+    return tuple(m for item in items if get_origin(item) is Annotated for m in get_args(item)[1:])
 
 
 def _merged(settings: Settings, changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -60,7 +60,9 @@ def load_agent(
     if missing := [name for name, value in named.items() if value is None]:
         raise ConfigError(f"agent {path}: expected its {missing} in the checkpoint, found none")
     arena = preset_named(named["preset"], named["arm"])
-    return TrainedAgent(load_policy(folder), design_named(named["design"]), arena)
+    snapshot = load_policy(folder)
+    asked = actor_config(snapshot.architecture).vocabulary.relations
+    return TrainedAgent(snapshot, design_named(named["design"]).with_relations(*asked), arena)
 
 
 def trained(out: Path) -> Path:

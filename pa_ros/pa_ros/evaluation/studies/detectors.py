@@ -147,7 +147,7 @@ def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
 
 def _degrees(look: Look, expression: str, design: Design) -> NDArray[np.float64]:
     """Soft truth of an expression for each block, [N - 1]; the hand is object 0."""
-    program = parse(f"NEAR(HAND, {expression})", design.vocabulary)
+    program = parse(f"{design.vocabulary.relations[0]}(HAND, {expression})", design.vocabulary)
     return np.array(relevance(program, look.phi.tolist(), design.vocabulary.row, 0)[1:])
 
 
