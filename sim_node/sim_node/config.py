@@ -15,6 +15,7 @@ from pa_ros.arena import (
     Design,
     condition_named,
 )
+from pa_ros.world import reward_from
 
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
 LAST_EPISODE = 2**62  # that one may begin with; those after it fit a message, too
@@ -29,6 +30,7 @@ class SimConfig(ArenaChoice):
     seed: int = Field(0, ge=0, description="of all episodes")
     blocks: int = Field(0, ge=0, description="on the table; 0: as the design says")
     condition: str = Field("train", description="that episodes are drawn from")
+    reward: str = Field("sparse", description="a name, or JSON of name and parameters")
     program_source: Literal["generator", "topic"] = Field(
         "generator", description="topic: execute what comes, in a scene that stays"
     )
@@ -58,7 +60,8 @@ class SimConfig(ArenaChoice):
 
     @model_validator(mode="after")
     def _can_be(self) -> Self:
-        """ConfigError for an unknown condition or a number of blocks that cannot be."""
+        """ConfigError for an unknown condition or reward, or a number of blocks that cannot be."""
+        reward_from(self.reward)
         for condition in (self.condition, *self.evaluations):
             self.condition_of(condition)
         self.arena_config()

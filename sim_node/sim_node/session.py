@@ -15,6 +15,7 @@ from pa_ros.core.experience import Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
+from pa_ros.world import reward_from
 from sim_node.config import LAST_EPISODE, SimConfig
 from sim_node.errors import NoProgramError, StaleCommandError
 from sim_node.program_ids import ProgramIds
@@ -59,7 +60,8 @@ class Session:
         self.config = config
         self.arena_id = arena_id
         self.arena = config.arena_config()
-        self.task = ReachTask(self.arena, config.design_of(), config.seed)
+        reward = reward_from(config.reward)
+        self.task = ReachTask(self.arena, config.design_of(), config.seed, reward=reward)
         self.speed_limits = np.array(self.arena.joint_speed_limits)
         self.steps = 0  # control periods taken
         self.clamped = 0  # commands that were outside [-1, 1]

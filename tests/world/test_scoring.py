@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, dataclass
 from math import inf, nextafter, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
-from pa_ros.world import Scoring, Sparse
+from pa_ros.world import Reward, Scoring, Sparse, reward_from
 
 
 def scene(*positions: tuple[float, float, float]) -> Float32:
@@ -95,3 +96,40 @@ def test_a_threshold_that_cannot_be_is_shown(threshold: float) -> None:
 def test_a_sparse_reward_is_one_of_its_two_numbers(satisfied: float, otherwise: float) -> None:
     reward = Sparse(satisfied, otherwise)
     assert reward(np.array([True, False]), np.zeros(2)).tolist() == [satisfied, otherwise]
+
+
+@dataclass(frozen=True)
+class Flat(Reward):
+    """A newcomer's, of any number."""
+
+    height: float = 0.0
+
+    def __call__(self, satisfied: Any, measure: Any) -> Any:
+        return self.height + 0.0 * measure
+
+
+def test_a_reward_goes_through_its_text_and_back() -> None:
+    text = Sparse(2.0, -0.5).to_json()
+    assert text == '{"name":"sparse","otherwise":-0.5,"satisfied":2.0}'
+    assert reward_from(text) == Sparse(2.0, -0.5)
+    assert reward_from("sparse") == Sparse() == reward_from('{"name": "sparse"}')
+    assert reward_from('{"name": "sparse", "satisfied": 3}').to_json() == Sparse(3.0).to_json()
+    assert Flat(1.0).to_json() == '{"height":1.0,"name":"Flat"}'  # and nobody could read it
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("dense", r"unknown reward: expected one of \['sparse'.*got 'dense'"),
+        ('{"name": "dense"}', r"unknown reward: expected one of \['sparse'.*got 'dense'"),
+        ("{}", "reward: expected a name, or JSON with name and parameters"),
+        ('{"name": "sparse"', "reward: expected a name, or JSON"),
+        ('{"name": "sparse", "steep": 1}', r"\['satisfied', 'otherwise'\], got steep = 1"),
+        ('{"name": "sparse", "satisfied": "x"}', "finite numbers .* got satisfied = 'x'"),
+        ('{"name": "sparse", "satisfied": NaN}', "finite numbers .* got satisfied = nan"),
+        ('{"name": "sparse", "satisfied": true}', "finite numbers .* got satisfied = True"),
+    ],
+)
+def test_a_text_that_is_no_reward_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        reward_from(text)

@@ -22,7 +22,7 @@ from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.codec import weights_checksum
-from pa_ros.world import Scoring
+from pa_ros.world import Scoring, reward_from
 
 log = logging.getLogger(__name__)
 REPORT_S = 5.0
@@ -80,7 +80,7 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
         protocol.learner,
         training_programs(design),
         seed,
-        Scoring.of(design.vocabulary.relations, arena.thresholds),
+        Scoring.of(design.vocabulary.relations, arena.thresholds, reward_from(options.reward)),
     )
     about = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
     return learner, {"seed": seed, **about}

@@ -24,6 +24,7 @@ from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.language import Program
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import LearningChoice, protocol_named, usual_protocol
+from pa_ros.world import reward_from
 
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_setting(parser, LearningChoice, "protocol", otherwise=usual)
     add_settings(parser, LearningChoice, "algorithm", "network")
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
-    add_settings(parser, TrainConfig, "frames", "out")
+    add_settings(parser, TrainConfig, "reward", "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
     parser.add_argument("--record", type=Path, metavar="BAG", help="record the run into a bag")
     parser.add_argument(
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
             config,
             protocol.network_config(design.vocabulary, options.network),
             protocol.learner,
-            ReachTask(arena, design, seed),
+            ReachTask(arena, design, seed, reward=reward_from(config.reward)),
             np.array(arena.joint_speed_limits),
             programs,
             TrainingScores(arena, design, config.evaluation_episodes),

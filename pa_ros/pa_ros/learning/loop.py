@@ -76,8 +76,7 @@ class Log(Protocol):
 
 
 class TrainConfig(Settings):
-    """One training run. `design`, `preset` and `arm` name the environment that the caller
-    builds."""
+    """One training run. `design`, `preset`, `arm` and `reward` name the caller's environment."""
 
     SECTION: ClassVar[str] = "train"
 
@@ -87,6 +86,9 @@ class TrainConfig(Settings):
     design: str = Field("2-L", description="of the environment")
     preset: str = Field("fast", description="of the environment")
     arm: str = Field("jaco", description="of the environment")
+    reward: str = Field(
+        "sparse", description="of the environment: a name, or JSON of name and parameters"
+    )
     condition: str = Field("train", description="that episodes are drawn from")
     agent_id: str = Field("agent", description="of the one agent")
     evaluate_every_frames: int = Field(

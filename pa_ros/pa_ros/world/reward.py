@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.registry import Registry
+from pa_ros.core.settings import canonical_json, read_json
 
+
+@dataclass(frozen=True)
 class Reward(ABC):
     """What a state earns under a program: a pure function of the verifier's two answers.
 
     Arena and learner share one, so what relabeling teaches is what the arena would have paid.
-    Subclasses are frozen dataclasses: their `repr` says in checkpoints which reward was paid.
+    Subclasses are frozen dataclasses of numbers with defaults; registered in REWARDS they can be
+    named on command lines and in parameters, and be announced on a graph.
     """
 
     uses_measure: ClassVar[bool] = True
@@ -25,6 +31,12 @@ class Reward(ABC):
         that is right for both and gives the same bits.
         """
 
+    def to_json(self) -> str:
+        """Canonical JSON of name and parameters: equal text, equal rewards."""
+        kind = type(self)
+        name = next((name for name in REWARDS if REWARDS[name] is kind), kind.__name__)
+        return canonical_json({"name": name, **asdict(self)})
+
 
 @dataclass(frozen=True)
 class Sparse(Reward):
@@ -36,3 +48,33 @@ class Sparse(Reward):
 
     def __call__(self, satisfied: Any, measure: Any) -> Any:
         return satisfied * self.satisfied + (1 - satisfied) * self.otherwise  # one product is 0
+
+
+REWARDS: Registry[type[Reward]] = Registry("reward")
+REWARDS.register("sparse", Sparse)
+
+
+def reward_from(text: str) -> Reward:
+    """A registered reward by its name, or by the JSON of `Reward.to_json`.
+
+    What the JSON leaves out has its default. ConfigError for an unknown name, with the known ones,
+    and for parameters that are none of its own, or no finite numbers.
+    """
+    if not text.lstrip().startswith("{"):
+        return REWARDS[text]()
+    try:
+        values = read_json(text)
+        kind = REWARDS[str(values.pop("name"))]
+    except (ValueError, KeyError) as error:
+        raise ConfigError(
+            f"reward: expected a name, or JSON with name and parameters: {error!r}: "
+            f"got {text[:200]!r}"
+        ) from error
+    known = asdict(kind())
+    for name, value in values.items():
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if name not in known or not number or not abs(value) < float("inf"):
+            raise ConfigError(
+                f"reward: expected finite numbers of {list(known)}, got {name} = {value!r}"
+            )
+    return kind(**{name: type(known[name])(value) for name, value in values.items()})

@@ -1,0 +1,64 @@
+"""The example of an algorithm: registered, trained through the same learner, and resumed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from newcomers import example, trained
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.run import LearningRun
+from pa_ros.learning.schedule import values_after
+from pa_ros.networks.inference import TorchActor
+
+
+def test_it_learns_through_the_same_learner_and_is_announced(tmp_path: Path) -> None:
+    crr = example("algorithm")
+    usual, learner = trained(tmp_path / "a"), trained(tmp_path / "b", algorithm="crr")
+    assert isinstance(learner.config, crr.CRRConfig)
+    assert isinstance(learner.engine, crr.TorchCRR)
+    assert learner.counters == usual.counters and learner.counters.updates == 200
+    assert LearningRun(learner, 0.1).info.algorithm == "crr"
+    ours, theirs = (one.snapshot().tensors["output.weight"] for one in (usual, learner))
+    assert np.isfinite(theirs).all() and not np.array_equal(ours, theirs)
+    assert learner.metrics()["critic_loss"] > 0
+
+
+def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
+    """In one state with two stored actions, of which one is rewarded: a bandit."""
+    learner = trained(tmp_path, algorithm="crr", frames=100)
+    (batch,) = learner.batches(1)
+    good = np.arange(len(batch.action)) % 2 == 0
+    sign = np.where(good, 1.0, -1.0).astype(np.float32)
+    same = {
+        name: np.repeat(getattr(batch, name)[:1], len(good), 0)
+        for name in ("objects", "arm", "next_objects", "next_arm", "program")
+    }
+    bandit = replace(
+        batch,
+        **same,
+        action=np.repeat(0.5 * sign[:, None], 6, 1),
+        reward=np.repeat(sign[:, None], batch.program.shape[1], 1),
+        discount=np.zeros_like(batch.discount),
+    )
+    for updates in range(400):
+        values = values_after(updates, learner.config)
+        learner.engine.update(bandit, replace(values, actor_rate=3e-3, critic_rate=3e-3))
+    actor = TorchActor(learner.network, learner.engine.actor_tensors())
+    program = learner.table.programs[int(batch.program[0, 0])]
+    action = actor.act(batch.objects[0], batch.arm[0], program, 0)
+    np.testing.assert_allclose(action, 0.5, atol=0.15)
+
+
+def test_its_settings_are_options_and_its_values_join_the_protocol() -> None:
+    example("algorithm")
+    assert protocol_named("ours", "crr").learner.value("temperature") == 0.05
+    assert protocol_named("paper", "crr").learner.value("temperature") == 0.1
+    changed = protocol_named("ours", "crr").with_options(["learner.temperature=0.2"])
+    assert changed.learner.value("temperature") == 0.2
+    with pytest.raises(ConfigError, match="temperature"):
+        protocol_named("ours", "crr").with_options(["learner.temperature=0"])

@@ -1,0 +1,49 @@
+"""The example of a reward: announced by name, paid by the arena, taught by relabeling."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from newcomers import example, trained
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.learning.learner import Learner
+from pa_ros.world import reward_from
+
+SHAPED = '{"name": "shaped", "weight": 0.8}'
+
+
+def rewards_drawn(learner: Learner) -> np.ndarray:
+    """What the learner learns from, as the arena would have paid it: relabeled, unscaled."""
+    scale = learner.config.updates.reward_scale
+    return np.concatenate([batch.reward.ravel() / scale for batch in learner.batches(50)])
+
+
+def test_what_the_learner_learns_from_changes(tmp_path: Path) -> None:
+    example("reward")
+    usual, shaped = trained(tmp_path / "a"), trained(tmp_path / "b", reward_from(SHAPED))
+    assert set(rewards_drawn(usual)) <= {-1.0, 1.0}
+    drawn = rewards_drawn(shaped)
+    away = drawn[drawn < 1.0]
+    assert len(np.unique(away)) > 100  # a number for every distance
+    assert away.min() > -1.0 and away.max() < -1.0 + 0.8 * np.exp(-0.2 / 0.3) + 1e-6
+    ours, theirs = (one.snapshot().tensors["output.weight"] for one in (usual, shaped))
+    assert not np.array_equal(ours, theirs)
+
+
+def test_it_is_known_by_name_and_says_what_it_is() -> None:
+    shaped = example("reward").Shaped
+    assert reward_from("shaped") == shaped()
+    assert reward_from(SHAPED).to_json() == '{"length_m":0.3,"name":"shaped","weight":0.8}'
+    with pytest.raises(ConfigError, match=r"\['weight', 'length_m'\], got wait = 1"):
+        reward_from('{"name": "shaped", "wait": 1}')
+
+
+def test_one_state_and_many_are_paid_alike() -> None:
+    reward = example("reward").Shaped()
+    measure = np.array([0.1, 0.25, np.inf])
+    many = reward(measure <= 0.2, measure)
+    assert [float(reward(bool(m <= 0.2), float(m))) for m in measure] == many.tolist()
+    assert many[0] == 1.0 and many[2] == -1.0 and -1.0 < many[1] < -0.5
