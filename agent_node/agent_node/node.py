@@ -51,7 +51,7 @@ class AgentNode(Node):
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
         self._learner: LearnerInfo | None = None  # the newest announced
-        self._watch = Watch(self.agent.key, self.config.stuck_after_s)
+        self._watch = Watch(self.config.stuck_after_s)
         self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
@@ -154,7 +154,7 @@ class AgentNode(Node):
             return
         context = codec.decode_context(parts["features"], len(arena.joint_names))
         self._watch.idle = not context.program
-        self._watch.executed(context.executed)
+        self._watch.executed(context.executed, self.agent.key)
         if not context.program:
             return  # nothing is to be done yet
         program = self._in_force(book, ProgramRequest(observation.program_id, context.program))
@@ -211,12 +211,11 @@ class AgentNode(Node):
 
     def _choose(self) -> None:
         """Decide on the next command: to hold still, if the program can't be acted on."""
-        self._watch.held = ""
         try:
             self.agent.act()
         except UnsupportedProgramError as error:
             self.refusals.refuse("program", error)
-            self._watch.held = str(error)
+            self._watch.held(str(error))
             self.agent.hold()
 
     def _answer_again(self) -> None:

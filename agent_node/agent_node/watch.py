@@ -8,26 +8,27 @@ from collections.abc import Callable
 
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.answer import Wait
+from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.experience import AgentKey, Executed
 from pa_ros.ros import topics
-from pa_ros.ros.arenas import RIVAL_S, Arenas
+from pa_ros.ros.arenas import Arenas
 from pa_ros.ros.health import ERROR, OK, WARN
 
 QUIET_S = 1.0  # without observations for so long, the agent waits for them
+SAID_S = 3.0  # what was over at once is worth a word for so long
 WAIT_S = 2.0  # waiting for weights longer than this is worth a word
 
 
 class Watch:
     """Remembers what happened when."""
 
-    def __init__(
-        self, key: AgentKey, stuck_after_s: float, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self.held = ""  # why the arm was held at the newest step; empty: it was not
+    def __init__(self, stuck_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:
         self.idle = False  # the newest step had no program in force
-        self._key, self._stuck_after_s, self._clock = key, stuck_after_s, clock
+        self._stuck_after_s, self._clock = stuck_after_s, clock
         self._heard_at = self._progress_at = clock()
         self._foreign, self._foreign_at = "", -math.inf  # who else moved the arm, and when
+        self._overtaken, self._overtaken_at = 0, -math.inf
+        self._held, self._held_at = "", -math.inf  # why the arm was held, and when
 
     def heard(self) -> None:
         """A part of a step has come."""
@@ -37,10 +38,14 @@ class Watch:
         """A command was sent."""
         self._progress_at = self._clock()
 
-    def executed(self, executed: Executed | None) -> None:
-        """The arena says what it carried out."""
-        if executed is not None and executed.command[:2] != self._key:
+    def executed(self, executed: Executed | None, key: AgentKey) -> None:
+        """The arena says what it carried out; `key`: of this agent."""
+        if executed is not None and executed.command[:2] != key:
             self._foreign, self._foreign_at = executed.command.agent_id, self._clock()
+
+    def held(self, reason: str) -> None:
+        """The arm was held, since the program in force can't be acted on."""
+        self._held, self._held_at = reason, self._clock()
 
     @property
     def observation_age_s(self) -> float:
@@ -60,11 +65,22 @@ class Watch:
         if arenas.rivals:
             others = ", ".join(arenas.rivals)
             return WARN, f"steps of other arenas come, too ({others}): stop all but one sim_node"
-        if self._clock() - self._foreign_at < RIVAL_S:
+        if self._clock() - self._foreign_at < SAID_S:
             return WARN, f"the arm obeys {self._foreign!r}, too: stop one of the agents"
-        if self.held:
-            return WARN, f"holds the arm, and learns nothing: {self.held}"
+        if self._is_overtaken(agent):
+            return WARN, (
+                "someone else sends trajectories under this agent's name: stop it, or give each "
+                "its own agent_id"
+            )
+        if self._clock() - self._held_at < SAID_S:
+            return WARN, f"holds the arm, and learns nothing: {self._held}"
         return OK, f"waits for a program ({topics.PROGRAM.name})" if self.idle else "acting"
+
+    def _is_overtaken(self, agent: Agent) -> bool:
+        times = agent.overtaken if isinstance(agent, LearningAgent) else 0
+        if times > self._overtaken:
+            self._overtaken, self._overtaken_at = times, self._clock()
+        return self._clock() - self._overtaken_at < SAID_S
 
     def _trouble(self, agent: Agent, arenas: Arenas) -> tuple[int, str] | None:
         """Why it doesn't act; None if it does."""

@@ -6,18 +6,22 @@ import time
 import uuid
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rclpy.node import Node
 
 from learner_node.config import LearnerNodeConfig
+from learner_node.watch import Watch
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.learning.errors import FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.newest import newest_whole
 from pa_ros.ros import topics
+from pa_ros.ros.arenas import Arenas, OtherArenaError
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import ERROR, OK, WARN, HealthReporter
+from pa_ros.ros.health import ERROR, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
@@ -26,6 +30,7 @@ from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription
 
 WATCH_S = 0.5
+OTHER_ARENA_S = 3.0  # for another arena, where the one known of can't be learned about
 EARLY_TRAJECTORIES = 1000  # kept until an arena describes itself
 
 
@@ -52,7 +57,8 @@ class Pace:
 
 
 class LearnerNode(Node):
-    """One learner. The first arena that describes itself says what the words are."""
+    """One learner. An arena that describes itself says what is learned about: the first one, or,
+    until something was learned, another one whose steps come."""
 
     def __init__(self) -> None:
         super().__init__("learner_node", automatically_declare_parameters_from_overrides=True)
@@ -63,7 +69,10 @@ class LearnerNode(Node):
             newest_whole(checkpoint_of(Path(self.config.out)))
         elif self.config.out:
             refuse_used(Path(self.config.out))
-        self._failure: BaseException | None = None
+        self._failure: PaError | None = None  # why it can't learn about the arena that it knows of
+        self._failed_at = 0.0
+        self._arenas, self._steps = Arenas(), list[Any]()  # subscriptions, until it has learned
+        self._watch = Watch()
         self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
         self._health_pace = self._told_pace = Pace()
@@ -73,10 +82,12 @@ class LearnerNode(Node):
         for arena in self.config.arenas or ("",):
             info = topics.ARENA_INFO.within(arena)
             info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
+            steps = topics.OBJECT_FEATURES.within(arena)
+            self._steps.append(steps.subscribe(self, self._on_step))
         topics.TRAJECTORIES.subscribe(self, self._take)
         alone = topics.POLICY_WEIGHTS, uuid.uuid4().hex
         HealthReporter(self, self.refusals, self._collect, alone, self._progress)
-        steady_timer(self, WATCH_S, self._watch)
+        steady_timer(self, WATCH_S, self._look)
 
     def close(self) -> int:
         """Write a last checkpoint; the exit status, 1 if what was learned is not all saved."""
@@ -89,18 +100,37 @@ class LearnerNode(Node):
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
-        if self.worker is None:
-            self._start(arena)
-        elif self.worker.vocabulary.digest != arena.vocabulary_digest:
-            ours = self.worker.vocabulary.digest
+        changed = self._arenas.announce(arena)
+        if self.worker is None or changed:
+            self._belong(arena)
+        ours = self.worker.vocabulary.digest if self.worker else arena.vocabulary_digest
+        if ours != arena.vocabulary_digest:
             raise VocabularyError("arena_info.vocabulary_digest", ours, arena.vocabulary_digest)
 
-    def _start(self, arena: ArenaDescription) -> None:
-        sinks = Sinks(self._publish, self.refusals.refuse)
+    def _on_step(self, message: Message) -> None:
+        """Until something was learned: which arena is there, and not only said to be."""
         try:
-            self.worker = LearnerWorker(self.config, arena, sinks)
-        except PaError as error:  # a checkpoint of other settings: nothing to go on with
-            self._failure = error
+            changed = self._arenas.step(codec.arena_of(message))
+        except OtherArenaError:  # of a fleet, perhaps
+            return
+        if changed and self._arenas.current is not None:
+            self.refusals.guard(topics.ARENA_INFO.name, self._belong)(self._arenas.current)
+
+    def _belong(self, arena: ArenaDescription) -> None:
+        """Learn about an arena, unless the one that was learned about stands for it."""
+        if self.worker is not None:
+            if self.worker.has_learned or self.worker.suits(arena):
+                return
+            self.worker.discard()
+            self.worker = None
+        self._start(arena)
+
+    def _start(self, arena: ArenaDescription) -> None:
+        sinks = Sinks(self._publish, self._refuse)
+        try:
+            self.worker, self._failure = LearnerWorker(self.config, arena, sinks), None
+        except PaError as error:  # a checkpoint of other settings, or a stranger's arena
+            self._failure, self._failed_at = error, time.monotonic()
             raise
         origin = self.worker.origin(self.get_fully_qualified_name())
         self._provenance.publish(codec.encode_provenance(origin))
@@ -127,21 +157,43 @@ class LearnerNode(Node):
                 )
             self._early.append(message)
             return
-        trajectory = codec.decode_trajectory(message, self.worker.vocabulary)
+        try:
+            trajectory = codec.decode_trajectory(message, self.worker.vocabulary)
+        except PaError as error:
+            self._watch.refused(str(error))
+            raise
+        self._watch.came(trajectory.agent)
         self.worker.submit(trajectory)
+
+    def _refuse(self, where: str, error: PaError) -> None:
+        """What the worker refuses."""
+        self.refusals.refuse(where, error)
+        if where == topics.TRAJECTORIES.name:
+            self._watch.refused(str(error))
 
     def _publish(self, policy: PublishedPolicy) -> None:
         self._weights.publish(codec.encode_weights(policy))
 
-    def _watch(self) -> None:
-        failure = self._failure if self.worker is None else self.worker.failure
-        if failure is not None:
-            raise failure
+    def _look(self) -> None:
+        if self.worker is None:
+            used = isinstance(self._failure, (FolderInUseError, FolderUsedError))
+            waited_s = time.monotonic() - self._failed_at
+            if self._failure is not None and (used or waited_s > OTHER_ARENA_S):
+                raise self._failure
+            return
+        if self.worker.failure is not None:
+            raise self.worker.failure
+        if self._steps and self.worker.has_learned:
+            for subscription in self._steps:
+                self.destroy_subscription(subscription)
+            self._steps.clear()
 
     def _collect(self) -> tuple[int, str, dict[str, str]]:
         worker = self.worker
+        if worker is None and self._failure is not None:
+            return ERROR, f"cannot learn about the arena that it hears: {self._failure}", {}
         if worker is None:
-            return WARN, "waits for an arena (arena_info)", {}
+            return WARN, "waits for an arena (arena_info): does sim_node run in this domain?", {}
         metrics = worker.metrics
         frames_per_s, updates_per_s = self._health_pace.since_last(metrics)
         values = {
@@ -153,13 +205,10 @@ class LearnerNode(Node):
             "updates_per_s": f"{updates_per_s:.1f}",
             **{name: f"{value:.6g}" for name, value in metrics.items()},
         }
-        if worker.trouble:
-            return ERROR, worker.trouble, values
-        if metrics["missing_trajectories"]:
-            return WARN, "trajectories are missing", values
-        if not metrics["frames"]:
-            return OK, f"waits for an agent that learns ({topics.TRAJECTORIES.name})", values
-        return OK, "learning", values
+        missing = worker.missing(self._watch.at_work)
+        return *self._watch.state(
+            worker.trouble, missing, worker.backlog, metrics["frames"]
+        ), values
 
     def _progress(self) -> str:
         """A line of how far it is; empty before the first frame."""

@@ -6,12 +6,13 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
+from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary
 from pa_ros.language.syntax import NEAR
@@ -49,12 +50,13 @@ class LearnerWorker:
         self.unsaved: PaError | None = None  # why the latest checkpoint could not be written
         self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
-        self._folder = self._claimed()
         self._learner = _make_learner(config, arena, self.vocabulary)
+        self._folder = self._claimed()
         extra = self._resumed() if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self.metrics = self._learner.metrics()
+        self._frames_at_start = self.metrics["frames"]
         self._trajectories: queue.SimpleQueue[Trajectory | None] = queue.SimpleQueue()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
@@ -63,6 +65,23 @@ class LearnerWorker:
     def backlog(self) -> int:
         """Trajectories that wait; in the synchronous protocol at most policy_lag + 1 per agent."""
         return self._trajectories.qsize()
+
+    @property
+    def has_learned(self) -> bool:
+        """Whether any trajectory was learned from since the start."""
+        return self.metrics["frames"] > self._frames_at_start
+
+    def suits(self, arena: ArenaDescription) -> bool:
+        """Whether an arena is, but for its name and seed, the one that is learned about."""
+        names = {"arena_id": "", "seed": 0, "stamp_ns": 0, "software_version": ""}
+        return replace(arena, **names) == replace(self._arena, **names)  # type: ignore[arg-type]
+
+    def missing(self, at_work: Callable[[AgentKey], bool]) -> int:
+        """Trajectories skipped by agents that are at work, who may still send them."""
+        accounts = list(self._learner.replay.ledger.accounts.items())
+        return sum(
+            one.missing for name, one in accounts if at_work(AgentKey(name, one.incarnation))
+        )
 
     @property
     def trouble(self) -> str:
@@ -119,6 +138,14 @@ class LearnerWorker:
         if self._folder is not None:
             self._folder.close()
 
+    def discard(self) -> None:
+        """Stop without a checkpoint: nothing was learned."""
+        self._stopping = True
+        self._trajectories.put(None)
+        self._thread.join()
+        if self._folder is not None:
+            self._folder.close()
+
     def _run(self) -> None:
         try:
             while (trajectory := self._trajectories.get()) is not None and not self._stopping:
@@ -166,11 +193,16 @@ class LearnerWorker:
 
     def _resumed(self) -> dict[str, Any]:
         """Go on from the newest whole checkpoint, and say so if another was damaged."""
-        checkpoint, passed_over = newest_whole(checkpoint_of(Path(self._config.out)))
-        if passed_over:
-            self._sinks.refuse("checkpoint", CheckpointError(passed_over))
-            make_latest(checkpoint)
-        return restore(checkpoint, self._learner)
+        try:
+            checkpoint, passed_over = newest_whole(checkpoint_of(Path(self._config.out)))
+            if passed_over:
+                self._sinks.refuse("checkpoint", CheckpointError(passed_over))
+                make_latest(checkpoint)
+            return restore(checkpoint, self._learner)
+        except PaError:  # in another arena it may be gone on from
+            if self._folder is not None:
+                self._folder.close()
+            raise
 
     def _claimed(self) -> IO[bytes] | None:
         """The folder, kept from other runs; None where nothing can be written, which is said."""
@@ -190,4 +222,5 @@ def _make_learner(
     settings = config.settings()
     network = settings.network_config(vocabulary, config.network)
     scoring = Scoring({NEAR: arena.near_threshold})
-    return Learner(network, settings.learner, arena.training_programs, config.seed, scoring)
+    programs, n_objects = arena.training_programs, arena.block_count + 1
+    return Learner(network, settings.learner, programs, config.seed, scoring, n_objects)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pa_ros.arena import training_programs
+from dataclasses import replace
+
+from pa_ros.arena import generate, training_programs
 from pa_ros.provenance import origins
 from pa_ros.wire.records import ArenaDescription, Mode, Origin
 from sim_node.session import Session
@@ -15,7 +17,10 @@ def describe(session: Session) -> ArenaDescription:
     design, config = session.task.design, session.config
     mode = Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME
     programs = training_programs(design)
-    return origins.describe(session.arena, design, config.seed, programs, session.arena_id, mode)
+    about = origins.describe(session.arena, design, config.seed, programs, session.arena_id, mode)
+    condition = config.condition_of(config.condition)  # which may have more blocks, or fewer
+    scene = generate(session.arena, design, condition, config.seed, config.first_episode)
+    return replace(about, block_count=len(scene.blocks))
 
 
 def origin(session: Session, node: str) -> Origin:

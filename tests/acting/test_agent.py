@@ -376,3 +376,16 @@ def test_weights_that_do_not_fit_are_refused_and_the_good_ones_go_on(learning) -
     arm = Arm(agent)
     arm.reset(0)
     assert arm.velocity.any() and agent.version == 0
+
+
+def test_an_agent_whose_name_someone_else_has_used_goes_on_under_another_incarnation(arm) -> None:
+    arm.reset(0)
+    arm.run(15)
+    forged = published(1, mine=10**6, learner=FAR_BEHIND)  # the learner has a million from "me"
+    arm.agent.offer(forged)
+    assert arm.agent.overtaken == 1 and arm.agent.key == (ME.agent_id, ME.incarnation + 1)
+    arm.run(20)
+    later = [one for one in arm.sent if one.incarnation == ME.incarnation + 1]
+    assert later and later[0].held_from == later[0].sequence == 1
+    arm.agent.offer(published(2, mine=10**6, learner=FAR_BEHIND))
+    assert arm.agent.overtaken == 1

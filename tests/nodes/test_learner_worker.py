@@ -93,6 +93,19 @@ def test_a_gap_that_cannot_be_filled_is_lost_and_no_longer_waited_for(bench):
     assert bench.worker.metrics["missing_trajectories"] == 1
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_a_trajectory_that_its_agent_cannot_have_made_yet_is_refused(bench, known):
+    """Forged under an agent's name; the agent is not to wait for what is between."""
+    if known:
+        bench.submit(trajectory(0))
+    before = bench.worker.run.policy().accounted
+    answer = bench.submit(trajectory(10**6))
+    assert [error.code for error in bench.refused] == ["learning.ahead"]
+    assert answer.accounted == before
+    assert bench.worker.metrics["missing_trajectories"] == 0
+    assert bench.submit(trajectory(1 if known else 0)).accounted == {A: 2 if known else 1}
+
+
 def test_another_run_begins_its_account_where_the_agent_says(bench):
     answer = bench.submit(replace(trajectory(399), held_from=399))
     assert answer.accounted == {A: 400}

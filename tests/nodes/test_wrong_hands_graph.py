@@ -7,22 +7,29 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import learners
 import numpy as np
 import pytest
 from graph import Probe, graph
+from learner_input import ARENA, begin_run, trajectory
 from reenacted import Witness
 
 from agent_node.node import AgentNode
+from learner_node.config import LearnerNodeConfig
+from learner_node.node import LearnerNode
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.experience import AgentKey
+from pa_ros.core.published import PublishedPolicy
+from pa_ros.language import Vocabulary, parse
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.ros import topics
-from pa_ros.ros.health import OK, WARN
+from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.wire import codec
-from pa_ros.wire.records import Command
+from pa_ros.wire.records import Command, ProgramRequest
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -117,3 +124,183 @@ def test_a_second_arena_is_an_alarm_and_its_steps_are_not_joined_with_the_firsts
         assert not false_transitions(probe, witness)
         assert probe.until(lambda: probe.message("sim_node") == "running")
         assert probe.until(lambda: probe.message("agent_node") == "acting")
+
+
+def test_a_strangers_arena_and_experience_do_not_bind_a_learner_against_the_real_ones() -> None:
+    strange = replace(ARENA, arena_id="strange", near_threshold=0.5, control_period=0.7)
+    wide = trajectory(0, "stranger")
+    wide = replace(wide, objects=np.repeat(wide.objects, 13, axis=1)[:, :64])
+    with graph(LearnerNode, agent_node__learning=True) as probe:
+        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(strange))
+        learner = probe.nodes[0]
+        assert probe.until(lambda: learner.worker is not None)
+        probe.speaker(topics.TRAJECTORIES).publish(codec.encode_trajectory(wide))
+        assert probe.until(lambda: "refuses trajectories" in probe.message("learner_node"))
+        assert probe.health["/learner_node"].level == WARN
+        probe.nodes += [SimNode(), AgentNode()]
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
+        assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 300)
+        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(strange))  # and later
+        assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 600)
+        assert probe.message("agent_node") == "acting"
+
+
+def test_a_learner_waits_a_while_for_an_arena_that_it_can_go_on_in(tmp_path: Path) -> None:
+    begin_run(LearnerNodeConfig(out=str(tmp_path)))
+    words = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
+    strange = replace(ARENA, arena_id="strange", shapes=words["shape"], colors=words["color"],
+                      vocabulary_digest=words.digest,
+                      training_programs=(parse("NEAR(HAND, RED)", words),))  # fmt: skip
+    given = {"learner_node__out": str(tmp_path), "learner_node__resume": True}
+    with graph(LearnerNode, **given) as probe:
+        speaker = probe.speaker(topics.ARENA_INFO)
+        speaker.publish(codec.encode_arena_info(strange))
+        assert probe.until(lambda: "cannot learn about" in probe.message("learner_node"))
+        assert probe.health["/learner_node"].level == ERROR
+        speaker.publish(codec.encode_arena_info(ARENA))
+        assert probe.until(lambda: probe.nodes[0].worker is not None)
+        assert probe.until(lambda: "waits for an agent" in probe.message("learner_node"))
+
+
+def test_two_learners_are_an_alarm_and_agents_follow_one() -> None:
+    with graph(SimNode, AgentNode, LearnerNode, agent_node__learning=True) as probe:
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
+        with process("learner_node"):
+            assert probe.until(lambda: "not alone on /policy_w" in probe.message("learner_node"))
+            assert probe.health["/learner_node"].level == WARN
+
+
+def _weights(shape: list[int], architecture: str = "{}") -> Any:
+    message = codec.encode_weights(learners.published(9))
+    message.tensors[0].shape = shape
+    message.architecture = architecture
+    return message
+
+
+HOSTILE: dict[str, Any] = {
+    "65 dimensions": lambda: _weights([1] * 65),
+    "an overflowing shape": lambda: _weights([2**32 - 1] * 8),
+    "an empty overflowing shape": lambda: _weights([0, 2**32 - 1, 2**32 - 1]),
+    "200,000 brackets": lambda: codec.encode_weights(
+        replace(
+            learners.published(9),
+            snapshot=replace(learners.snapshot(9), architecture="[" * 200_000),
+        )
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_latched_message_kills_no_agent(name) -> None:
+    with graph(SimNode) as probe:
+        stranger = probe.create_publisher(
+            topics.POLICY_WEIGHTS.type, "policy_weights", topics.POLICY_WEIGHTS.writer
+        )
+        stranger.publish(HOSTILE[name]())
+        probe.nodes.append(AgentNode())
+        assert probe.until(lambda: probe.nodes[1].refusals.total > 0)
+        codes = set(probe.nodes[1].refusals.counts)
+        assert codes <= {"wire.size", "wire.truncated", "learning.policy", "wire.range"}, codes
+        announce(probe)
+        assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 20)
+
+
+def test_a_first_policy_of_another_size_does_not_shut_the_real_learner_out() -> None:
+    other = NetworkConfig(vocabulary=learners.WORDS, hidden=4, attention=2)
+    strange = PublishedPolicy(learners.snapshot(9, other), "strange", "stranger")
+    with graph(SimNode, AgentNode) as probe:
+        agent = probe.nodes[1].agent
+        speaker = probe.speaker(topics.POLICY_WEIGHTS)
+        speaker.publish(codec.encode_weights(strange))
+        assert probe.until(lambda: agent.has_weights and agent.version == 9)
+        speaker.publish(codec.encode_weights(learners.published(1)))
+        assert probe.until(lambda: probe.value("agent_node", "refused.learning.policy") == "1")
+        probe.speaker(topics.LEARNER_INFO).publish(codec.encode_learner_info(LEARNER))
+        assert probe.until(lambda: agent.version == 1)
+        speaker.publish(codec.encode_weights(strange))
+        assert probe.until(lambda: probe.value("agent_node", "refused.learning.policy") == "2")
+        assert probe.until(lambda: probe.last(topics.JOINT_COMMANDS).policy_version == 1)
+
+
+def test_a_program_that_the_networks_cannot_be_told_stops_no_training() -> None:
+    given = {"agent_node__weights": "random", "agent_node__network": "canonical"}
+    with graph(SimNode, AgentNode, **given) as probe:
+        assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 10)
+        probe.speaker(topics.PROGRAM).publish(
+            codec.encode_program(ProgramRequest("red", "NEAR(HAND, RED)"))
+        )
+        assert probe.until(lambda: "holds the arm" in probe.message("agent_node"))
+        assert probe.health["/agent_node"].level == WARN
+        answers = map(codec.decode_program_status, probe.heard["program_status"])
+        assert {a.node: a.accepted for a in answers if a.program_id == "red"} == {
+            "/sim_node": True, "/agent_node": False,
+        }  # fmt: skip
+        held = [m for m in probe.heard["joint_commands"] if not any(m.action)]
+        assert held
+        assert probe.until(lambda: probe.message("agent_node") == "acting")  # the next episode
+        assert probe.health["/agent_node"].level == OK
+
+
+def test_an_id_has_one_meaning_for_arena_and_agent() -> None:
+    with graph(SimNode, AgentNode, agent_node__weights="random") as probe:
+        arena_id = probe.nodes[0].session.arena_id
+        speaker = probe.speaker(topics.PROGRAM)
+
+        def ask(program_id: str, text: str) -> dict[str, bool]:
+            probe.heard["program_status"].clear()
+            speaker.publish(codec.encode_program(ProgramRequest(program_id, text)))
+            found: dict[str, bool] = {}
+
+            def answered() -> bool:
+                for one in map(codec.decode_program_status, probe.heard["program_status"]):
+                    found.update({one.node: one.accepted} if one.program_id == program_id else {})
+                return "/sim_node" in found
+
+            assert probe.until(answered)
+            probe.until(lambda: False, 0.3)
+            answered()
+            return found
+
+        assert ask("mine", "NEAR(HAND, RED)") == {"/sim_node": True, "/agent_node": True}
+        assert ask("mine", "NEAR(HAND, BLUE)") == {"/sim_node": False, "/agent_node": False}
+        assert probe.nodes[0].refusals.counts["program.id_taken"] == 1
+        assert ask(f"{arena_id}/train/9", "NEAR(HAND, BLUE)")["/sim_node"] is False
+        meanings = {(m.program_id, m.program) for m in probe.heard["object_features"]}
+        assert len({one for one, _ in meanings}) == len(meanings)
+        assert ("mine", "NEAR(HAND, RED)") in meanings
+
+
+@pytest.mark.parametrize("held_from", [0, 10**6])
+def test_a_trajectory_far_ahead_under_a_real_agents_name_stops_nothing(held_from) -> None:
+    with graph(SimNode, AgentNode, LearnerNode, **LEARNING) as probe:
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
+        agent = probe.nodes[1].agent
+        key = agent.key
+        forged = replace(
+            trajectory(10**6, "real"), incarnation=key.incarnation, held_from=held_from
+        )
+        probe.speaker(topics.TRAJECTORIES).publish(codec.encode_trajectory(forged))
+        if held_from:
+            assert probe.until(lambda: probe.value("learner_node", "lost_trajectories") != "0")
+            assert probe.until(lambda: "under this agent's name" in probe.message("agent_node"))
+        else:
+            refused = "refused.learning.ahead"
+            assert probe.until(lambda: probe.value("learner_node", refused) == "1")
+            assert probe.until(lambda: "someone else send" in probe.message("learner_node"))
+        then = float(probe.value("learner_node", "frames"))
+        assert probe.until(lambda: float(probe.value("learner_node", "frames")) > then + 1000)
+        assert len(agent.unaccounted) < 5
+        assert probe.until(lambda: probe.message("agent_node") == "acting")
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
+
+
+def test_an_agent_of_a_fixed_name_that_starts_again_is_learned_from() -> None:
+    with graph(SimNode, LearnerNode) as probe:
+        for _ in range(2):
+            before = float(probe.value("learner_node", "frames") or 0)
+            with process("agent_node", "learning:=true", "agent_id:=fixed"):
+                more = lambda: float(probe.value("learner_node", "frames") or 0) > before + 500  # noqa: B023, E731
+                assert probe.until(more)
+            assert probe.until(lambda: "no trajectory for" in probe.message("learner_node"))
+            assert probe.health["/learner_node"].level == WARN
+        assert probe.value("learner_node", "duplicate_trajectories") == "0"

@@ -44,6 +44,7 @@ class Account:
         """`begins`: the sequence number of the first trajectory for this run."""
         self.learner = learner
         self.lost = 0  # trajectories given up
+        self.overtaken = False  # the learner has trajectories of this agent that it never sent
         self._agent = agent
         self._begins = self._next = self._given_up = begins
         self._started_at = learner.first_version
@@ -107,6 +108,7 @@ class Account:
 
     def _settle(self, newest: PublishedPolicy) -> None:
         accounted = self._accounted(newest)
+        self.overtaken = accounted > self._next
         self._sent = [one for one in self._sent if one.sequence >= accounted]
         if accounted < self._held_from:
             self.lost += self._held_from - accounted

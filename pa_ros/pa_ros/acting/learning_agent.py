@@ -30,6 +30,7 @@ class LearningAgent(Agent):
         """`seed`: of the exploration noise. `first_sequence`: of the first trajectory."""
         super().__init__(key)
         self.interrupted = 0  # runs of steps broken off: not as commanded, or for another learner
+        self.overtaken = 0  # times that someone else sent trajectories under this agent's name
         self._seed, self._first_sequence = seed, first_sequence
         self._account: Account | None = None
         self._builder: TrajectoryBuilder | None = None
@@ -82,6 +83,8 @@ class LearningAgent(Agent):
             self._early.append(policy)
         else:
             self._take(policy)
+            if self._account.overtaken:
+                self._live_again(self._account, policy)
 
     def observe(self, step: Step) -> Trajectory | None:
         verdict = step.verdict
@@ -122,6 +125,14 @@ class LearningAgent(Agent):
         self._account = self._rule = Account(self.key, builder.sequence, learner)
         if step is not None and step.verdict is not None and not step.evaluation:
             builder.observe(step.observation, step.verdict, step.program)
+
+    def _live_again(self, account: Account, policy: PublishedPolicy) -> None:
+        """Go on as another incarnation, whose account is its own: the learner takes what this one
+        sends for what it already has."""
+        self.overtaken += 1
+        self.key = AgentKey(self.key.agent_id, self.key.incarnation + 1)
+        self._begin(account.learner)
+        self._take(policy)
 
     def _break_off(self, learner: LearnerInfo) -> TrajectoryBuilder:
         """Begin a trajectory at the next step, whatever was collected."""

@@ -15,10 +15,17 @@ from pa_ros.world import Trajectory
 class Reenactment:
     """Re-enacts trajectories of training episodes that were recorded from their first step."""
 
-    def __init__(self, arena: ArenaDescription, condition: str = "train") -> None:
-        """Raises ConfigError for a design, arm or preset that is not known here."""
+    def __init__(
+        self, arena: ArenaDescription, condition: str = "train", blocks: int | None = None
+    ) -> None:
+        """`blocks`: that the arena was asked for, 0: the design's; None: as it has described.
+
+        Raises ConfigError for a design, arm or preset that is not known here.
+        """
         preset = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
-        design = replace(design_named(arena.design), n_blocks=arena.block_count)
+        design = design_named(arena.design)
+        count = arena.block_count if blocks is None else blocks or design.n_blocks
+        design = replace(design, n_blocks=count)
         self.checked = 0  # transitions
         self.skipped = 0  # transitions of episodes whose beginning is not recorded
         self._task = ReachTask(preset, design, arena.seed)

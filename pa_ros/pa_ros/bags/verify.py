@@ -155,15 +155,16 @@ def _reenactment(experience: Experience, found: Verification) -> Reenactment | N
             "--no-arena compares weights only"
         )
         return None
-    return Reenactment(description, _condition(experience.origins, description.arena_id))
+    return Reenactment(description, *_asked(experience.origins, description.arena_id))
 
 
-def _condition(origins: Iterable[Origin], arena_id: str) -> str:
-    """The condition that training episodes were drawn from."""
+def _asked(origins: Iterable[Origin], arena_id: str) -> tuple[str, int | None]:
+    """The condition that training episodes were drawn from, and the number of blocks asked for."""
     for origin in origins:
         if origin.instance == arena_id and "condition" in origin.parameters:
-            return str(origin.parameters["condition"])
-    return "train"
+            blocks = origin.parameters.get("blocks")
+            return str(origin.parameters["condition"]), None if blocks is None else int(blocks)
+    return "train", None
 
 
 def _software(origin: Origin) -> str:

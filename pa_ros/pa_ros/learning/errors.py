@@ -29,6 +29,12 @@ class SupersededAgentError(TrajectoryError):
     code = "learning.superseded"
 
 
+class AheadError(TrajectoryError):
+    """A trajectory that its agent cannot have made yet."""
+
+    code = "learning.ahead"
+
+
 class NonFiniteError(TrajectoryError):
     """A number that is not finite."""
 

@@ -62,11 +62,13 @@ class Learner:
         training_programs: Sequence[Program],
         seed: int,
         scoring: Scoring | None = None,
+        n_objects: int | None = None,
     ) -> None:
         """`config` says by which algorithm; ConfigError if it is not registered.
 
         `scoring` is the arena's, which relabeling asks; unless given, the paper's reward
-        at the relations' own thresholds.
+        at the relations' own thresholds. `n_objects`: of the arena's scenes, the hand included;
+        None: as the first trajectory has them.
         """
         self.network = network
         self.scoring = scoring or Scoring.of(network.vocabulary.relations)
@@ -84,7 +86,7 @@ class Learner:
             self._dropout = PropertyDropout(self.table, config.relabeling.property_dropout)
         goals = self._relabeler.rewards_kept if self._relabeler else 0
         self.replay = ReplayBuffer(
-            config.replay.capacity_frames, network.vocabulary.digest, goals=goals
+            config.replay.capacity_frames, network.vocabulary.digest, n_objects, goals
         )
         algorithm = ALGORITHMS[config.ALGORITHM]
         self.engine = algorithm.make_engine(network, config, self.table, self.rng)

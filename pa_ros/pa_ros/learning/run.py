@@ -10,9 +10,11 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language.syntax import NEAR
-from pa_ros.learning.errors import DivergedError, TrajectorySizeError
+from pa_ros.learning.errors import AheadError, DivergedError, TrajectorySizeError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
+
+AHEAD = 100  # trajectories that an agent may be ahead of its account, beside policy_lag
 
 
 class LearningRun:
@@ -36,10 +38,12 @@ class LearningRun:
 
         Raises TrajectoryError or ProgramError for one that cannot be learned from. It is then
         accounted for all the same, since no agent must wait for ever; but not with
-        SupersededAgentError. Whose weights acted doesn't matter: it may be a recording's.
+        SupersededAgentError or AheadError. Whose weights acted doesn't matter: it may be a
+        recording's.
         """
         ledger = self.learner.replay.ledger
         ledger.check(trajectory)
+        self._check_ahead(trajectory)
         try:
             self._check_length(trajectory)
             if self.learner.consume(trajectory).insert.accepted:
@@ -61,6 +65,18 @@ class LearningRun:
             self._latest,
             time.time_ns(),
         )
+
+    def _check_ahead(self, trajectory: Trajectory) -> None:
+        """An agent waits for weights that account for all but `policy_lag` of its trajectories."""
+        accounted = self.learner.replay.ledger.accounted().get(trajectory.agent, 0)
+        first = max(accounted, trajectory.held_from)
+        farthest = first + self.info.policy_lag + AHEAD
+        if trajectory.sequence > farthest:
+            raise AheadError(
+                f"trajectory: expected at most number {farthest} of {trajectory.agent_id!r}, of "
+                f"whose trajectories those before {first} are accounted for, got "
+                f"{trajectory.sequence}: does someone else send under its name?"
+            )
 
     def _check_length(self, trajectory: Trajectory) -> None:
         longest = self.info.trajectory_steps
