@@ -11,11 +11,12 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: reference install install-dev install-bench run train test fuzz bench same-results lint sanitize clean
+.PHONY: reference install install-dev install-bench install-console run train test fuzz bench same-results lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
 install-bench: $(VENV)/.installed-bench
+install-console: $(VENV)/.installed-console
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -30,6 +31,10 @@ $(VENV)/.installed-dev: $(VENV)/.installed
 
 $(VENV)/.installed-bench: $(VENV)/.installed
 	$(PIP_INSTALL) $(call extra,bench)
+	touch $@
+
+$(VENV)/.installed-console: $(VENV)/.installed
+	$(PIP_INSTALL) $(call extra,console)
 	touch $@
 
 run: install

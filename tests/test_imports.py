@@ -41,6 +41,7 @@ MESSAGES = ("_msgs", "_interfaces", "_srvs", "msgs_schema")
 ROS_CLIENT = {
     "pa_ros.ros",
     "pa_ros.tools",
+    "pa_ros.console",
     "pa_ros.benchmarks",
     "sim_node",
     "agent_node",

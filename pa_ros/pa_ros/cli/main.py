@@ -27,6 +27,7 @@ COMMANDS = {
     "bag": ("pa_ros.cli.bag", "what a bag holds; its episodes as NPZ or as a film"),
     "play": ("pa_ros.cli.play", "publish a bag into a live graph"),
     "verify": ("pa_ros.cli.verify", "make a recorded run again and compare it to the last bit"),
+    "console": ("pa_ros.cli.console", "a page in the browser: a running graph, or a bag"),
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does

@@ -1,0 +1,56 @@
+"""`pa_ros console`: a page that shows a running graph, or a recorded one."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pa_ros.cli.options import add_settings, settings_from
+from pa_ros.core.errors import ConfigError
+from pa_ros.tools.graph import signals_noted
+
+if TYPE_CHECKING:
+    from pa_ros.console.server import ConsoleSettings
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `pa_ros console`."""
+    settings = _installed()[0]
+    add_settings(parser, settings, "port", "rate_hz", "token")
+    parser.add_argument("--namespace", default="", help="of the arena to begin with")
+    parser.add_argument("--bag", type=Path, metavar="BAG", help="show a recording instead")
+    parser.epilog = "Ctrl-C stops it. Pages without the token may look, and nothing else."
+
+
+def run(options: argparse.Namespace) -> int:
+    """Serve the page until a signal comes."""
+    kind, serve_graph, serve_bag = _installed()
+    settings = settings_from(options, kind)
+    with signals_noted() as interrupted:
+        if options.bag is not None:
+            serve_bag(options.bag, settings, options.namespace or None, interrupted, _announce)
+        else:
+            serve_graph(settings, options.namespace, interrupted, _announce)
+    return 0
+
+
+def _announce(address: str, watching: str) -> None:
+    print(f"console: {address}\n  (to look only: {watching})", flush=True)
+
+
+def _installed() -> tuple[type[ConsoleSettings], Callable[..., None], Callable[..., None]]:
+    """What the extra `console` brings."""
+    try:
+        import mjviser  # noqa: F401
+        import viser  # noqa: F401
+    except ImportError as error:
+        raise ConfigError(
+            "console: expected the extra console (`make install-console`, or pip install "
+            f'"programmable-agents[console]"), got: {error}'
+        ) from error
+    from pa_ros.console.serve import serve_bag, serve_graph
+    from pa_ros.console.server import ConsoleSettings
+
+    return ConsoleSettings, serve_graph, serve_bag

@@ -1,0 +1,75 @@
+"""What an actor's networks make of a program at one moment: Φ, p, and the degrees in between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
+from pa_ros.language import And, Expression, Not, Or, Program, Word, degree, relevance
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.inference import TorchActor
+from pa_ros.networks.parameters import TensorError
+
+
+@dataclass(frozen=True)
+class Node:
+    """One node of a program's tree, and how far it describes each object."""
+
+    depth: int  # 0: the target expression itself
+    text: str  # AND, OR, NOT or a word
+    degrees: Float64  # [N] in [0, 1]
+
+
+@dataclass(frozen=True)
+class Look:
+    """Φ and p of all objects at one moment, hand included."""
+
+    version: int  # of the weights
+    words: tuple[str, ...]
+    phi: Float32  # [V, N]
+    p: Float64  # [N]; the hand's is 1; empty without a program
+    tree: tuple[Node, ...]  # outer before inner, left to right
+
+
+class Insight:
+    """The detectors of one set of weights. ConfigError if these have none, or don't fit."""
+
+    def __init__(self, snapshot: PolicySnapshot) -> None:
+        network = actor_config(snapshot.architecture)
+        if not network.family.evaluates_programs:
+            raise ConfigError(f"the networks {network.family.name!r} evaluate no programs")
+        try:
+            self._inference = TorchActor(network, snapshot.tensors)
+        except TensorError as error:
+            raise ConfigError(str(error)) from error
+        self._vocabulary, self._version = network.vocabulary, snapshot.version
+
+    def look(self, observation: Observation, program: Program | None) -> Look:
+        """Raises UnknownWordError if the program is of another vocabulary."""
+        phi = self._inference.properties(observation.objects, observation.arm)
+        words, row = self._vocabulary.words, self._vocabulary.row
+        if program is None:
+            return Look(self._version, words, phi, np.zeros(0), ())
+        p = relevance(program, phi.tolist(), row, observation.hand_index)
+        tree = tuple(_nodes(program.target, lambda word: phi[row[word]].astype(np.float64)))
+        return Look(self._version, words, phi, np.array(p), tree)
+
+
+def _nodes(expression: Expression, value: Any, depth: int = 0) -> Iterator[Node]:
+    yield Node(depth, name_of(expression), np.asarray(degree(expression, value)))
+    match expression:
+        case Not(operand):
+            yield from _nodes(operand, value, depth + 1)
+        case And(operands) | Or(operands):
+            for operand in operands:
+                yield from _nodes(operand, value, depth + 1)
+
+
+def name_of(expression: Expression) -> str:
+    """A node without what is below it: `AND`, `RED`."""
+    return expression.name if isinstance(expression, Word) else type(expression).__name__.upper()

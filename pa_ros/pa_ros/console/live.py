@@ -1,0 +1,226 @@
+"""A running graph on the page: it is listened to, sent programs, and asked through services."""
+
+from __future__ import annotations
+
+import os
+import queue
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import count
+from typing import Any
+
+from rclpy.node import Node
+
+from pa_ros.console import markup
+from pa_ros.console.history import History
+from pa_ros.console.moment import Moment, looked, vocabulary_of
+from pa_ros.console.page import Page
+from pa_ros.console.sampler import Sampler, within
+from pa_ros.console.services import ArenaServices
+from pa_ros.console.weights import AgentWeights
+from pa_ros.core.errors import PaError
+from pa_ros.language import Vocabulary, parse, require_target
+from pa_ros.ros.refusals import Refusals
+from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS
+from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import ArenaDescription, ProgramRequest
+
+REMEMBERED = 256  # programs by id
+SURVEY_S = 2.0  # how often arenas are looked for
+FIGURES_S = 1.0
+EXAMPLES = 12
+
+
+class LiveConsole:
+    """`Desk` of the pages, and what draws them: `tick` in the thread that serves `node`."""
+
+    def __init__(self, node: Node, sampled: Node, page: Page, namespace: str) -> None:
+        """`sampled` is served by no executor (see Sampler)."""
+        self._node, self._sampled, self._page = node, sampled, page
+        self._todo: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._refusals = Refusals(node.get_logger().warning)
+        self.figures, self.history = GraphFigures(), History()
+        watch_diagnostics(node, self.figures)
+        self._serial, self._began = count(), time.monotonic()
+        self._surveyed = self._plotted = -SURVEY_S
+        self._arenas: tuple[str, ...] = ()
+        self._sampler: Sampler | None = None
+        self._examples: tuple[str, ...] = ()
+        self._open: list[Any] = []
+        self._attend(namespace)
+
+    # What controls ask for, on any thread
+
+    def vocabulary(self) -> Vocabulary | None:
+        return self._vocabulary
+
+    def examples(self) -> Sequence[str]:
+        return self._examples
+
+    def arenas(self) -> Sequence[str]:
+        return self._arenas
+
+    def send(self, text: str) -> None:
+        self._todo.put(lambda: self._send(text))
+
+    def choose(self, namespace: str) -> None:
+        self._todo.put(lambda: self._attend(namespace))
+
+    def ask(self, service: str, value: float = 0.0) -> None:
+        self._todo.put(lambda: self._services.ask(service, value))
+
+    # In the thread of the node
+
+    def tick(self, pages: int) -> None:
+        """Do what was asked; renew the page if one is open, else rest."""
+        while not self._todo.empty():
+            self._todo.get()()
+        now = time.monotonic()
+        if now - self._surveyed > SURVEY_S:
+            self._surveyed, self._arenas = now, self._survey()
+        if not pages and not self.history.pending:
+            self._rest()
+            return
+        if self._sampler is None:
+            self._sampler = Sampler(self._sampled, self._namespace)
+        self._weights.attend()
+        self._look(self._sampler.take())
+        self._page.say("History", self.history.html() + self._services.html())
+        if now - self._plotted > FIGURES_S:
+            self._plotted = now
+            self._page.plot(now - self._began, self.figures.value)
+            self._page.say("Alarms", _alarms(self.figures))
+
+    def _rest(self) -> None:
+        if self._sampler is not None:
+            self._sampler.close()
+            self._sampler = None
+        self._weights.rest()
+
+    def _attend(self, namespace: str) -> None:
+        """Turn to the arena of a namespace."""
+        for entity in self._open:
+            self._node.destroy_subscription(entity)
+        if self._sampler is not None:
+            self._sampler.close()
+            self._sampler = None
+        self._namespace = namespace.strip("/")
+        self._arena: ArenaDescription | None = None
+        self._vocabulary: Vocabulary | None = None
+        self._texts: OrderedDict[str, str] = OrderedDict()
+        self._examples = ()
+        self._services = ArenaServices(self._node, self._namespace)
+        self._weights = AgentWeights(self._node, self._namespace, self._refusals)
+        self._publisher = _named(PROGRAM, self._namespace).publisher(self._node)
+        self._open = [
+            _named(topic, self._namespace).subscribe(
+                self._node, self._refusals.guard(topic.name, callback)
+            )
+            for topic, callback in ((ARENA_INFO, self._on_arena), (PROGRAM_STATUS, self._on_status))
+        ]
+        self._page.say("State", "")
+
+    def _survey(self) -> tuple[str, ...]:
+        """Namespaces in which an arena describes itself."""
+        name = f"/{ARENA_INFO.name}"
+        return tuple(sorted(
+            topic.removesuffix(name) or "/"
+            for topic, _ in self._node.get_topic_names_and_types()
+            if topic.endswith(name) and self._node.count_publishers(topic)
+        ))  # fmt: skip
+
+    def _on_arena(self, message: Message) -> None:
+        arena = codec.decode_arena_info(message)
+        self._vocabulary, self._arena = vocabulary_of(arena), arena
+
+    def _on_status(self, message: Message) -> None:
+        judgement = codec.decode_program_status(message)
+        self.history.judge(judgement)
+        if judgement.accepted:
+            self._texts[judgement.program_id] = judgement.canonical
+            while len(self._texts) > REMEMBERED:
+                self._texts.popitem(last=False)
+
+    def _send(self, text: str) -> None:
+        """A text that is no program goes nowhere; whether it names something, the arena says."""
+        program_id = f"console-{os.getpid()}-{next(self._serial)}"
+        try:
+            if self._vocabulary is None:
+                raise PaError("no arena is known yet")
+            request = ProgramRequest(program_id, str(parse(text, self._vocabulary)))
+        except PaError as error:
+            self.history.add(program_id, text, note=str(error).partition("\n")[0])
+            return
+        self.history.add(program_id, request.text)
+        self._publisher.publish(codec.encode_program(request))
+
+    def _look(self, steps: list[dict[str, Message]]) -> None:
+        """Take in all steps that came, and show the newest."""
+        arena = self._arena
+        if arena is None or self._vocabulary is None:
+            where = self._namespace or "/"
+            self._page.say("State", markup.quiet(f"waits for an arena in the namespace {where}"))
+            return
+        try:
+            self.history.observe([codec.decode_verdict(step["verdict"]) for step in steps])
+            if not steps:
+                return
+            newest = steps[-1]
+            seen = codec.decode_observation(newest["features"], newest["joints"], arena.joint_names)
+            verdict = codec.decode_verdict(newest["verdict"])
+        except PaError as error:
+            self._refusals.refuse("step", error)
+            return
+        text = self._texts.get(seen.program_id, "")
+        look, why = looked(self._weights.insight, seen, text, self._vocabulary)
+        moment = Moment(
+            arena, seen, codec.is_evaluation(newest["features"]), text, verdict.reward,
+            verdict.distance, look, self._weights.why or why,
+        )  # fmt: skip
+        self._page.show(moment, self._speed())
+        self._examples = self._sensible(arena)
+
+    def _speed(self) -> str:
+        factor = self.figures.value("sim_node", "real_time_factor")
+        return "" if factor is None else f", {factor:.1f} times real time"
+
+    def _sensible(self, arena: ArenaDescription) -> tuple[str, ...]:
+        """Programs that name something in this scene: trained ones, and some that are not."""
+        if self._vocabulary is None:
+            return ()
+        return sensible(arena, self._vocabulary, [set(n.split()) for n in self._page.scene.names])
+
+
+def sensible(
+    arena: ArenaDescription, vocabulary: Vocabulary, blocks: Sequence[set[str]]
+) -> tuple[str, ...]:
+    """Up to EXAMPLES programs that name one of the blocks."""
+    texts = [str(program) for program in arena.training_programs]
+    groups = vocabulary.by_group.values()
+    for block in blocks:
+        words = [next((w for w in group if w in block), "") for group in groups]
+        known = [word for word in words if word]
+        if len(known) == len(words) > 1:
+            texts.insert(0, f"NEAR(HAND, AND({', '.join(reversed(known))}))")
+        texts += [f"NEAR(HAND, {word})" for word in known]
+        texts += [f"NEAR(HAND, NOT({word}))" for word in known[:1]]
+    found: dict[str, None] = {}
+    for text in texts:
+        try:
+            require_target(parse(text, vocabulary), blocks, None)
+        except PaError:
+            continue
+        found[text] = None
+    return tuple(found)[:EXAMPLES]
+
+
+def _named(topic: Any, namespace: str) -> Any:
+    return replace(topic, name=within(namespace, topic))
+
+
+def _alarms(figures: GraphFigures) -> str:
+    return markup.pairs(figures.rows()[-2:], "Alarms")

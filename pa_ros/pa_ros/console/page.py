@@ -1,0 +1,103 @@
+"""What every page shows: the scene, and the panels that nobody can change."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from pa_ros.console import markup
+from pa_ros.console.moment import Moment
+from pa_ros.console.scene import ArenaScene
+from pa_ros.core.errors import PaError
+
+KEPT = 900  # points of a curve: a quarter of an hour
+CURVES = {
+    "reward per step": (("training", "#06c"), ("held out", "#c60")),
+    "losses": (("critic loss", "#06c"), ("mean Q", "#c60")),
+    "learner": (("updates/s", "#06c"), ("weights version", "#c60")),
+}
+ORDER = {"Program": 1, "Arena": 2, "State": 3, "History": 4, "Why": 5, "Φ and p": 6, "Learning": 7,
+         "Alarms": 8}  # fmt: skip
+
+
+class Page:
+    """Shared by all who look: nothing on it takes input."""
+
+    def __init__(self, server: viser.ViserServer, learning: bool = True) -> None:
+        self.scene = ArenaScene(server)
+        self._server, self._sent = server, dict[str, str]()
+        self._html = {
+            name: _panel(server, name, name in ("State", "History", "Why", "Alarms"))
+            for name in ("State", "History", "Why", "Φ and p", *["Alarms"] * learning)
+        }
+        self._curves = _Curves(server) if learning else None
+
+    def show(self, moment: Moment, remark: str = "") -> None:
+        """Draw a moment; where it can't be drawn in 3D, the state says why."""
+        try:
+            drawn, why = self.scene.show(moment), ""
+        except PaError as error:
+            drawn, why = False, str(error)
+        self.say("State", markup.state(moment, remark) + (markup.quiet(why) if why else ""))
+        if drawn:
+            self.say("Why", markup.tree(moment, self.scene.names))
+            self.say("Φ and p", markup.words_by_objects(moment, self.scene.names))
+
+    def say(self, panel: str, html: str) -> None:
+        """Put HTML into a panel, unless it is there."""
+        if self._sent.get(panel) != html:
+            self._sent[panel] = self._html[panel].content = html
+
+    def plot(self, at_s: float, value: Callable[[str, str], float | None]) -> None:
+        """Add a point to each curve; `value(node, key)` is what a node reports."""
+        if self._curves is not None:
+            self._curves.add(at_s, value)
+
+
+class _Curves:
+    """Three plots over time; a value that nobody reports is a gap."""
+
+    SOURCES = (
+        ("sim_node", "train.reward_per_step"), ("sim_node", "eval.reward_per_step"),
+        ("learner_node", "critic_loss"), ("learner_node", "mean_q"),
+        ("learner_node", "updates_per_s"), ("learner_node", "version"),
+    )  # fmt: skip
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._points: deque[tuple[float, ...]] = deque(maxlen=KEPT)
+        with server.gui.add_folder("Learning", order=ORDER["Learning"], expand_by_default=False):
+            self._plots = [self._plot(server, title, curves) for title, curves in CURVES.items()]
+
+    def add(self, at_s: float, value: Callable[[str, str], float | None]) -> None:
+        reported = [value(node, key) for node, key in self.SOURCES]
+        if all(found is None for found in reported):
+            return
+        self._points.append((at_s, *(np.nan if v is None else v for v in reported)))
+        columns = np.array(self._points, dtype=np.float64).T
+        for i, plot in enumerate(self._plots):
+            plot.data = (columns[0], columns[1 + 2 * i], columns[2 + 2 * i])
+
+    def _plot(self, server: viser.ViserServer, title: str, curves: Any) -> Any:
+        empty = np.zeros(0)
+        # The two of a plot have nothing in common but time: each has an axis of its own.
+        series = [
+            {"label": label, "stroke": color, "scale": side, "width": 2}
+            for (label, color), side in zip(curves, ("y", "right"), strict=True)
+        ]
+        if title == "reward per step":
+            series[1]["scale"] = "y"
+        right = {"scale": "right", "side": 1, "grid": {"show": False}}
+        axes = ({}, {"scale": "y"}, *[right] * (title != "reward per step"))
+        return server.gui.add_uplot(
+            (empty, empty, empty), ({"label": "s"}, *series), title=title, height=150,
+            scales={"x": {"time": False}}, axes=axes,
+        )  # fmt: skip
+
+
+def _panel(server: viser.ViserServer, name: str, expanded: bool) -> Any:
+    with server.gui.add_folder(name, order=ORDER[name], expand_by_default=expanded):
+        return server.gui.add_html("")

@@ -1,0 +1,177 @@
+"""A recorded run on the page: episode by episode, step by step, with the weights of each moment."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import viser
+
+from pa_ros.bags.episodes import RecordedEpisode, Row, episodes
+from pa_ros.bags.errors import ProvenanceError
+from pa_ros.bags.experience import PROVENANCE, WEIGHTS, arenas_of
+from pa_ros.bags.reader import Bag
+from pa_ros.console import markup
+from pa_ros.console.insight import Insight
+from pa_ros.console.moment import Moment, looked, vocabulary_of
+from pa_ros.console.page import Page
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Observation
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.wire import codec
+
+
+class Replay:
+    """Moments of a bag. Raises ProvenanceError if no arena described itself in it."""
+
+    def __init__(self, bag: Bag, namespace: str | None = None) -> None:
+        self._bag, self._namespace = bag, namespace
+        arenas = arenas_of(bag, namespace)
+        if not arenas:
+            raise ProvenanceError(f"bag: {bag.path}: expected an arena's description, got none")
+        self.arena = arenas[0]
+        self._vocabulary = vocabulary_of(self.arena)
+        self.episodes = [episode for episode in episodes(bag, namespace) if episode.rows]
+        if not self.episodes:
+            raise ProvenanceError(f"bag: {bag.path}: expected control steps, got none")
+        self._stamps = dict(self._versions())
+        self._insight = lru_cache(maxsize=8)(self._load)
+
+    def moment(self, episode: int, step: int) -> Moment:
+        """A row of an episode, by their places in the recording."""
+        recorded = self.episodes[episode]
+        row = recorded.rows[step]
+        seen = _observation(recorded, row)
+        insight, why = self._insight(_acted(recorded, step))
+        look, unsaid = looked(insight, seen, row.program, self._vocabulary)
+        return Moment(
+            self.arena, seen, recorded.evaluation, row.program, row.reward, row.distance, look,
+            why or unsaid,
+        )  # fmt: skip
+
+    def _versions(self) -> Iterator[tuple[int, int]]:
+        """Recorded versions of the weights, and when each was recorded."""
+        if WEIGHTS in self._bag.types.values():
+            for recorded in self._bag.messages([self._bag.topic_of(WEIGHTS, self._namespace)]):
+                snapshot = self._bag.through(recorded, codec.decode_weights).snapshot
+                yield snapshot.version, recorded.stamp_ns
+
+    def _load(self, version: int) -> tuple[Insight | None, str]:
+        """The weights of a version, or the newest recorded before it; or why there are none."""
+        earlier = [known for known in self._stamps if known <= version]
+        try:
+            if earlier:
+                return Insight(self._recorded(max(earlier))), ""
+            path = self._checkpoint()
+            return (Insight(load_policy(path)), "") if path else (None, "")
+        except PaError as error:
+            return None, str(error)
+
+    def _recorded(self, version: int) -> Any:
+        stamp_ns = self._stamps[version]
+        topic = self._bag.topic_of(WEIGHTS, self._namespace)
+        for recorded in self._bag.messages([topic], stamp_ns, stamp_ns + 1):
+            return self._bag.through(recorded, codec.decode_weights).snapshot
+        raise ProvenanceError(f"bag: {self._bag.path}: version {version} can't be read again")
+
+    def _checkpoint(self) -> Path | None:
+        """That the agent said it acts with, where it does."""
+        if PROVENANCE not in self._bag.types.values():
+            return None
+        for recorded in self._bag.messages([self._bag.topic_of(PROVENANCE, self._namespace)]):
+            origin = self._bag.through(recorded, codec.decode_provenance)
+            if origin.parameters.get("weights") == "checkpoint":
+                return Path(str(origin.parameters["checkpoint"]))
+        return None
+
+
+class Timeline:
+    """Where the page stands in a recording, and the controls that move it."""
+
+    def __init__(self, replay: Replay, page: Page) -> None:
+        self._replay, self._page = replay, page
+        self._lock = threading.Lock()
+        self._place, self._shown, self._playing = (0, 0), (-1, -1), False
+        self._sliders: list[tuple[Any, Any]] = []
+        page.say("History", self._contents())
+
+    def tick(self, pages: int) -> None:
+        """Draw where the timeline stands; a step further if it plays."""
+        with self._lock:
+            episode, step = self._place
+            if self._playing and pages:
+                step = (step + 1) % len(self._replay.episodes[episode].rows)
+                self._place = episode, step
+        if not pages or (episode, step) == self._shown:
+            return
+        self._shown = episode, step
+        self._page.show(self._replay.moment(episode, step))
+
+    def controls(self, client: viser.ClientHandle) -> object:
+        """A timeline of its own for a page; all move the same."""
+        gui, recorded = client.gui, self._replay.episodes
+        with gui.add_folder("Timeline", order=0):
+            episode = gui.add_slider("Episode", 0, max(len(recorded) - 1, 1), 1, 0,
+                                     disabled=len(recorded) == 1)  # fmt: skip
+            step = gui.add_slider("Step", 0, max(len(recorded[0].rows) - 1, 1), 1, 0)
+            play = gui.add_button_group("Play", ("Play", "Stop"))
+
+        def chosen(_: Any) -> None:
+            step.max = max(len(recorded[int(episode.value)].rows) - 1, 1)
+            step.value = 0
+            self._go(int(episode.value), 0)
+
+        episode.on_update(chosen)
+        step.on_update(lambda _: self._go(int(episode.value), int(step.value)))
+        play.on_click(lambda _: self._play(play.value == "Play"))
+        return episode
+
+    def _go(self, episode: int, step: int) -> None:
+        episode = min(episode, len(self._replay.episodes) - 1)
+        with self._lock:
+            self._place = episode, min(step, len(self._replay.episodes[episode].rows) - 1)
+
+    def _play(self, playing: bool) -> None:
+        with self._lock:
+            self._playing = playing
+
+    def _contents(self) -> str:
+        """Which episodes there are."""
+        return markup.pairs(
+            (
+                (str(place), _summary(episode))
+                for place, episode in enumerate(self._replay.episodes[:200])
+            ),
+            "History",
+        )
+
+
+def _summary(episode: RecordedEpisode) -> str:
+    rewards = episode.rewards
+    mean = f", {np.mean(rewards):+.2f} a step" if len(rewards) else ""
+    kind = "evaluation episode" if episode.evaluation else "episode"
+    return f"{kind} {episode.number}{mean}: {episode.rows[-1].program}"
+
+
+def _acted(episode: RecordedEpisode, step: int) -> int:
+    """Version of the weights that acted at a row, or last before it."""
+    known = [row.policy_version for row in episode.rows[step::-1] if row.policy_version >= 0]
+    return known[0] if known else max(row.policy_version for row in episode.rows)
+
+
+def _observation(episode: RecordedEpisode, row: Row) -> Observation:
+    """The row as the agent saw it; velocities that are not recorded are zero."""
+    return Observation(
+        episode.number,
+        row.step,
+        max(row.stamp_ns, 0),
+        row.objects,
+        row.joint_position,
+        np.nan_to_num(row.joint_velocity),
+        row.hand_index,
+        "",
+    )

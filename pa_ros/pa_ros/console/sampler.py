@@ -1,0 +1,73 @@
+"""The newest control steps of an arena, looked at now and then: cheap however fast it runs.
+
+Readers are best effort, so that no arena waits for them, and on a node that no executor serves:
+what is not looked at costs no Python at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from pa_ros.ros.topics import JOINT_STATES, OBJECT_FEATURES, VERDICT, Topic
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+
+DEPTH = 20  # steps that may pass between two looks, none lost: real time up to 20 times
+_READER = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=DEPTH
+)
+PARTS = {"features": OBJECT_FEATURES, "joints": JOINT_STATES, "verdict": VERDICT}
+
+
+class Sampler:
+    """Steps of the arena in a namespace. `node` must not be served by an executor."""
+
+    def __init__(self, node: Node, namespace: str) -> None:
+        self._node = node
+        self._readers = {
+            part: replace(topic, name=within(namespace, topic), reader=_READER).subscribe(
+                node, lambda _: None
+            )
+            for part, topic in PARTS.items()
+        }
+        self._open: dict[int, dict[str, Message]] = {}  # by stamp
+
+    def take(self) -> list[dict[str, Message]]:
+        """Whole steps that have come since the last look, as their parts' messages, in order."""
+        for part, reader in self._readers.items():
+            for message in _taken(reader):
+                self._open.setdefault(codec.header_stamp(message), {})[part] = message
+        stamps = sorted(stamp for stamp, parts in self._open.items() if len(parts) == len(PARTS))
+        steps = [self._open[stamp] for stamp in stamps]
+        if stamps:
+            self._open = {s: parts for s, parts in self._open.items() if s > stamps[-1]}
+        while len(self._open) > DEPTH:
+            del self._open[min(self._open)]
+        return steps
+
+    def close(self) -> None:
+        """Listen no more."""
+        for reader in self._readers.values():
+            self._node.destroy_subscription(reader)
+
+
+def within(namespace: str, topic: Topic) -> str:
+    """A topic's full name below a namespace."""
+    return topic.name if topic.name.startswith("/") else f"/{namespace}/{topic.name}".replace(
+        "//", "/"
+    )  # fmt: skip
+
+
+def _taken(reader: Any) -> Iterator[Message]:
+    """What waits at a reader, as an executor would take it."""
+    for _ in range(DEPTH):
+        with reader.handle:
+            found = reader.handle.take_message(reader.msg_type, False)
+        if found is None:
+            return
+        yield found[0]

@@ -1,0 +1,179 @@
+"""Arm and blocks in 3D: the arm by mjviser, blocks as shapes with an outline and p."""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+import trimesh
+import viser
+from mjviser import ViserMujocoScene
+
+from pa_ros.bags.episodes import RecordedEpisode
+from pa_ros.bags.film import Stage
+from pa_ros.console.moment import Moment
+
+REBUILD_S = 1.0  # at most so often other blocks are put on the table
+HIDDEN_GROUP = 5  # of geoms that mjviser leaves out
+OUTLINE = (255, 170, 0)
+SEGMENTS = 48
+_KINDS = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")): kind for kind in (
+    "BOX", "SPHERE", "CYLINDER", "CAPSULE", "ELLIPSOID")}  # fmt: skip
+
+
+@dataclass
+class _Block:
+    """Handles of one block."""
+
+    name: str
+    solid: Any
+    outline: Any
+    label: Any
+    circle: Any
+
+
+class ArenaScene:
+    """One arena's scene; `names` are its blocks, in the order of Ω without the hand."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._stage: Stage | None = None
+        self._arm: ViserMujocoScene | None = None
+        self._blocks: list[_Block] = []
+        self._of: tuple[str, bytes] | None = None  # arena and looks of the blocks that are shown
+        self._made_at = -REBUILD_S
+        server.scene.set_up_direction("+z")
+        server.initial_camera.position = (1.15, -1.15, 1.05)
+        server.initial_camera.look_at = (0.1, 0.0, 0.1)
+
+    @property
+    def names(self) -> list[str]:
+        """What the blocks are called: their true words."""
+        return [block.name for block in self._blocks]
+
+    def show(self, moment: Moment) -> bool:
+        """Draw a moment; False if its blocks are others, and these were changed just now.
+
+        Raises BagError if its joints are not known.
+        """
+        of = moment.arena.arena_id, _looks(moment)
+        if of != self._of:
+            if time.monotonic() - self._made_at < REBUILD_S:
+                return False
+            self._rebuild(moment, of)
+        assert self._stage is not None and self._arm is not None
+        self._stage.show(moment.row)
+        self._arm.update_from_mjdata(self._stage.task.simulation.data)
+        self._place(moment, self._stage)
+        return True
+
+    def place_of(self, block: int) -> tuple[float, float, float]:
+        """A block's position in the base's frame, m."""
+        x, y, z = self._blocks[block].solid.position
+        return float(x), float(y), float(z)
+
+    def _rebuild(self, moment: Moment, of: tuple[str, bytes]) -> None:
+        episode = RecordedEpisode(moment.observation.episode, moment.evaluation, [moment.row])
+        self._stage = Stage(episode, moment.arena)
+        model = self._stage.task.simulation.model
+        if self._of is None or self._of[0] != of[0]:
+            self._server.scene.reset()
+            self._server.scene.set_up_direction("+z")
+            self._blocks = []
+            self._arm = ViserMujocoScene(self._server, _without_blocks(model), num_envs=1)
+            self._arm.camera_tracking_enabled = False
+        for block in self._blocks:
+            for handle in (block.solid, block.outline, block.label, block.circle):
+                handle.remove()
+        blocks = self._stage.task.episode.blocks
+        radius, row = moment.arena.near_threshold, self._stage.task.design.vocabulary.row
+        self._blocks = [
+            self._block(model, i, _name(block.kind.words, row), radius)
+            for i, block in enumerate(blocks)
+        ]
+        self._of, self._made_at = of, time.monotonic()
+
+    def _block(self, model: mujoco.MjModel, index: int, name: str, radius: float) -> _Block:
+        scene, path = self._server.scene, f"/blocks/{index}"
+        geom = model.geom(f"block{index}")
+        mesh, outline = _mesh(geom, 1.0), _mesh(geom, 1.12)
+        color = tuple(int(255 * part) for part in geom.rgba[:3])
+        return _Block(
+            name,
+            scene.add_mesh_simple(f"{path}/solid", mesh.vertices, mesh.faces, color=color),
+            # Seen from within: only what stands out behind the block is drawn, as an outline.
+            scene.add_mesh_simple(
+                f"{path}/outline", outline.vertices, outline.faces, color=OUTLINE, side="back",
+                opacity=0.0, cast_shadow=False, receive_shadow=False,
+            ),
+            scene.add_label(f"{path}/label", name, anchor="bottom-center"),
+            scene.add_line_segments(
+                f"{path}/circle", _circle(radius), (255, 255, 255), line_width=2.0, visible=False
+            ),
+        )  # fmt: skip
+
+    def _place(self, moment: Moment, stage: Stage) -> None:
+        data, look = stage.task.simulation.data, moment.look
+        objects = [i for i in range(len(moment.observation.objects))
+                   if i != moment.observation.hand_index]  # fmt: skip
+        with self._server.atomic():
+            for i, block in enumerate(self._blocks):
+                geom = data.geom(f"block{i}")
+                quaternion = np.zeros(4)
+                mujoco.mju_mat2Quat(quaternion, geom.xmat)
+                for handle in (block.solid, block.outline):
+                    handle.position, handle.wxyz = geom.xpos, quaternion
+                p = float(look.p[objects[i]]) if look is not None and len(look.p) else None
+                block.outline.opacity = p or 0.0
+                block.label.position = geom.xpos + np.array((0.0, 0.0, 0.06))
+                block.label.text = block.name if p is None else f"{block.name}  p {p:.2f}"
+                block.circle.position = geom.xpos
+                named = objects[i] in stage.task.verifier.targets
+                block.circle.visible = named and bool(moment.program)
+        self._server.flush()
+
+
+def _looks(moment: Moment) -> bytes:
+    """What tells blocks apart but for their poses."""
+    return np.ascontiguousarray(moment.observation.objects[:, 7:]).tobytes()
+
+
+def _name(words: frozenset[str], row: Mapping[str, int]) -> str:
+    """`RED CUBE`: as programs mostly say it, words of the last group first."""
+    return " ".join(sorted(words, key=lambda word: (-row.get(word, len(row)), word)))
+
+
+def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
+    """For the arm's scene: bodies keep their numbers, blocks are not drawn."""
+    model = copy.copy(model)
+    for index in range(model.ngeom):
+        if model.geom(index).name.startswith("block"):
+            model.geom_group[index] = HIDDEN_GROUP
+    return model
+
+
+def _mesh(geom: Any, factor: float) -> Any:
+    """A geom's shape in its own frame, larger by a factor."""
+    size, kind = geom.size * factor, _KINDS.get(int(geom.type[0]), "SPHERE")
+    if kind == "BOX":
+        return trimesh.creation.box(extents=2 * size)
+    if kind == "CYLINDER":
+        return trimesh.creation.cylinder(radius=size[0], height=2 * size[1])
+    if kind == "CAPSULE":
+        mesh = trimesh.creation.capsule(radius=size[0], height=2 * size[1])
+        mesh.apply_translation(-mesh.bounding_box.centroid)
+        return mesh
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
+    return mesh.apply_scale(size if kind == "ELLIPSOID" else size[0])
+
+
+def _circle(radius: float) -> Any:
+    """Line segments [S, 2, 3] around the origin."""
+    angles = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    points = np.stack([radius * np.cos(angles), radius * np.sin(angles), 0 * angles], axis=1)
+    return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)

@@ -1,0 +1,125 @@
+"""The page in a real browser, beside real nodes."""
+
+from __future__ import annotations
+
+import re
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from console.conftest import SCREENSHOTS
+from recorded_runs import train
+from recording import pa_ros
+from waiting import DEADLINE_S
+
+pytestmark = [pytest.mark.graph, pytest.mark.browser, pytest.mark.timeout(900)]
+MS = 1000 * DEADLINE_S
+
+
+@contextmanager
+def console(*arguments: str | Path) -> Iterator[tuple[str, str]]:
+    """`pa_ros console` as a process: the address of who may send, and that of who may look."""
+    process = pa_ros("console", "--port", "0", *arguments)
+    try:
+        found = re.search(r"console: (\S+)", process.stdout.readline())
+        assert found, process.stderr.read()
+        yield found[1], found[1].partition("?")[0]
+    finally:
+        process.send_signal(signal.SIGINT)
+        output, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0 and "Traceback" not in error, error
+
+
+@contextmanager
+def graph(folder: Path) -> Iterator[None]:
+    """Arena and agent of `pa_ros launch`."""
+    process = pa_ros("launch", "--out", folder / "launch")
+    try:
+        assert "started" in process.stdout.readline()
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0
+
+
+def opened(page, address):
+    page.set_default_timeout(MS)
+    page.goto(address)
+    page.get_by_text("pa_ros console").first.wait_for()
+    return page
+
+
+def table(page, name):
+    return page.get_by_label(name, exact=True)
+
+
+def shot(page, name):
+    """Kept for people to look at."""
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=SCREENSHOTS / f"{name}.png", timeout=MS)
+
+
+def step_of(page) -> int:
+    return int(re.search(r"step (\d+)", table(page, "State").inner_text())[1])
+
+
+def test_a_program_is_typed_and_followed(tmp_path, new_page):
+    with graph(tmp_path), console() as (address, watching):
+        page = opened(new_page(), address)
+        table(page, "State").wait_for()
+        text = page.locator("form input").first
+        text.fill("NEAR(HAND, AND(RDE, CUBE))")
+        where = table(page, "Where")
+        where.wait_for()
+        typed, caret = where.inner_text().splitlines()
+        assert typed.index("RDE") == caret.index("^")
+        text.press("Enter")
+        table(page, "History").filter(has_text="refused: column 16").wait_for()
+        shot(page, "console-refused")
+
+        text.fill("NEAR(HAND, NOT(<b>RED</b>))")  # HTML is text
+        table(page, "Refused").filter(has_text="unexpected character").wait_for()
+        text.fill("NEAR(HAND, AND(RED, CUBE))")  # held out in 3-D
+        table(page, "A program").wait_for()
+        text.press("Enter")
+        table(page, "History").filter(has_text="satisfied after").first.wait_for()
+        assert "most relevant: RED CUBE" in page.get_by_text("most relevant").inner_text()
+        shot(page, "console-satisfied")
+
+        other = opened(new_page(), watching)  # may look, not send
+        table(other, "State").filter(has_text="NEAR(HAND, AND(RED, CUBE))").wait_for()
+        table(other, "History").filter(has_text="satisfied after").first.wait_for()
+        other.get_by_text("This page may look").wait_for()
+        assert other.locator("form").count() == 0
+        other.close()
+
+        page.get_by_role("button", name="Pause").click()
+        page.get_by_text("pause: done").wait_for()
+        time.sleep(1.0)  # what was under way
+        stands = step_of(page)
+        time.sleep(1.0)
+        assert step_of(page) == stands
+        page.get_by_role("button", name="Step", exact=True).click()
+        table(page, "State").filter(has_text=f"step {stands + 1},").wait_for()
+        page.get_by_role("button", name="Go on").click()
+        page.get_by_role("button", name="Next scene").click()
+        table(page, "State").filter(has_text="episode 1,").wait_for()
+
+
+def test_a_recording_is_scrubbed(tmp_path, new_page):
+    assert train(tmp_path / "run", "--record", tmp_path / "bag") == 0
+    with console("--bag", tmp_path / "bag") as (address, _):
+        page = opened(new_page(), address)
+        state = table(page, "State")
+        state.filter(has_text="step 0,").wait_for()
+        sliders = page.locator("[role=slider]")
+        sliders.nth(1).press("ArrowRight")
+        state.filter(has_text="step 1,").wait_for()
+        sliders.nth(0).press("ArrowRight")
+        state.filter(has_text="episode 1, step 0,").wait_for()
+        page.get_by_text("most relevant").wait_for()
+        shot(page, "console-bag")
