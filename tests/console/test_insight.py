@@ -66,11 +66,11 @@ def test_what_cannot_be_looked_at_says_why():
 def test_tables_have_a_row_for_each_word_and_node(text):
     arena = describe(preset_named("fast"), design_named("3-D"), 2, (), "arena")
     look, why = looked(Insight(SNAPSHOT), OBSERVATION, text, VOCABULARY)
-    moment = Moment(arena, OBSERVATION, False, text, -1.0, 0.5, look, why)
+    moment = Moment(arena, OBSERVATION, False, text, -1.0, 0.5, False, look, why)
     names = ["one", "two", "<b>", "four"]
     shown = markup.words_by_objects(moment, names)
     assert shown.count("<tr>") == 1 + len(VOCABULARY.words) + bool(text) and "<b>" not in shown
     why = markup.tree(moment, names)
     assert ("no program is in force" in why) == (not text)
     assert ("most relevant: " in why) == bool(text)
-    assert "not yet, 0.50 m of 0.2 m" in markup.state(moment)
+    assert "not yet, 0.50 m away" in markup.state(moment)

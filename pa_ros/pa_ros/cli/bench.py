@@ -1,4 +1,4 @@
-"""`pa_ros bench codec|sim|graph|learner|load|train`: the figures of this machine."""
+"""`pa_ros bench codec|console|sim|graph|learner|load|train`: the figures of this machine."""
 
 from __future__ import annotations
 
@@ -65,8 +65,15 @@ def _load(_: argparse.Namespace) -> Report:
     return bench_load()
 
 
+def _console(_: argparse.Namespace) -> Report:
+    from pa_ros.benchmarks.console import bench_console
+
+    return bench_console()
+
+
 BENCHMARKS = {
     "codec": _codec,
+    "console": _console,
     "sim": _sim,
     "graph": _graph,
     "learner": _learner,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from pa_ros.tools.graph import signals_noted
 
 if TYPE_CHECKING:
     from pa_ros.console.server import ConsoleSettings
+    from pa_ros.tools.client import Node
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +36,20 @@ def run(options: argparse.Namespace) -> int:
         else:
             serve_graph(settings, options.namespace, interrupted, _announce)
     return 0
+
+
+@contextmanager
+def page_beside(node: Node, options: argparse.Namespace) -> Iterator[None]:
+    """With the option `console` a page on a free port, renewed whenever the node is spun."""
+    if not options.console:
+        yield
+        return
+    kind = _installed()[0]
+    from pa_ros.console.serve import beside
+
+    with beside(node, kind(port=0), options.namespace) as server:
+        _announce(server.address, server.watching)
+        yield
 
 
 def _announce(address: str, watching: str) -> None:

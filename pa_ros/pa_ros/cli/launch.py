@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from pa_ros.cli.console import page_beside
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import refuse_occupied, signals_noted, start_nodes, watch
 from pa_ros.tools.launch_params import (
@@ -43,6 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: a new runs/launch-<time>)",
     )  # fmt: skip
     parser.add_argument("--record", type=Path, metavar="BAG", help="record the graph into a bag")
+    parser.add_argument(
+        "--console", action="store_true",
+        help="serve the page of `pa_ros console`, on a port that is free",
+    )  # fmt: skip
     parser.epilog = "Ctrl-C stops all nodes; exit status 1 if one failed or ended by itself"
 
 
@@ -57,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
     with signals_noted() as interrupted, client_node("launcher", options.namespace) as node:
         refuse_occupied(node, parameters)
         watch_diagnostics(node, figures)
-        with Supervisor(folder / "log") as supervisor:
+        with page_beside(node, options), Supervisor(folder / "log") as supervisor:
             try:
                 if options.record is None:
                     start_nodes(supervisor, parameters, folder, options.namespace)

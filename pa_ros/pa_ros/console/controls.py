@@ -66,7 +66,7 @@ class Controls:
         with gui.add_form("Program", order=ORDER["Program"]) as form:
             text = gui.add_text("Text", "", hint="Enter sends it")
             reading = gui.add_html(markup.quiet("type a program, or choose an example"))
-            words = gui.add_button_group("Words", ("NEAR(HAND, ",), visible=False)
+            words = gui.add_button_group("Words", ("AND(",), visible=False)
             send = gui.add_button("Send")
             self._examples = gui.add_dropdown("Examples", ("",), visible=False)
 

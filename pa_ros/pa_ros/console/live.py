@@ -82,6 +82,8 @@ class LiveConsole:
         now = time.monotonic()
         if now - self._surveyed > SURVEY_S:
             self._surveyed, self._arenas = now, self._survey()
+            if self._arena is None and self._arenas and f"/{self._namespace}" not in self._arenas:
+                self._attend(self._arenas[0])
         if not pages and not self.history.pending:
             self._rest()
             return
@@ -172,14 +174,15 @@ class LiveConsole:
             newest = steps[-1]
             seen = codec.decode_observation(newest["features"], newest["joints"], arena.joint_names)
             verdict = codec.decode_verdict(newest["verdict"])
+            context = codec.decode_context(newest["features"])
         except PaError as error:
             self._refusals.refuse("step", error)
             return
-        text = self._texts.get(seen.program_id, "")
+        text = context.program or self._texts.get(seen.program_id, "")
         look, why = looked(self._weights.insight, seen, text, self._vocabulary)
         moment = Moment(
-            arena, seen, codec.is_evaluation(newest["features"]), text, verdict.reward,
-            verdict.distance, look, self._weights.why or why,
+            arena, seen, context.evaluation, text, verdict.reward,
+            verdict.distance, verdict.satisfied, look, self._weights.why or why,
         )  # fmt: skip
         self._page.show(moment, self._speed())
         self._examples = self._sensible(arena)
@@ -200,14 +203,14 @@ def sensible(
 ) -> tuple[str, ...]:
     """Up to EXAMPLES programs that name one of the blocks."""
     texts = [str(program) for program in arena.training_programs]
-    groups = vocabulary.by_group.values()
+    groups, near = vocabulary.by_group.values(), vocabulary.relations[0]
     for block in blocks:
         words = [next((w for w in group if w in block), "") for group in groups]
         known = [word for word in words if word]
         if len(known) == len(words) > 1:
-            texts.insert(0, f"NEAR(HAND, AND({', '.join(reversed(known))}))")
-        texts += [f"NEAR(HAND, {word})" for word in known]
-        texts += [f"NEAR(HAND, NOT({word}))" for word in known[:1]]
+            texts.insert(0, f"{near}(HAND, AND({', '.join(reversed(known))}))")
+        texts += [f"{near}(HAND, {word})" for word in known]
+        texts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
     found: dict[str, None] = {}
     for text in texts:
         try:

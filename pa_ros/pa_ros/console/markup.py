@@ -87,10 +87,10 @@ def state(moment: Moment, speed: str = "") -> str:
     """What is being executed, and how it stands."""
     seen = moment.observation
     kind = "evaluation episode" if moment.evaluation else "episode"
-    held = "satisfied" if moment.satisfied else "not yet"
+    held = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
     rows = [
         ("program", moment.program or "none in force"),
-        ("verdict", f"{held}, {moment.distance:.2f} m of {moment.arena.near_threshold:g} m"),
+        ("verdict", f"{held}, {moment.distance:.2f} m away"),
         ("reward", f"{moment.reward:+.2f}"),
         ("at", f"{kind} {seen.episode}, step {seen.step}, {seen.stamp_ns / 1e9:.1f} s{speed}"),
     ]
@@ -122,7 +122,8 @@ def reading(text: str, vocabulary: Vocabulary) -> str:
 def completions(text: str, vocabulary: Vocabulary) -> tuple[str, ...]:
     """Words that the last one may become."""
     stem = text[len(text.rstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789")) :]
-    words = ("NEAR(HAND, ", "AND(", "OR(", "NOT(", *vocabulary.words)
+    relations = [f"{relation}(HAND, " for relation in vocabulary.relations]
+    words = (*relations, "AND(", "OR(", "NOT(", *vocabulary.words)
     return tuple(word for word in words if stem and word.startswith(stem) and word != stem)
 
 

@@ -22,14 +22,10 @@ class Moment:
     evaluation: bool
     program: str  # canonical text in force; empty: none, or it isn't known
     reward: float = nan
-    distance: float = nan  # m
+    distance: float = nan  # m; of another relation than NEAR, its measure
+    satisfied: bool | None = None  # None: not recorded
     look: Look | None = None  # None: no weights, or none that fit
     why_blind: str = ""  # why there is no look
-
-    @property
-    def satisfied(self) -> bool:
-        """Whether NEAR held, as far as is known."""
-        return self.distance <= self.arena.near_threshold
 
     @property
     def row(self) -> Row:

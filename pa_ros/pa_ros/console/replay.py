@@ -21,8 +21,10 @@ from pa_ros.console.moment import Moment, looked, vocabulary_of
 from pa_ros.console.page import Page
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Observation
+from pa_ros.language.syntax import NEAR
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.wire import codec
+from pa_ros.wire.records import ArenaDescription
 
 
 class Replay:
@@ -49,7 +51,8 @@ class Replay:
         insight, why = self._insight(_acted(recorded, step))
         look, unsaid = looked(insight, seen, row.program, self._vocabulary)
         return Moment(
-            self.arena, seen, recorded.evaluation, row.program, row.reward, row.distance, look,
+            self.arena, seen, recorded.evaluation, row.program, row.reward, row.distance,
+            _satisfied(self.arena, row), look,
             why or unsaid,
         )  # fmt: skip
 
@@ -175,3 +178,9 @@ def _observation(episode: RecordedEpisode, row: Row) -> Observation:
         row.hand_index,
         "",
     )
+
+
+def _satisfied(arena: ArenaDescription, row: Row) -> bool | None:
+    """Of NEAR the arena's description says when it holds; of others it isn't recorded."""
+    near = row.program.startswith(f"{NEAR}(") and not np.isnan(row.distance)
+    return row.distance <= arena.near_threshold if near else None

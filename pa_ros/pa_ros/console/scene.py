@@ -17,11 +17,12 @@ from mjviser import ViserMujocoScene
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.film import Stage
 from pa_ros.console.moment import Moment
+from pa_ros.world.relations import RELATIONS
 
 REBUILD_S = 1.0  # at most so often other blocks are put on the table
 HIDDEN_GROUP = 5  # of geoms that mjviser leaves out
 OUTLINE = (255, 170, 0)
-SEGMENTS = 48
+LINE_HEIGHT_M = 0.004  # of lines on the table
 _KINDS = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")): kind for kind in (
     "BOX", "SPHERE", "CYLINDER", "CAPSULE", "ELLIPSOID")}  # fmt: skip
 
@@ -91,14 +92,13 @@ class ArenaScene:
             for handle in (block.solid, block.outline, block.label, block.circle):
                 handle.remove()
         blocks = self._stage.task.episode.blocks
-        radius, row = moment.arena.near_threshold, self._stage.task.design.vocabulary.row
+        row = self._stage.task.design.vocabulary.row
         self._blocks = [
-            self._block(model, i, _name(block.kind.words, row), radius)
-            for i, block in enumerate(blocks)
+            self._block(model, i, _name(block.kind.words, row)) for i, block in enumerate(blocks)
         ]
         self._of, self._made_at = of, time.monotonic()
 
-    def _block(self, model: mujoco.MjModel, index: int, name: str, radius: float) -> _Block:
+    def _block(self, model: mujoco.MjModel, index: int, name: str) -> _Block:
         scene, path = self._server.scene, f"/blocks/{index}"
         geom = model.geom(f"block{index}")
         mesh, outline = _mesh(geom, 1.0), _mesh(geom, 1.12)
@@ -113,7 +113,8 @@ class ArenaScene:
             ),
             scene.add_label(f"{path}/label", name, anchor="bottom-center"),
             scene.add_line_segments(
-                f"{path}/circle", _circle(radius), (255, 255, 255), line_width=2.0, visible=False
+                f"{path}/circle", np.zeros((1, 2, 3), np.float32), (255, 255, 255),
+                line_width=2.0, visible=False,
             ),
         )  # fmt: skip
 
@@ -132,9 +133,10 @@ class ArenaScene:
                 block.outline.opacity = p or 0.0
                 block.label.position = geom.xpos + np.array((0.0, 0.0, 0.06))
                 block.label.text = block.name if p is None else f"{block.name}  p {p:.2f}"
-                block.circle.position = geom.xpos
                 named = objects[i] in stage.task.verifier.targets
                 block.circle.visible = named and bool(moment.program)
+                if block.circle.visible:
+                    block.circle.points = _outline(stage, data.geom(f"block{i}").xpos)
         self._server.flush()
 
 
@@ -172,8 +174,11 @@ def _mesh(geom: Any, factor: float) -> Any:
     return mesh.apply_scale(size if kind == "ELLIPSOID" else size[0])
 
 
-def _circle(radius: float) -> Any:
-    """Line segments [S, 2, 3] around the origin."""
-    angles = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
-    points = np.stack([radius * np.cos(angles), radius * np.sin(angles), 0 * angles], axis=1)
+def _outline(stage: Stage, block: Any) -> Any:
+    """Where the program's relation to a block holds, as line segments [S, 2, 3] on the table."""
+    program = stage.task.program
+    threshold = stage.task.scoring.threshold(program.relation)
+    hand = stage.task.simulation.positions[0]
+    line = RELATIONS[program.relation].outline(hand, np.array(block), threshold)
+    points = np.column_stack([line, np.full(len(line), LINE_HEIGHT_M)])
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
