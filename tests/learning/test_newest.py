@@ -58,9 +58,12 @@ def test_a_damaged_checkpoint_costs_no_more_than_itself(root, name, damage):
     again = learner()
     restore(whole, again)
     make_latest(whole)
-    again.consume(trajectory(5))
-    assert save_checkpoint(root, again).name == newest(root).name == "version-000000002"
+    for sequence in (5, 6):
+        again.consume(trajectory(sequence))
+    assert save_checkpoint(root, again).name == newest(root).name == "version-000000003"
     assert newest_whole(root) == (newest(root), "")
+    kept = sorted(path.name for path in root.iterdir() if path.is_dir())
+    assert kept == ["damaged-version-000000002", "version-000000001", "version-000000003"]
 
 
 def test_without_damage_it_is_the_newest(root):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 from pa_ros.learning.checkpoints import LATEST, METADATA, find_checkpoint
@@ -31,10 +32,14 @@ def newest_whole(root: Path) -> tuple[Path, str]:
 
 
 def make_latest(checkpoint: Path) -> None:
-    """Have LATEST name it, so that damaged ones that it was named before are written anew when the
-    run comes to their versions again. Raises CheckpointError."""
+    """Have LATEST name it, and newer ones, which are damaged, be called so: they are neither what
+    the run goes on from nor the good one that is kept. Raises CheckpointError."""
     root = checkpoint.parent
     try:
+        for newer in root.glob("version-*"):
+            if newer.name > checkpoint.name:
+                shutil.rmtree(root / f"damaged-{newer.name}", ignore_errors=True)
+                os.replace(newer, root / f"damaged-{newer.name}")
         (root / f".{LATEST}").write_text(checkpoint.name)
         os.replace(root / f".{LATEST}", root / LATEST)
     except OSError as error:

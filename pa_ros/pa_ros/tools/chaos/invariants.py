@@ -1,0 +1,93 @@
+"""What must hold after any fault, checked from outside the graph."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.experience import TRAJECTORIES
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.reenact import Reenactment
+from pa_ros.bags.repair import repair
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import TrajectoryKey
+from pa_ros.language import Vocabulary
+from pa_ros.wire import codec
+from pa_ros.wire.records import ArenaDescription
+from pa_ros.world import Trajectory
+
+SHARED_MEMORY = Path("/dev/shm")
+
+
+def mis_joined(
+    bags: Iterable[Path], arena: ArenaDescription, vocabulary: Vocabulary, ours: set[str]
+) -> tuple[list[tuple[str, float]], int]:
+    """Recorded trajectories of agents of ours that a fresh arena denies, and when they came, s;
+    and how many transitions it was asked about.
+
+    A recording that was killed is repaired first.
+    """
+    reenactment, denied = Reenactment(arena), list[tuple[str, float]]()
+    for trajectory, stamp_s in _trajectories(bags, vocabulary):
+        if trajectory.agent_id in ours:
+            name = reenactment.check(trajectory)
+            denied += [(name, stamp_s)] if name is not None else []
+    return denied, reenactment.checked
+
+
+def _trajectories(
+    bags: Iterable[Path], vocabulary: Vocabulary
+) -> Iterable[tuple[Trajectory, float]]:
+    """Of all bags, each once, in the order recorded."""
+    known: set[TrajectoryKey] = set()
+    for folder in bags:
+        try:
+            with Bag(folder) as bag:
+                yield from _once(bag, vocabulary, known)
+        except BagError:
+            try:
+                repair(folder)
+                with Bag(folder) as bag:
+                    yield from _once(bag, vocabulary, known)
+            except BagError:
+                continue  # nothing was in it yet
+
+
+def _once(
+    bag: Bag, vocabulary: Vocabulary, known: set[TrajectoryKey]
+) -> Iterable[tuple[Trajectory, float]]:
+    decode = partial(codec.decode_trajectory, vocabulary=vocabulary)
+    for recorded in bag.messages([bag.topic_of(TRAJECTORIES)]):
+        try:
+            trajectory = bag.through(recorded, decode)
+        except BagError:
+            raise
+        except PaError:
+            continue  # a stranger's
+        if trajectory.key not in known:
+            known.add(trajectory.key)
+            yield trajectory, recorded.stamp_ns / 1e9
+
+
+def orphans(mark: str, variable: str) -> list[int]:
+    """Processes that still live and have the mark in their environment."""
+    wanted = f"{variable}={mark}".encode()
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal() and int(entry.name) != os.getpid():
+            try:
+                if wanted in (entry / "environ").read_bytes().split(b"\0"):
+                    found.append(int(entry.name))
+            except OSError:
+                continue  # it ended, or is another's
+    return found
+
+
+def shared_memory() -> set[str]:
+    """Segments of DDS in shared memory."""
+    if not SHARED_MEMORY.is_dir():
+        return set()
+    return {path.name for path in SHARED_MEMORY.iterdir() if "fast" in path.name}

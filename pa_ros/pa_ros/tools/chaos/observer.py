@@ -1,0 +1,189 @@
+"""What an outsider sees of a graph: what was published, what was learned, what nodes say."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from rclpy.node import Node
+
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import AgentKey, Float64, TrajectoryKey
+from pa_ros.core.published import LearnerInfo
+from pa_ros.ros import topics
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import ArenaDescription, Health
+
+IN_FLIGHT: Final = 3  # trajectories that a living agent may have under way, with policy_lag 1
+TROUBLE: Final = ("refused", "duplicate", "missing", "lost", "rejected", "interrupted", "holds")
+GONE_S: Final = 3.0  # a node that has said nothing for so long isn't counted as OK
+
+
+@dataclass
+class Account:
+    """Of the learner's newest weights: how much they are made of, and of which trajectories."""
+
+    version: int = 0
+    accounted: dict[AgentKey, int] = field(default_factory=dict)
+
+
+class Observer:
+    """Hears a graph from `node`'s namespace; nothing in it is told to the graph."""
+
+    def __init__(self, node: Node) -> None:
+        self.arena: ArenaDescription | None = None
+        self.learner: LearnerInfo | None = None
+        self.account = Account()
+        self.published: dict[TrajectoryKey, float] = {}  # and when, wall time
+        self.steps = 0  # control steps observed
+        self.last: dict[str, Message] = {}  # by topic
+        self.positions: deque[tuple[float, Float64]] = deque(maxlen=2000)  # rad
+        self.went_back = 0  # versions lower than the one before, of one process
+        self._prefix = node.get_namespace().rstrip("/") + "/"
+        self._health: dict[str, tuple[Health, float]] = {}
+        self._seen: list[str] = []  # what nodes said of trouble since `forget`
+        self._baseline: dict[tuple[str, str], float] = {}
+        self._stamp = -1
+        for topic, callback in (
+            (topics.ARENA_INFO, self._on_arena),
+            (topics.LEARNER_INFO, self._on_learner),
+            (topics.TRAJECTORIES, self._on_trajectory),
+            (topics.POLICY_WEIGHTS, self._on_weights),
+            (topics.JOINT_STATES, self._on_joints),
+            (topics.JOINT_COMMANDS, self._keep("joint_commands")),
+            (topics.DIAGNOSTICS, self._on_diagnostics),
+        ):
+            topic.subscribe(node, callback)
+
+    def value(self, node: str, key: str) -> float:
+        """A figure that a node reported last; 0 if it has not."""
+        entry = self._health.get(self._prefix + node)
+        try:
+            return float(entry[0].values[key]) if entry else 0.0
+        except (KeyError, ValueError):
+            return 0.0
+
+    def text(self, node: str, key: str) -> str:
+        """The same as text."""
+        entry = self._health.get(self._prefix + node)
+        return entry[0].values.get(key, "") if entry else ""
+
+    def all_ok(self, nodes: tuple[str, ...]) -> bool:
+        """Whether each has said OK lately."""
+        now = time.monotonic()
+        entries = [self._health.get(self._prefix + node) for node in nodes]
+        return all(e is not None and e[0].level == 0 and now - e[1] < GONE_S for e in entries)
+
+    def forget(self) -> None:
+        """From here on `seen` tells of what comes."""
+        self._seen.clear()
+        self._baseline = {
+            (name, key): float(value)
+            for name, (health, _) in self._health.items()
+            for key, value in health.values.items()
+            if key.startswith(TROUBLE) and value.isdecimal()
+        }
+
+    @property
+    def seen(self) -> str:
+        """The first thing that a node said of trouble since; empty: none has."""
+        return self._seen[0] if self._seen else ""
+
+    def says(self) -> str:
+        """What all nodes say now, for a row that failed."""
+        now = time.monotonic()
+        return "; ".join(
+            f"{name.rpartition('/')[2]}: {health.message} (level {health.level}"
+            + (f", silent for {now - at:.0f} s)" if now - at > GONE_S else ")")
+            for name, (health, at) in sorted(self._health.items())
+        )
+
+    def unexplained(self) -> int:
+        """Trajectories published that are neither learned, refused, reported lost nor under way.
+
+        Negative if more was learned than published.
+        """
+        account = self.account
+        accounted = sum(
+            key.sequence < account.accounted.get(AgentKey(*key[:2]), 0) for key in self.published
+        )
+        told = self.value("learner_node", "rejected_trajectories")
+        told += self.value("learner_node", "lost_trajectories")
+        living = self.text("agent_node", "agent_id")
+        dead = sum(
+            key.sequence >= account.accounted.get(AgentKey(*key[:2]), 0)
+            for key in self.published
+            if key.agent_id != living
+        )
+        return accounted - account.version - int(told) + dead
+
+    def moved(self, since: float) -> float:
+        """Largest way of a joint since then, rad."""
+        kept = [position for at, position in self.positions if at >= since]
+        return float(np.ptp(np.array(kept), axis=0).max()) if kept else 0.0
+
+    def _keep(self, name: str) -> Callable[[Message], None]:
+        def keep(message: Message) -> None:
+            self.last[name] = message
+
+        return keep
+
+    def _on_arena(self, message: Message) -> None:
+        try:
+            self.arena = codec.decode_arena_info(message)
+            self.last["arena_info"] = message
+        except PaError:
+            return  # a stranger's
+
+    def _on_learner(self, message: Message) -> None:
+        try:
+            info = codec.decode_learner_info(message)
+        except PaError:
+            return
+        if self.learner is None or info.stamp_ns >= self.learner.stamp_ns:
+            self.learner = info
+            self.last["learner_info"] = message
+
+    def _on_trajectory(self, message: Message) -> None:
+        self.published.setdefault(codec.decode_trajectory_key(message), time.time())
+        self.last["trajectories"] = message
+
+    def _on_weights(self, message: Message) -> None:
+        try:
+            policy = codec.decode_weights(message)
+        except PaError:
+            return
+        if self.learner is None or policy.learner_id != self.learner.learner_id:
+            return
+        version = policy.snapshot.version
+        if version < self.account.version and version >= self.learner.first_version:
+            self.went_back += self.account.version > self.learner.first_version
+        self.account = Account(version, dict(policy.accounted))
+        self.last["policy_weights"] = message
+
+    def _on_joints(self, message: Message) -> None:
+        stamp = codec.header_stamp(message)
+        self.steps += stamp != self._stamp
+        self._stamp = stamp
+        try:
+            self.positions.append((time.monotonic(), codec.decode_joints(message, ())[0]))
+        except PaError:
+            return
+
+    def _on_diagnostics(self, message: Message) -> None:
+        for health in codec.decode_diagnostics(message):
+            if not health.name.startswith(self._prefix):
+                continue
+            self._health[health.name] = health, time.monotonic()
+            said = f"{health.name.rpartition('/')[2]}: {health.message}"
+            if health.level:
+                self._seen.append(said)
+            for key, value in health.values.items():
+                known = self._baseline.get((health.name, key), 0.0)
+                if key.startswith(TROUBLE) and value.isdecimal() and float(value) > known:
+                    self._seen.append(f"{health.name.rpartition('/')[2]}: {key} {value}")

@@ -1,0 +1,196 @@
+"""A small graph to do harm to: nodes as processes, a recorder, and an observer in this one."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.node import Node
+
+from pa_ros.core.errors import PaError
+from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
+from pa_ros.ros.executor import spin_until
+from pa_ros.ros.process import ros_arguments
+from pa_ros.tools.chaos.observer import Observer
+from pa_ros.tools.chaos.relay import Relay, remaps
+from pa_ros.tools.client import client_node
+from pa_ros.tools.launch_params import Parameters, write_parameters
+from pa_ros.tools.launcher import Patience, Supervisor, node_command
+
+MARK: Final = "PA_ROS_CHAOS"  # in the environment of every process of a stage
+START_S: Final = 60.0
+NODES: Final = ("sim_node", "agent_node", "learner_node")
+RECORDER: Final = "recorder"
+SMALL: Final = [
+    "learner.replay.warmup_frames=20",
+    "learner.replay.batch_size=32",
+    "learner.replay.capacity_frames=50000",
+    "learner.updates.per_frame=4",
+    "learner.schedule.trajectory_steps=20",
+    "network.hidden=16",
+]
+
+
+class StageError(PaError):
+    """A graph that could not be brought to work, before any harm was done."""
+
+    code = "chaos.stage"
+
+
+def learning() -> Parameters:
+    """Three nodes that learn in small, quick to start and to resume."""
+    return {
+        "sim_node": {"seed": 4, "episode_steps": 40, "resend_period_s": 0.25},
+        "agent_node": {"seed": 4, "learning": True, "resend_period_s": 0.5, "stuck_after_s": 2.0},
+        "learner_node": {"seed": 4, "options": SMALL, "checkpoint_every_frames": 400},
+    }
+
+
+def executing() -> Parameters:
+    """An arena by the clock and an agent that moves its arm."""
+    return {
+        "sim_node": {
+            "seed": 4,
+            "mode": "real_time",
+            "real_time_factor": 2.0,
+            "episode_steps": 100_000,
+        },
+        "agent_node": {"seed": 4, "weights": "random"},
+    }
+
+
+class Stage:
+    """Nodes by name that can be hurt and started again; the learner goes on from its checkpoint."""
+
+    def __init__(
+        self, folder: Path, node: Node, parameters: Parameters, relayed: bool = False
+    ) -> None:
+        self.folder, self.node = folder, node
+        self.observer = Observer(node)
+        self.relay = Relay(node) if relayed else None
+        self.mark = uuid.uuid4().hex
+        self.bags: list[Path] = []
+        self._parameters, self._relayed = parameters, relayed
+        self._pids: dict[str, int] = {}
+        self._starts = 0
+        patience = Patience(interrupt_s=10.0, terminate_s=3.0)
+        self._supervisor = Supervisor(folder / "log", {MARK: self.mark}, patience)
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return tuple(self._parameters)
+
+    @property
+    def learns(self) -> bool:
+        return "learner_node" in self._parameters
+
+    @property
+    def checkpoint(self) -> Path:
+        return checkpoint_of(self.folder / "run")
+
+    def versions(self) -> list[int]:
+        """Of the checkpoints on disk, newest first."""
+        found = self.checkpoint.glob("version-*/metadata.json")
+        return sorted((int(one.parent.name[8:]) for one in found), reverse=True)
+
+    def begin(self) -> None:
+        """Start everything and wait until it works. Raises StageError."""
+        if self.learns:
+            self.start(RECORDER)
+            self.until(lambda: (self.bags[-1] / "bag.mcap").exists(), START_S)
+        for name in self._parameters:
+            self.start(name)
+        if not self.until(self.works, START_S):
+            raise StageError(f"stage: expected a graph that works in {START_S:g} s, got "
+                             f"{self.observer.says() or 'silence'}")  # fmt: skip
+
+    def works(self) -> bool:
+        """Whether it is OK and has done something."""
+        done = self.observer.account.version > 3 if self.learns else self.observer.steps > 10
+        return done and self.observer.all_ok(self.nodes)
+
+    def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Serve observer and relay until the condition holds; whether it does in time."""
+        return spin_until(self.node, condition, timeout_s)
+
+    def wait(self, seconds: float) -> None:
+        self.until(lambda: False, seconds)
+
+    def start(self, name: str, beside: bool = False) -> None:
+        """Start a node, or a second one `beside` it."""
+        self._starts += 1
+        label = f"{name}-second" if beside else name
+        self._pids[label] = self._supervisor.start(label, self._command(name, beside))
+
+    def _command(self, name: str, beside: bool) -> list[str]:
+        namespace = self.node.get_namespace()
+        if name == RECORDER:
+            if not beside:
+                self.bags.append(self.folder / f"bag-{len(self.bags)}")
+            command = [sys.executable, "-m", "pa_ros", "record", str(self.bags[-1])]
+            return [*command, "--namespace", namespace]
+        values: dict[str, Any] = dict(self._parameters[name])
+        if name == "learner_node":
+            out = self.folder / ("second" if beside else "run")
+            values |= {"out": str(out.resolve()), "resume": holds_checkpoint(out)}
+        path = self.folder / f"{name}-{self._starts}.yaml"
+        write_parameters(path, {name: values}, namespace)
+        rules = remaps(name) if self._relayed else {}
+        return [*node_command(name, path, namespace), *ros_arguments(remaps=rules)[1:]]
+
+    def signal(self, name: str, number: signal.Signals) -> None:
+        os.kill(self._pids[name], number)
+
+    def pid(self, name: str) -> int:
+        return self._pids[name]
+
+    def count(self, name: str) -> int:
+        """How many nodes of this name are in the graph."""
+        within = self.node.get_namespace()
+        return self.node.get_node_names_and_namespaces().count((name, within))
+
+    def stop(self, name: str) -> int:
+        """Stop it as Ctrl-C does; its exit status."""
+        return self._supervisor.stop([name]).get(name, 0)
+
+    def ended(self, name: str) -> bool:
+        """Whether it has ended by itself."""
+        stat = Path(f"/proc/{self._pids[name]}/stat")
+        try:
+            return stat.read_text().rpartition(")")[2].split()[0] == "Z"
+        except OSError:
+            return True
+
+    def log(self, name: str) -> str:
+        path = self.folder / "log" / f"{name}.log"
+        return path.read_text(errors="replace") if path.exists() else ""
+
+    def end(self) -> None:
+        """Stop everything, the recorder last."""
+        self._supervisor.stop([n for n in self._supervisor.names if n != RECORDER])
+        self._supervisor.stop()
+
+
+@contextmanager
+def staged(
+    folder: Path, number: int, parameters: Parameters, relayed: bool = False
+) -> Iterator[Stage]:
+    """A stage that works, in a namespace of its own; all of it is gone afterwards."""
+    with client_node("chaos", f"chaos{number}") as node:
+        stage = Stage(folder, node, parameters, relayed)
+        try:
+            stage.begin()
+            yield stage
+        finally:
+            stage.end()
+
+
+def now() -> float:
+    return time.monotonic()
