@@ -27,11 +27,8 @@ COMMANDS = {
     "bag": ("pa_ros.cli.bag", "what a bag holds; its episodes as NPZ or as a film"),
     "play": ("pa_ros.cli.play", "publish a bag into a live graph"),
     "verify": ("pa_ros.cli.verify", "make a recorded run again and compare it to the last bit"),
-<<<<<<< HEAD
     "console": ("pa_ros.cli.console", "a page in the browser: a running graph, or a bag"),
-=======
     "chaos": ("pa_ros.cli.chaos", "do harm to a graph on purpose, and say what came of it"),
->>>>>>> 45b78bb (feat(chaos): pa_ros chaos: faults done on purpose to a live graph, invariants checked from outside, rows as a table; fix(learning): what is kept beside a damaged checkpoint is a good one)
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does
