@@ -6,7 +6,14 @@ import ast
 
 # What hands out a message, by the name called; and what calls back with one.
 SOURCES = {"Message", "deserialize", "deserialize_cdr", "deserialize_message", "take_message"}
-CALLBACK_TAKERS = {"create_subscription", "create_service", "guard", "subscribe", "through"}
+CALLBACK_TAKERS = {
+    "checked",
+    "create_subscription",
+    "create_service",
+    "guard",
+    "subscribe",
+    "through",
+}
 NAMES = {"message", "msg", "response"}  # parameters that are called so are messages
 READERS = {"header_stamp", "is_evaluation", "arena_of"}  # and whatever begins with decode_
 BY_NAME = {"getattr", "setattr", "hasattr", "delattr", "vars"}

@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
-from pa_ros.core.settings import OneOf, Settings
+from pa_ros.core.authentication import Authenticated
+from pa_ros.core.settings import OneOf
 from pa_ros.networks.families import FAMILIES
 
 
-class AgentConfig(Settings):
+class AgentConfig(Authenticated):
     """One agent on the graph: greedy, or learning."""
 
     learning: bool = Field(

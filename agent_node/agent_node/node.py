@@ -27,6 +27,7 @@ from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas
+from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
@@ -45,6 +46,7 @@ class AgentNode(Node):
         self.config = settings_from_parameters(self, AgentConfig)
         self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
         self.refusals = Refusals(self.get_logger().warning)
+        self._authority = Authority(self, self.config)
         self.agent = self._make_agent()
         self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
         self._arenas = Arenas()
@@ -81,8 +83,9 @@ class AgentNode(Node):
         return agent  # random weights need the arena's vocabulary first
 
     def _make_publishers(self) -> None:
-        self._commands_out = topics.JOINT_COMMANDS.publisher(self)
-        self._transitions_out = topics.TRAJECTORIES.within(self.config.learner).publisher(self)
+        self._commands_out = self._authority.publisher(topics.JOINT_COMMANDS)
+        trajectories = topics.TRAJECTORIES.within(self.config.learner)
+        self._transitions_out = self._authority.publisher(trajectories)
         self._status_out = topics.PROGRAM_STATUS.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
         parameters, name = self.config.flat(), self.get_fully_qualified_name()
@@ -103,7 +106,8 @@ class AgentNode(Node):
             callbacks.append((topics.LEARNER_INFO.within(of_learner), self._on_learner))
             callbacks.append((topics.POLICY_WEIGHTS.within(of_learner), self._on_policy))
         for topic, callback in callbacks:
-            topic.subscribe(self, self.refusals.guard(topic.name, callback))
+            checked = self._authority.checked(topic, callback)
+            topic.subscribe(self, self.refusals.guard(topic.name, checked))
 
     # What the arena says
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 from typing_extensions import Self
 
+from pa_ros.core.authentication import Authenticated
 from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
 
 
-class LearnerNodeConfig(LearningChoice):
+class LearnerNodeConfig(LearningChoice, Authenticated):
     """One learner on the graph; what it learns about comes with arena_info."""
 
     seed: int = Field(0, ge=0, description="of initial weights and of sampling")

@@ -20,6 +20,7 @@ from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.newest import newest_whole
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas, OtherArenaError
+from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
@@ -64,6 +65,7 @@ class LearnerNode(Node):
         super().__init__("learner_node", automatically_declare_parameters_from_overrides=True)
         self.config = settings_from_parameters(self, LearnerNodeConfig)
         self.refusals = Refusals(self.get_logger().warning)
+        self._authority = Authority(self, self.config)
         self.worker: LearnerWorker | None = None
         if self.config.resume:
             newest_whole(checkpoint_of(Path(self.config.out)))
@@ -76,15 +78,18 @@ class LearnerNode(Node):
         self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
         self._health_pace = self._told_pace = Pace()
-        self._weights = topics.POLICY_WEIGHTS.publisher(self)
-        self._announcement = topics.LEARNER_INFO.publisher(self)
+        self._weights = self._authority.publisher(topics.POLICY_WEIGHTS)
+        self._announcement = self._authority.publisher(topics.LEARNER_INFO)
         self._provenance = topics.PROVENANCE.publisher(self)
         for arena in self.config.arenas or ("",):
             info = topics.ARENA_INFO.within(arena)
-            info.subscribe(self, self.refusals.guard(info.name, self._on_arena))
+            on_arena = self._authority.checked(info, self._on_arena)
+            info.subscribe(self, self.refusals.guard(info.name, on_arena))
             steps = topics.OBJECT_FEATURES.within(arena)
             self._steps.append(steps.subscribe(self, self._on_step))
-        topics.TRAJECTORIES.subscribe(self, self._take)
+        trajectories = topics.TRAJECTORIES
+        on_trajectory = self._authority.checked(trajectories, self._on_trajectory)
+        trajectories.subscribe(self, self.refusals.guard(trajectories.name, on_trajectory))
         alone = topics.POLICY_WEIGHTS, uuid.uuid4().hex
         HealthReporter(self, self.refusals, self._collect, alone, self._progress)
         steady_timer(self, WATCH_S, self._look)

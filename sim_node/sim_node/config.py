@@ -15,13 +15,14 @@ from pa_ros.arena import (
     Design,
     condition_named,
 )
+from pa_ros.core.authentication import Authenticated
 from pa_ros.world import reward_from
 
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
 LAST_EPISODE = 2**62  # that one may begin with; those after it fit a message, too
 
 
-class SimConfig(ArenaChoice):
+class SimConfig(ArenaChoice, Authenticated):
     """One arena on the graph."""
 
     mode: Literal["lockstep", "real_time"] = Field(

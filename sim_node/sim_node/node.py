@@ -14,6 +14,7 @@ from pa_ros.arena import DivergedError
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros import topics
+from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
@@ -39,6 +40,7 @@ class SimNode(Node):
         self.session = Session(self.config, arena_id=uuid.uuid4().hex[:8])
         self.watchdog = Watchdog(self.session, self.config.command_timeout_s)
         self.refusals = Refusals(self.get_logger().warning)
+        self._authority = Authority(self, self.config)
         self._commanders = Commanders()
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
@@ -77,7 +79,7 @@ class SimNode(Node):
         self._clock_topic = topics.CLOCK.publisher(self)
         self._program = topics.PROGRAM.publisher(self)
         self._status = topics.PROGRAM_STATUS.publisher(self)
-        self._info = topics.ARENA_INFO.publisher(self)
+        self._info = self._authority.publisher(topics.ARENA_INFO)
         about = describe(self.session)
         self._joint_names = about.joint_names
         self._info.publish(codec.encode_arena_info(about))
@@ -87,7 +89,8 @@ class SimNode(Node):
 
     def _make_subscriptions(self) -> None:
         command = topics.JOINT_COMMANDS
-        command.subscribe(self, self.refusals.guard(command.name, self._on_command))
+        on_command = self._authority.checked(command, self._on_command)
+        command.subscribe(self, self.refusals.guard(command.name, on_command))
         program = topics.PROGRAM
         program.subscribe(self, self.refusals.guard(program.name, self._on_program))
 

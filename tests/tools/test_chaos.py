@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +20,7 @@ from pa_ros.tools.chaos.report import report, write_table
 FAULT = Fault("x | y", lambda _: None)
 
 
-def row(**outcome: object) -> Row:
+def row(**outcome: Any) -> Row:
     return Row(FAULT, [Cycle(FAULT.name, 0.0, seen_after=1.0, recovered_after=2.0, **outcome)])
 
 
@@ -57,7 +58,8 @@ def test_every_row_has_a_name_of_its_own_and_all_processes_are_hurt():
 
 def test_rows_are_chosen_by_parts_of_their_names():
     assert {f.name for f in chosen(ChaosConfig(only=("recorder: SIG",)))} == {
-        "recorder: SIGKILL", "recorder: SIGTERM", "recorder: SIGSTOP 5 s"
+        "recorder: SIGKILL", "recorder: SIGTERM", "recorder: SIGSTOP 5 s",
+        "launched recorder: SIGKILL",
     }  # fmt: skip
     assert len(chosen(ChaosConfig(short=True))) == 3
     with pytest.raises(ConfigError, match="no row"):

@@ -22,7 +22,9 @@ from pa_ros.core.experience import (
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Command
+from pa_ros.wire.signing import KEY_BYTES, Checker, Signer
 from pa_ros.world import Trajectory
 
 JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
@@ -59,6 +61,8 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
         "encode_weights_us": (lambda: codec.encode_weights(policy), calls // 100),
         "decode_weights_us": (lambda: codec.decode_weights(messages[3]), calls // 100),
     }
+    for name, message in zip(("command", "trajectory", "weights"), messages[1:], strict=True):
+        work |= _signing(name, Message(message), calls // 10)
     report: dict[str, float | str] = {"python": platform.python_version(), "numpy": np.__version__}
     for name, (call, number) in work.items():
         number = max(1, number)
@@ -66,6 +70,18 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
             min(timeit.repeat(call, number=number, repeat=repeats)) / number * 1e6
         )
     return report
+
+
+def _signing(
+    name: str, message: Message, calls: int
+) -> dict[str, tuple[Callable[[], object], int]]:
+    """Signing a message, and the same and checking it: a message is let through once."""
+    key = bytes(KEY_BYTES)
+    signer, checker = Signer(key, "/bench", 1), Checker(key)
+    return {
+        f"sign_{name}_us": (lambda: signer.sign(message), calls),
+        f"sign_and_check_{name}_us": (lambda: checker.check(signer.sign(message)), calls),
+    }
 
 
 def sample_step(seed: int = 0) -> tuple[Observation, Verdict, Command]:

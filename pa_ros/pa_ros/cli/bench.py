@@ -1,4 +1,4 @@
-"""`pa_ros bench codec|console|sim|graph|learner|load|train`: the figures of this machine."""
+"""`pa_ros bench codec|console|endurance|sim|…`: the figures of this machine."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--graph", action="store_true", help="train: the three nodes as processes instead"
     )
     parser.add_argument(
+        "--minutes", type=float, default=60.0, metavar="X", help="endurance: how long (%(default)s)"
+    )
+    parser.add_argument(
         "--growth", action="store_true",
         help="learner: time of an update against blocks, batch and programs; "
         "with --json a picture beside it",
@@ -31,6 +34,16 @@ def _codec(_: argparse.Namespace) -> Report:
     from pa_ros.benchmarks.codec import bench_codec
 
     return bench_codec()
+
+
+def _endurance(options: argparse.Namespace) -> Report:
+    from pa_ros.benchmarks.endurance import CAPACITY, bench_endurance
+    from pa_ros.benchmarks.endurance_figure import draw_endurance
+
+    report, samples = bench_endurance(options.minutes)
+    if options.json is not None:
+        draw_endurance(options.json.with_suffix(".png"), samples, CAPACITY)
+    return report
 
 
 def _sim(_: argparse.Namespace) -> Report:
@@ -74,6 +87,7 @@ def _console(_: argparse.Namespace) -> Report:
 BENCHMARKS = {
     "codec": _codec,
     "console": _console,
+    "endurance": _endurance,
     "sim": _sim,
     "graph": _graph,
     "learner": _learner,

@@ -19,9 +19,11 @@ from pa_ros.core.settings import Settings
 from pa_ros.tools.chaos.cycles import Cycle, run_cycle
 from pa_ros.tools.chaos.faults import Fault, executing_faults, order_faults, process_faults
 from pa_ros.tools.chaos.faults_disk import disk_faults
+from pa_ros.tools.chaos.faults_launcher import launcher_faults
 from pa_ros.tools.chaos.faults_messages import message_faults
 from pa_ros.tools.chaos.invariants import mis_joined, orphans, shared_memory
-from pa_ros.tools.chaos.stage import MARK, Stage, executing, learning, staged
+from pa_ros.tools.chaos.stage import MARK, Stage, executing, learning, staged, with_key
+from pa_ros.tools.chaos.strangers import stranger_faults
 from pa_ros.tools.domain import use_domain
 
 SHORT: Final = ("agent_node: SIGKILL", "learner_node: SIGKILL", "sim_node: SIGSTOP 5 s")
@@ -73,8 +75,8 @@ class Row:
 
 def all_faults() -> list[Fault]:
     """Every row, those of one kind together."""
-    return [*process_faults(), *order_faults(), *disk_faults(), *message_faults(),
-            *executing_faults()]  # fmt: skip
+    return [*process_faults(), *order_faults(), *disk_faults(), *stranger_faults(),
+            *launcher_faults(), *message_faults(), *executing_faults()]  # fmt: skip
 
 
 def chosen(config: ChaosConfig) -> list[Fault]:
@@ -126,10 +128,12 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, s
     kind, memory = part[0].fault.kind, shared_memory()
     folder = folder / str(len(part))
     parameters = executing() if kind == "executing" else learning()
+    if kind == "keyed":
+        parameters = with_key(parameters, folder)
     done: list[Cycle] = []
     agents: set[str] = set()
     try:
-        with staged(folder, number, parameters, kind == "relayed") as stage:
+        with staged(folder, number, parameters, kind) as stage:
             while part and time.monotonic() < deadline:
                 row = part.pop(0)
                 agents.add(stage.observer.text("agent_node", "agent_id"))

@@ -9,7 +9,8 @@ from typing import Final
 
 from pa_ros.core.errors import PaError
 from pa_ros.tools.chaos.faults import Fault
-from pa_ros.tools.chaos.stage import Stage
+from pa_ros.tools.chaos.invariants import orphans
+from pa_ros.tools.chaos.stage import MARK, Stage
 
 READY_S: Final = 20.0
 RECOVER_S: Final = 45.0
@@ -46,6 +47,8 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
         fault.strike(stage)
         struck = time.monotonic()
         stage.until(_noting(stage, cycle, struck, lambda: False), fault.hold_s)
+        if fault.empties and (left := orphans(stage.mark, MARK)):
+            cycle.failures.append(f"processes left behind: {left}")
         if fault.halts:
             _check_held(stage, cycle, struck)
         fault.lift(stage)
@@ -55,7 +58,10 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
     if not fault.silent:
         _check_seen(cycle)
     if stage.learns:
-        cycle.lost = max(0, _lost(stage) - lost_before)
+        missing = _lost(stage) - lost_before
+        cycle.lost = max(0, missing)
+        if missing < 0:
+            cycle.failures.append(f"{-missing} trajectories were learned that no agent made")
         if observer.went_back > back_before:
             cycle.failures.append("versions went back")
         _check_checkpoint(stage, cycle, newest, fault.damages)
@@ -69,8 +75,9 @@ def _noting(
     """The condition, noting on the way when trouble is first seen."""
 
     def check() -> bool:
-        if cycle.seen_after is None and stage.observer.seen:
-            cycle.seen_after, cycle.said = time.monotonic() - struck, stage.observer.seen
+        if cycle.seen_after is None and stage.observer.seen is not None:
+            at, cycle.said = stage.observer.seen
+            cycle.seen_after = max(0.0, at - struck)
         return condition()
 
     return check

@@ -19,8 +19,8 @@ from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Health
 
-IN_FLIGHT: Final = 3  # trajectories that a living agent may have under way, with policy_lag 1
 TROUBLE: Final = ("refused", "duplicate", "missing", "lost", "rejected", "interrupted", "holds")
+STRANGER: Final = "stranger"  # learner, agent and arena that none of ours is
 GONE_S: Final = 3.0  # a node that has said nothing for so long isn't counted as OK
 
 
@@ -39,14 +39,17 @@ class Observer:
         self.arena: ArenaDescription | None = None
         self.learner: LearnerInfo | None = None
         self.account = Account()
-        self.published: dict[TrajectoryKey, float] = {}  # and when, wall time
+        # How many trajectories each agent has sent: one more than the highest number heard. Who
+        # listens to a newcomer is found by it one after the other, and we may not be the first.
+        self.published: dict[AgentKey, int] = {}
+        self.forged: set[TrajectoryKey] = set()  # sent by strangers
         self.steps = 0  # control steps observed
         self.last: dict[str, Message] = {}  # by topic
         self.positions: deque[tuple[float, Float64]] = deque(maxlen=2000)  # rad
         self.went_back = 0  # versions lower than the one before, of one process
         self._prefix = node.get_namespace().rstrip("/") + "/"
         self._health: dict[str, tuple[Health, float]] = {}
-        self._seen: list[str] = []  # what nodes said of trouble since `forget`
+        self._seen: list[tuple[float, str]] = []  # when, and what nodes said of trouble
         self._baseline: dict[tuple[str, str], float] = {}
         self._stamp = -1
         for topic, callback in (
@@ -90,9 +93,9 @@ class Observer:
         }
 
     @property
-    def seen(self) -> str:
-        """The first thing that a node said of trouble since; empty: none has."""
-        return self._seen[0] if self._seen else ""
+    def seen(self) -> tuple[float, str] | None:
+        """The first thing that a node said of trouble since, and when; None: none has."""
+        return self._seen[0] if self._seen else None
 
     def says(self) -> str:
         """What all nodes say now, for a row that failed."""
@@ -108,18 +111,14 @@ class Observer:
 
         Negative if more was learned than published.
         """
-        account = self.account
-        accounted = sum(
-            key.sequence < account.accounted.get(AgentKey(*key[:2]), 0) for key in self.published
-        )
+        account, accounted, dead = self.account, 0, 0
+        living = self.text("agent_node", "agent_id")
+        for agent, sent in self.published.items():
+            taken = min(account.accounted.get(agent, 0), sent)
+            accounted += taken
+            dead += sent - taken if agent.agent_id != living else 0
         told = self.value("learner_node", "rejected_trajectories")
         told += self.value("learner_node", "lost_trajectories")
-        living = self.text("agent_node", "agent_id")
-        dead = sum(
-            key.sequence >= account.accounted.get(AgentKey(*key[:2]), 0)
-            for key in self.published
-            if key.agent_id != living
-        )
         return accounted - account.version - int(told) + dead
 
     def moved(self, since: float) -> float:
@@ -135,23 +134,29 @@ class Observer:
 
     def _on_arena(self, message: Message) -> None:
         try:
-            self.arena = codec.decode_arena_info(message)
-            self.last["arena_info"] = message
+            arena = codec.decode_arena_info(message)
         except PaError:
-            return  # a stranger's
+            return
+        if arena.arena_id != STRANGER:
+            self.arena, self.last["arena_info"] = arena, message
 
     def _on_learner(self, message: Message) -> None:
         try:
             info = codec.decode_learner_info(message)
         except PaError:
             return
+        if info.learner_id == STRANGER:
+            return
         if self.learner is None or info.stamp_ns >= self.learner.stamp_ns:
             self.learner = info
             self.last["learner_info"] = message
 
     def _on_trajectory(self, message: Message) -> None:
-        self.published.setdefault(codec.decode_trajectory_key(message), time.time())
-        self.last["trajectories"] = message
+        key = codec.decode_trajectory_key(message)
+        if key not in self.forged:
+            agent = AgentKey(key.agent_id, key.incarnation)
+            self.published[agent] = max(self.published.get(agent, 0), key.sequence + 1)
+            self.last["trajectories"] = message
 
     def _on_weights(self, message: Message) -> None:
         try:
@@ -182,8 +187,9 @@ class Observer:
             self._health[health.name] = health, time.monotonic()
             said = f"{health.name.rpartition('/')[2]}: {health.message}"
             if health.level:
-                self._seen.append(said)
+                self._seen.append((time.monotonic(), said))
             for key, value in health.values.items():
                 known = self._baseline.get((health.name, key), 0.0)
                 if key.startswith(TROUBLE) and value.isdecimal() and float(value) > known:
-                    self._seen.append(f"{health.name.rpartition('/')[2]}: {key} {value}")
+                    said = f"{health.name.rpartition('/')[2]}: {key} {value}"
+                    self._seen.append((time.monotonic(), said))

@@ -26,8 +26,10 @@ from pa_ros.tools.launcher import Patience, Supervisor, node_command
 
 MARK: Final = "PA_ROS_CHAOS"  # in the environment of every process of a stage
 START_S: Final = 60.0
+LAUNCHED: Final = "launched"
 NODES: Final = ("sim_node", "agent_node", "learner_node")
 RECORDER: Final = "recorder"
+LAUNCHER: Final = "launcher"
 SMALL: Final = [
     "learner.replay.warmup_frames=20",
     "learner.replay.batch_size=32",
@@ -66,18 +68,27 @@ def executing() -> Parameters:
     }
 
 
+def with_key(parameters: Parameters, folder: Path) -> Parameters:
+    """The same nodes, all given one key in a file there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "key"
+    path.touch(mode=0o600)
+    path.write_bytes(os.urandom(32))
+    return {name: {**values, "auth_key_file": str(path.resolve())}
+            for name, values in parameters.items()}  # fmt: skip
+
+
 class Stage:
     """Nodes by name that can be hurt and started again; the learner goes on from its checkpoint."""
 
-    def __init__(
-        self, folder: Path, node: Node, parameters: Parameters, relayed: bool = False
-    ) -> None:
+    def __init__(self, folder: Path, node: Node, parameters: Parameters, kind: str = "") -> None:
+        """`kind`: "relayed", or "launched" by `pa_ros launch`, or as usual."""
         self.folder, self.node = folder, node
         self.observer = Observer(node)
-        self.relay = Relay(node) if relayed else None
+        self.relay = Relay(node) if kind == "relayed" else None
         self.mark = uuid.uuid4().hex
         self.bags: list[Path] = []
-        self._parameters, self._relayed = parameters, relayed
+        self._parameters, self._kind = parameters, kind
         self._pids: dict[str, int] = {}
         self._starts = 0
         patience = Patience(interrupt_s=10.0, terminate_s=3.0)
@@ -102,10 +113,12 @@ class Stage:
 
     def begin(self) -> None:
         """Start everything and wait until it works. Raises StageError."""
-        if self.learns:
+        if self._kind == LAUNCHED:
+            self.start(LAUNCHER)
+        elif self.learns:
             self.start(RECORDER)
-            self.until(lambda: (self.bags[-1] / "bag.mcap").exists(), START_S)
-        for name in self._parameters:
+            self.until(lambda: any(self.bags[-1].glob("*.mcap")), START_S)
+        for name in self._parameters if self._kind != LAUNCHED else ():
             self.start(name)
         if not self.until(self.works, START_S):
             raise StageError(f"stage: expected a graph that works in {START_S:g} s, got "
@@ -136,25 +149,43 @@ class Stage:
                 self.bags.append(self.folder / f"bag-{len(self.bags)}")
             command = [sys.executable, "-m", "pa_ros", "record", str(self.bags[-1])]
             return [*command, "--namespace", namespace]
-        values: dict[str, Any] = dict(self._parameters[name])
+        path = self.folder / f"{name}-{self._starts}.yaml"
+        if name == LAUNCHER:
+            self.bags.append(self.folder / f"bag-{len(self.bags)}")
+            write_parameters(path, {n: self._values(n) for n in self.nodes})
+            into = ["--out", str(self.folder / f"launch-{self._starts}")]
+            into += ["--record", str(self.bags[-1]), "--namespace", namespace]
+            return [sys.executable, "-m", "pa_ros", "launch", "--params", str(path), *into]
+        write_parameters(path, {name: self._values(name, beside)}, namespace)
+        rules = remaps(name) if self._kind == "relayed" else {}
+        return [*node_command(name, path, namespace), *ros_arguments(remaps=rules)[1:]]
+
+    def _values(self, name: str, beside: bool = False) -> dict[str, Any]:
+        """A node's parameters; the learner goes on where there is something to go on from."""
+        values = dict(self._parameters[name])
         if name == "learner_node":
             out = self.folder / ("second" if beside else "run")
             values |= {"out": str(out.resolve()), "resume": holds_checkpoint(out)}
-        path = self.folder / f"{name}-{self._starts}.yaml"
-        write_parameters(path, {name: values}, namespace)
-        rules = remaps(name) if self._relayed else {}
-        return [*node_command(name, path, namespace), *ros_arguments(remaps=rules)[1:]]
+        return values
 
     def signal(self, name: str, number: signal.Signals) -> None:
-        os.kill(self._pids[name], number)
+        os.kill(self.pid(name), number)
 
     def pid(self, name: str) -> int:
-        return self._pids[name]
+        """Of a process of ours, or of the recorder that a launcher of ours has started."""
+        if name in self._pids:
+            return self._pids[name]
+        recording = [b"record", str(self.bags[-1]).encode()]
+        for entry in Path("/proc").glob("[0-9]*/cmdline"):
+            words = entry.read_bytes().split(b"\0")
+            if all(word in words for word in recording) and b"launch" not in words:
+                return int(entry.parent.name)
+        raise StageError(f"{name}: expected a process, found none")
 
     def count(self, name: str) -> int:
         """How many nodes of this name are in the graph."""
         within = self.node.get_namespace()
-        return self.node.get_node_names_and_namespaces().count((name, within))
+        return int(self.node.get_node_names_and_namespaces().count((name, within)))
 
     def stop(self, name: str) -> int:
         """Stop it as Ctrl-C does; its exit status."""
@@ -179,12 +210,10 @@ class Stage:
 
 
 @contextmanager
-def staged(
-    folder: Path, number: int, parameters: Parameters, relayed: bool = False
-) -> Iterator[Stage]:
+def staged(folder: Path, number: int, parameters: Parameters, kind: str = "") -> Iterator[Stage]:
     """A stage that works, in a namespace of its own; all of it is gone afterwards."""
     with client_node("chaos", f"chaos{number}") as node:
-        stage = Stage(folder, node, parameters, relayed)
+        stage = Stage(folder, node, parameters, kind)
         try:
             stage.begin()
             yield stage

@@ -1,0 +1,38 @@
+"""The SROS2 policies say what nodes say and hear, and no more. (That they hold is untested.)"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from graph import graph
+
+import pa_ros.ros
+from agent_node.node import AgentNode
+from learner_node.node import LearnerNode
+from sim_node.node import SimNode
+
+pytestmark = pytest.mark.graph
+POLICIES = Path(pa_ros.ros.__file__).with_name("sros2") / "policies.xml"
+OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "list_parameters",
+            "set_parameters", "set_parameters_atomically", "get_type_description"}  # fmt: skip
+
+
+def allowed(node: str, kind: str, right: str) -> set[str]:
+    tree = ElementTree.parse(POLICIES)
+    path = f".//profile[@node='{node}']/{kind}s[@{right}='ALLOW']/{kind}"
+    names = [element.text or "" for element in tree.findall(path)]
+    return {name if name.startswith("/") else f"/{name}" for name in names}
+
+
+def test_policies_are_of_least_privilege() -> None:
+    with graph(SimNode, AgentNode, LearnerNode, agent_node__learning=True) as probe:
+        for node in probe.nodes:
+            name = node.get_name()
+            said = {p.topic_name for p in node.publishers}
+            heard = {s.topic_name for s in node.subscriptions}
+            assert allowed(name, "topic", "publish") == said | {"/rosout"}  # which rcl makes
+            assert allowed(name, "topic", "subscribe") == heard
+            served = {s.service_name.rpartition("/")[2] for s in node.services} - OF_RCLPY
+            assert {one.strip("/") for one in allowed(name, "service", "reply")} == served
