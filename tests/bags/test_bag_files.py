@@ -18,6 +18,7 @@ from recorded_runs import train
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from pa_ros.bags import tail
 from pa_ros.bags.contents import RESERVE, reliable_qos, topic
 from pa_ros.bags.errors import (
     BagError,
@@ -198,6 +199,40 @@ def test_a_damaged_chunk_is_passed_over_and_said(whole, tmp_path, capsys):
     assert len(identifiers(folder)) == 11
     assert main(["bag", "info", str(folder)]) == 1
     assert "NOT SEEN: bag.mcap: 1 damaged chunks" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("killed", [False, True])
+@pytest.mark.parametrize("where", ["message", "definition"])
+def test_a_hit_first_chunk_costs_its_own_messages_alone(whole, tmp_path, killed, where):
+    """Though it is where the file says what its topics are."""
+    folder, content = tmp_path / "bag", bytearray(whole[1])
+    folder.mkdir()
+    text = b"X" * 200 if where == "message" else b"string text"
+    content[content.index(text) + 3] ^= 1
+    if killed:
+        del content[-30:]
+    (folder / "bag.mcap").write_bytes(content)
+    done = repair(folder)
+    assert "bag.mcap: 1 damaged chunks were passed over" in done.notes
+    assert identifiers(folder) == list(range(1, 12))
+    assert (folder / "bag.mcap.original").read_bytes() == content
+    again = (folder / "bag.mcap").read_bytes()
+    repair(folder)
+    assert (folder / "bag.mcap").read_bytes() == again
+    assert (folder / "bag.mcap.original").read_bytes() == content
+
+
+def test_a_repair_without_room_for_a_copy_changes_nothing(whole, tmp_path, monkeypatch):
+    (tmp_path / "bag.mcap").write_bytes(whole[1][:-30])
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(tail.os, "fsync", full)
+    with pytest.raises(DamagedBagError, match="needs room for a copy"):
+        repair(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["bag.mcap"]
+    assert (tmp_path / "bag.mcap").read_bytes() == whole[1][:-30]
 
 
 @settings(max_examples=40, deadline=None)

@@ -1,4 +1,4 @@
-"""Making a bag whole whose recorder was killed: index, metadata.yaml, nothing else is touched."""
+"""Making a bag whole whose recorder was killed: its files are finished beside what was there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pa_ros.bags.contents import (
     METADATA,
@@ -26,6 +25,7 @@ from pa_ros.bags.contents import (
 from pa_ros.bags.errors import BagError, DamagedBagError
 from pa_ros.bags.storage import STORAGES
 from pa_ros.bags.tail import finish
+from pa_ros.wire.definitions import hash_of
 
 _READERS: dict[str, Any] = {".mcap": McapReader, ".db3": Sqlite3Reader}
 
@@ -122,12 +122,7 @@ def _topic(connection: Connection) -> BagTopic:
 
 def _digest(connection: Connection) -> str:
     """The type hash, computed where rosbags reads none (MCAP)."""
-    store = get_typestore(Stores.EMPTY)
-    try:
-        store.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
-        return store.hash_rihs01(connection.msgtype)
-    except Exception:  # a definition that rosbags cannot parse: the hash is optional
-        return ""
+    return hash_of(connection.msgtype, connection.msgdef.data)
 
 
 def _finish_mcap(path: Path) -> list[str]:

@@ -1,9 +1,10 @@
-"""Finishing an MCAP file whose writer was killed or ran out of space, in place.
+"""Finishing an MCAP file whose writer was killed or ran out of space, beside the one that is there.
 
 MCAP is a sequence of records, so everything up to the last complete one can be kept. What is
-missing (the index of the last chunk, the summary, the end) is computed from the chunks and
-appended; the file is read once, a chunk at a time, and never copied. A chunk that fails its
-checksum stays where it is, but is not named in the summary, so that readers pass it over.
+missing (the index of the last chunk, the summary, the end) is computed from the chunks, which are
+read one at a time. A chunk that fails its checksum stays where it is, but is not named in the
+summary, so that readers pass it over; what topics are, which the first chunk tells, is taken from
+it all the same, or from the file's own summary.
 """
 
 from __future__ import annotations
@@ -33,12 +34,14 @@ from mcap.records import (
 )
 from mcap.stream_reader import get_chunk_data_stream
 
-from pa_ros.bags.errors import DamagedBagError
+from pa_ros.bags.errors import BagFullError, DamagedBagError
+from pa_ros.wire.definitions import hash_of, installed_definition
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<HIQ")  # channel, sequence, log time
 _NEVER = 2**63 - 1
+KEPT = ".original"  # suffix of a file as it was before a repair
 
 
 @dataclass
@@ -69,18 +72,35 @@ class Finished:
 
 def finish(path: Path) -> Finished:
     """Make a file whole. Raises DamagedBagError if it is not MCAP at all."""
-    with path.open("r+b") as file:
+    with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)
         scan = _scan(path, file, size)
         if scan.whole and not scan.damaged:
             return Finished(0, 0, False)
-        file.truncate(scan.end)
-        file.seek(scan.end)
-        file.write(_ending(scan))
-        file.flush()
-        os.fsync(file.fileno())
+        _write_beside(path, file, scan)
     dropped = 0 if scan.whole else size - scan.end
     return Finished(dropped, scan.damaged, True)
+
+
+def _write_beside(path: Path, file: BinaryIO, scan: _Scan) -> None:
+    """Put a finished copy in the file's place, and keep the file. BagFullError if there is no room;
+    then nothing has changed."""
+    copy, kept = path.with_name(f".{path.name}.repairing"), path.with_name(f"{path.name}{KEPT}")
+    try:
+        with copy.open("wb") as target:
+            file.seek(0)
+            left = scan.end
+            while left:
+                left -= target.write(file.read(min(left, 1 << 20)))
+            target.write(_ending(scan))
+            target.flush()
+            os.fsync(target.fileno())
+        if not kept.exists():
+            path.rename(kept)
+        copy.replace(path)
+    except OSError as error:
+        copy.unlink(missing_ok=True)
+        raise BagFullError(f"bag: {path}: {error}: a repair needs room for a copy") from error
 
 
 def _scan(path: Path, file: BinaryIO, size: int) -> _Scan:
@@ -97,6 +117,8 @@ def _scan(path: Path, file: BinaryIO, size: int) -> _Scan:
         if following > size or opcode == Opcode.DATA_END:
             file.seek(-len(MAGIC), os.SEEK_END)
             scan.whole = opcode == Opcode.DATA_END and file.read(len(MAGIC)) == MAGIC
+            if scan.whole and scan.damaged:
+                _read_summary(scan, file, following)
             return scan
         content = b"" if opcode == Opcode.ATTACHMENT else file.read(length)
         try:
@@ -104,8 +126,43 @@ def _scan(path: Path, file: BinaryIO, size: int) -> _Scan:
         except Exception:  # whatever a decompressor or a parser says of damaged bytes
             scan.damaged += 1
             scan.last_index = {}
+            if opcode == Opcode.CHUNK:
+                _take_definitions(scan, content)
         file.seek(following)
         scan.end = following
+
+
+def _read_summary(scan: _Scan, file: BinaryIO, start: int) -> None:
+    """What topics are, from a summary that begins at `start`."""
+    file.seek(start)
+    while len(head := file.read(_HEAD.size)) == _HEAD.size:
+        opcode, length = _HEAD.unpack(head)
+        if opcode == Opcode.FOOTER:
+            return
+        content = file.read(length)
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            _take_inner(scan, opcode, memoryview(content))
+
+
+def _take_definitions(scan: _Scan, content: bytes) -> None:
+    """What topics are, from a chunk that fails its checksum; what stands there wrongly is found by
+    its hash."""
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+        for _, opcode, inner in _records(memoryview(chunk.data if not chunk.compression else b"")):
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                _take_inner(scan, opcode, inner)
+    except Exception:  # as far as it can be read
+        pass
+    for channel in scan.channels.values():
+        schema = scan.schemas.get(channel.schema_id)
+        digest = channel.metadata.get("topic_type_hash", "")
+        if (
+            schema is not None
+            and digest
+            and hash_of(schema.name, schema.data.decode(errors="replace")) != digest
+        ):
+            schema.data = installed_definition(schema.name, digest).encode() or schema.data
 
 
 def _take(scan: _Scan, opcode: int, content: bytes) -> None:

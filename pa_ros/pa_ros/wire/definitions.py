@@ -38,6 +38,28 @@ def register(store: Typestore, type_name: str) -> None:
         raise UnknownTypeError(type_name, "a type that a package installed here defines", "none")
 
 
+def hash_of(type_name: str, definition: str) -> str:
+    """The type hash of a definition's text; empty if it cannot be parsed."""
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(definition, type_name))
+        return str(store.hash_rihs01(type_name))
+    except Exception:  # rosbags' own, of whatever the text is
+        return ""
+
+
+def installed_definition(type_name: str, digest: str) -> str:
+    """The text of an installed type that has this hash; empty if there is none."""
+    store = installed_types()
+    try:
+        register(store, type_name)
+    except UnknownTypeError:
+        return ""
+    if store.hash_rihs01(type_name) != digest:
+        return ""
+    return str(store.generate_msgdef(type_name, ros_version=2)[0])
+
+
 def message_class(type_name: str) -> Any:
     """The installed class of a type. Raises UnknownTypeError."""
     package, kind, name = type_name.split("/")
