@@ -11,6 +11,8 @@ from pa_ros.core.authentication import Authenticated
 from pa_ros.core.settings import OneOf
 from pa_ros.networks.families import FAMILIES
 
+LONGEST_S = 1e6  # of any period; 11 days
+
 
 class AgentConfig(Authenticated):
     """One agent on the graph: greedy, or learning."""
@@ -33,10 +35,16 @@ class AgentConfig(Authenticated):
         "programmable", description="of random weights"
     )
     resend_period_s: float = Field(
-        2.0, gt=0, description="wall time; trajectories not yet taken up are sent again"
+        2.0,
+        gt=0,
+        le=LONGEST_S,
+        description="wall time; trajectories not yet taken up are sent again",
     )
     stuck_after_s: float = Field(
-        10.0, gt=0, description="wall time; waiting longer than this for weights is an alarm"
+        10.0,
+        gt=0,
+        le=LONGEST_S,
+        description="wall time; waiting longer than this for weights is an alarm",
     )
 
     @model_validator(mode="after")

@@ -18,6 +18,7 @@ from pa_ros.arena import (
 from pa_ros.core.authentication import Authenticated
 from pa_ros.world import reward_from
 
+LONGEST_S = 1e6  # of any period; 11 days
 ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
 LAST_EPISODE = 2**62  # that one may begin with; those after it fit a message, too
 
@@ -53,10 +54,13 @@ class SimConfig(ArenaChoice, Authenticated):
         1.0, ge=0.01, le=100, description="simulation time per wall time, in real time"
     )
     command_timeout_s: float = Field(
-        0.3, gt=0, description="of simulation time; then the arm holds (real time)"
+        0.3, gt=0, le=LONGEST_S, description="of simulation time; then the arm holds (real time)"
     )
     resend_period_s: float = Field(
-        1.0, gt=0, description="wall time; an observation left unanswered is sent again (lockstep)"
+        1.0,
+        gt=0,
+        le=LONGEST_S,
+        description="wall time; an observation left unanswered is sent again (lockstep)",
     )
 
     @model_validator(mode="after")

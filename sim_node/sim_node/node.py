@@ -102,7 +102,7 @@ class SimNode(Node):
             (topics.SPEED, self._speed),
         ]
         for (name, kind), act in services:
-            self.create_service(kind, name, self._answering(name, act))
+            self.create_service(kind, name, self._answering(name, act), qos_profile=topics.SERVICE)
 
     # One control step
 

@@ -296,6 +296,15 @@ def _unknown_storage(path: Path) -> None:
     )
 
 
+def test_a_file_outside_the_bag_is_not_read(whole, tmp_path, capsys):
+    shutil.copytree(whole[0], tmp_path / "bag")
+    (tmp_path / "bag" / "bag.mcap").rename(tmp_path / "other.mcap")
+    about = tmp_path / "bag" / "metadata.yaml"
+    about.write_text(about.read_text().replace("bag.mcap", "../other.mcap"))
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 2
+    assert "expected files of this folder, got '../other.mcap'" in capsys.readouterr().err
+
+
 def test_a_foreign_bag_says_what_it_has_instead(tmp_path, capsys):
     store = get_typestore(Stores.ROS2_JAZZY)
     with BagWriter(tmp_path / "bag") as bag:

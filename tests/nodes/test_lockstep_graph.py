@@ -93,6 +93,17 @@ def test_a_reset_is_acknowledged_with_its_episode_or_fails_with_a_cause():
         assert probe.nodes[0].session.task.program == Program(Word("RED"))
 
 
+def test_many_requests_in_flight_are_all_answered():
+    with graph(SimNode) as probe:
+        client = probe.create_client(topics.RESET[1], topics.RESET[0], qos_profile=topics.SERVICE)
+        assert probe.until(client.service_is_ready)
+        requests = [codec.encode_reset(ResetRequest(episode)) for episode in range(50)]
+        futures = [client.call_async(request) for request in requests]
+        assert probe.until(lambda: all(future.done() for future in futures), 60.0)
+        answers = [codec.decode_outcome(future.result()) for future in futures]
+        assert [(a.success, a.episode) for a in answers] == [(True, n) for n in range(50)]
+
+
 def _command(**fields) -> Command:
     values = dict(episode=0, step=0, stamp_ns=100_000_000, agent_id="me", policy_version=0,
                   action=np.zeros(6, np.float32))  # fmt: skip

@@ -138,7 +138,7 @@ def test_a_frame_tells_the_program_that_it_is_under():
      {"design": "2-C", "eval_every_episodes": 1}, {"command_timeout_s": 0.0},
      {"resend_period_s": float("nan")}, {"program_source": "book"}, {"blocks": 5},
      {"seed": -1}, {"design": "9-Z"}, {"preset": "slow"}, {"mode": "fast"},
-     {"real_time_factor": 0.0}, {"episode_steps": 2**32}, {"first_episode": 2**63 - 1}],
+     {"real_time_factor": 0.0}, {"resend_period_s": 1e300}, {"command_timeout_s": 1e300}, {"episode_steps": 2**32}, {"first_episode": 2**63 - 1}],
 )  # fmt: skip
 def test_arenas_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):
@@ -148,7 +148,8 @@ def test_arenas_that_cannot_be_are_refused(wrong):
 @pytest.mark.parametrize(
     "wrong",
     [{"weights": "mail"}, {"learning": True, "weights": "random"}, {"checkpoint": "x"},
-     {"weights": "checkpoint"}, {"seed": -1}, {"network": "deep"}, {"stuck_after_s": 0.0}],
+     {"weights": "checkpoint"}, {"seed": -1}, {"network": "deep"}, {"stuck_after_s": 0.0},
+     {"stuck_after_s": 1e300}, {"resend_period_s": 1e300}],
 )  # fmt: skip
 def test_agents_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):
@@ -158,7 +159,10 @@ def test_agents_that_cannot_be_are_refused(wrong):
 @pytest.mark.parametrize(
     "wrong",
     [{"seed": -1}, {"checkpoint_every_frames": -1}, {"resume": True}, {"network": "deep"},
-     {"protocol": "theirs"}, {"options": ("learner.none=7",)}],
+     {"protocol": "theirs"}, {"options": ("learner.none=7",)},
+     {"options": ("network.hidden=100000000",)},
+     {"options": ("learner.replay.batch_size=100000000",)},
+     {"options": ("learner.replay.capacity_frames=1000000000000",)}],
 )  # fmt: skip
 def test_learners_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):

@@ -27,7 +27,9 @@ class Schedule(Settings):
     take turns; lag 1 lets the agent act on trajectory m while the learner works on m − 1.
     """
 
-    trajectory_steps: int = Field(100, ge=1, description="transitions per trajectory: an episode")
+    trajectory_steps: int = Field(
+        100, ge=1, le=10_000, description="transitions per trajectory: an episode"
+    )
     policy_lag: int = Field(
         1, ge=0, description="trajectories that weights lag behind; 0 is the paper's interleaving"
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -47,6 +48,7 @@ class Bag:
         """Raises UnfinishedBagError, DamagedBagError, or BagError if there is no bag."""
         self.path = path
         _check_there(path)
+        _check_inside(path)
         try:
             self._reader = Reader(path)
             self._reader.open()
@@ -206,6 +208,20 @@ def _store_of(entry: Connection) -> Typestore:
             error
         )
     return store
+
+
+def _check_inside(path: Path) -> None:
+    """DamagedBagError if metadata.yaml names a file that is not in the bag's own folder."""
+    try:
+        about = yaml.safe_load((path / METADATA).read_text())["rosbag2_bagfile_information"]
+        names = [str(name) for name in about["relative_file_paths"]]
+    except (OSError, yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError):
+        return  # a single file, or one that rosbags refuses
+    for name in names:
+        if Path(name).name != name:
+            raise DamagedBagError(
+                f"bag: {path}: {METADATA}: expected files of this folder, got {name!r}"
+            )
 
 
 def _check_there(path: Path) -> None:

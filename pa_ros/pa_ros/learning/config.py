@@ -18,9 +18,9 @@ from pa_ros.core.settings import Settings
 class ReplayConfig(Settings):
     """The replay buffer."""
 
-    capacity_frames: int = Field(1_000_000, ge=2, description="observations kept (paper)")
+    capacity_frames: int = Field(1_000_000, ge=2, le=10**8, description="observations kept (paper)")
     warmup_frames: int = Field(1000, ge=0, description="frames before the first update")
-    batch_size: int = Field(64, ge=1, description="transitions in each update (paper)")
+    batch_size: int = Field(64, ge=1, le=65_536, description="transitions in each update (paper)")
 
 
 class UpdatesConfig(Settings):
@@ -74,7 +74,7 @@ class RelabelingConfig(Settings):
         "none", description="none is the paper's; all-goals draws other training programs"
     )
     programs_per_transition: int = Field(
-        1, ge=1, description="K programs for each sampled transition"
+        1, ge=1, le=64, description="K programs for each sampled transition"
     )
     keeps_original: bool = Field(
         False, description="whether the program that acted is always one of the K"
@@ -117,7 +117,7 @@ class EngineConfig(Settings):
     )
     device: str = Field("cpu", description="of torch: cpu, cuda, cuda:1")
     dtype: Literal["float32", "float64"] = Field("float32", description="of torch's numbers")
-    threads: int = Field(1, ge=1, description="of the engine")
+    threads: int = Field(1, ge=1, le=256, description="of the engine")
 
 
 class LearnerConfig(Settings):

@@ -48,9 +48,11 @@ class NetworkConfig(Settings):
     kind: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
         "programmable", description="family of actor and critic"
     )
-    hidden: int = Field(150, ge=1, description="units of each layer (paper)")
-    attention: int = Field(64, ge=1, description="units of query and context (paper)")
-    canonical_hidden: int = Field(400, ge=1, description="units of the canonical MLPs (paper)")
+    hidden: int = Field(150, ge=1, le=4096, description="units of each layer (paper)")
+    attention: int = Field(64, ge=1, le=4096, description="units of query and context (paper)")
+    canonical_hidden: int = Field(
+        400, ge=1, le=4096, description="units of the canonical MLPs (paper)"
+    )
     position_scale: float = Field(5.0, gt=0, description="network units per metre")
     actor_output_scale: float = Field(
         3e-3, gt=0, description="initial weights: the actor's last layer is uniform in ± this"

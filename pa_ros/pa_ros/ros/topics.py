@@ -37,6 +37,10 @@ EXPERIENCE = QoSProfile(
 POLICY = _reliable(depth=4, latched=True)
 
 
+# Requests in flight are all answered, however long the one before them takes.
+SERVICE = _reliable(depth=1000)
+
+
 @dataclass(frozen=True)
 class Topic:
     """`name` is relative to the node's namespace unless it begins with a slash."""

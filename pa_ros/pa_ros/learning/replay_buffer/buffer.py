@@ -171,7 +171,14 @@ class ReplayBuffer:
         }
         if self._goals:  # of relabeling program j, at this row
             shapes["goal_reward"] = (self._goals,), np.float32
-        self.arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
+        try:
+            arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
+        except MemoryError as error:
+            raise TrajectorySizeError(
+                f"replay: expected memory for {self.capacity} frames of {n_objects} objects "
+                f"(capacity_frames), got none: {error}"
+            ) from error
+        self.arrays = arrays
 
     def _check_sizes(self, trajectory: Trajectory) -> None:
         steps, found = len(trajectory), trajectory.objects.shape
