@@ -138,7 +138,8 @@ def test_a_frame_tells_the_program_that_it_is_under():
      {"design": "2-C", "eval_every_episodes": 1}, {"command_timeout_s": 0.0},
      {"resend_period_s": float("nan")}, {"program_source": "book"}, {"blocks": 5},
      {"seed": -1}, {"design": "9-Z"}, {"preset": "slow"}, {"mode": "fast"},
-     {"real_time_factor": 0.0}, {"resend_period_s": 1e300}, {"command_timeout_s": 1e300}, {"episode_steps": 2**32}, {"first_episode": 2**63 - 1}],
+     {"real_time_factor": 0.0}, {"resend_period_s": 1e300},
+     {"command_timeout_s": 1e300}, {"episode_steps": 2**32}, {"first_episode": 2**63 - 1}],
 )  # fmt: skip
 def test_arenas_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):

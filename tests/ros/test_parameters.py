@@ -102,7 +102,7 @@ def test_parameters_are_described_with_their_ranges(node_with):
     ("kind", "name", "constraint"),
     [
         (SimConfig, "mode", "one of ['lockstep', 'real_time']"),
-        (AgentConfig, "stuck_after_s", "a positive number"),
+        (AgentConfig, "stuck_after_s", "a number in (0, 1e+06]"),
         (LearnerNodeConfig, "checkpoint_every_frames", "an integer of at least 0"),
     ],
 )
