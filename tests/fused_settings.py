@@ -18,6 +18,8 @@ from pa_ros.native.engine import FusedEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.schema import PAPER, ObjectSchema
+from pa_ros.world.world import World
 
 PROGRAMS = (
     "NEAR(HAND, RED)",
@@ -57,10 +59,14 @@ def setting(
     kind: str = "programmable",
     scale: float = 1.0,
     vocabulary: Vocabulary = VOCABULARY,
+    schema: ObjectSchema = PAPER,
+    joints: int = 6,
     **sizes: float,
 ) -> Setting:
     """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1."""
-    network = NetworkConfig(vocabulary=vocabulary, kind=kind, actor_output_scale=0.3, **sizes)  # type: ignore[arg-type]
+    network = NetworkConfig(
+        world=World(schema, vocabulary, joints), kind=kind, actor_output_scale=0.3, **sizes
+    )  # type: ignore[arg-type]
     table = ProgramTable(vocabulary)
     words = set(vocabulary.words)
     for text in PROGRAMS:

@@ -6,15 +6,15 @@ import numpy as np
 
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
-from pa_ros.arena import design_named, training_programs
+from pa_ros.arena import design_named, preset_named, training_programs, world_of
 from pa_ros.wire.records import ArenaDescription, Mode
 from pa_ros.world import Trajectory
 
 DESIGN = design_named("2-L")
+WORLD = world_of(preset_named("fast"), DESIGN)
 ARENA = ArenaDescription(
     mode=Mode.LOCKSTEP, design="2-L", arm="jaco", preset="fast", seed=0, block_count=4,
-    shapes=DESIGN.vocabulary["shape"], colors=DESIGN.vocabulary["color"],
-    vocabulary_digest=DESIGN.vocabulary.digest,
+    world=WORLD,
     training_programs=training_programs(DESIGN), joint_names=tuple("abcdef"),
     joint_lower=(-1.0,) * 6, joint_upper=(1.0,) * 6, speed_limits=(1.0,) * 6,
     control_period=0.1, near_threshold=0.2, episode_steps=100,
@@ -35,7 +35,7 @@ def trajectory(sequence: int, agent: str = "a", length: int = 10) -> Trajectory:
         arm=rng.normal(size=(length + 1, 18)).astype(np.float32),
         actions=rng.uniform(-1, 1, (length, 6)).astype(np.float32),
         rewards=np.full(length, -1.0, np.float32), ends_episode=True, terminated=False,
-        vocabulary_digest=DESIGN.vocabulary.digest,
+        world_digest=WORLD.digest,
     )  # fmt: skip
 
 

@@ -8,23 +8,23 @@ import numpy as np
 
 from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.requests import ArenaFacts
-from pa_ros.arena import design_named, preset_named
+from pa_ros.arena import design_named, preset_named, world_of
 from pa_ros.core.experience import AgentKey, PolicySnapshot
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 
 DESIGN, ARENA = design_named("2-L"), preset_named("fast")
-WORDS = DESIGN.vocabulary
-FACTS = ArenaFacts(WORDS.digest, ARENA.control_period_s, 0.20)
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=8, attention=4)
+WORDS, WORLD = DESIGN.vocabulary, world_of(ARENA, DESIGN)
+FACTS = ArenaFacts(WORLD.digest, ARENA.control_period_s, 0.20)
+NETWORK = NetworkConfig(world=WORLD, hidden=8, attention=4)
 ME, YOU = AgentKey("me", 5), AgentKey("you", 5)
 
 LEARNER = LearnerInfo(
     run_id="run",
     learner_id="learner",
     first_version=0,
-    vocabulary_digest=FACTS.vocabulary_digest,
+    world_digest=FACTS.world_digest,
     architecture=NETWORK.architecture,
     trajectory_steps=10,
     policy_lag=1,
@@ -45,7 +45,7 @@ def again(learner: LearnerInfo, version: int, **changes: object) -> LearnerInfo:
 def snapshot(version: int, network: NetworkConfig = NETWORK) -> PolicySnapshot:
     """Weights that only their version tells."""
     tensors = initial_actor(network, np.random.default_rng(version))
-    return PolicySnapshot(version, network.architecture, network.vocabulary.digest, tensors)
+    return PolicySnapshot(version, network.architecture, network.world.digest, tensors)
 
 
 def published(

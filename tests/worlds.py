@@ -9,8 +9,12 @@ from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.world import Reward, Scoring, Sparse, Trajectory
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
+WORLD = World(PAPER, WORDS)
+POSE = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])  # of a hand
 PROGRAMS = tuple(
     parse(f"NEAR(HAND, AND({words}))", WORDS) for words in ("RED, CUBE", "BLUE, SPHERE")
 )
@@ -93,7 +97,7 @@ class PointWorld:
         where = (self.episode, self._step, self._stamp)
         joints = np.concatenate([self._hand, np.zeros(3)])
         program_id = f"{self.episode}.0"
-        observation = Observation(*where, objects, joints, 0 * joints, 0, program_id)
+        observation = Observation(*where, objects, joints, 0 * joints, 0, program_id, POSE)
         truncated = self._step >= self._steps
         verdict = Verdict(*where, program_id, reward, bool(near), distance, truncated)
         return observation, verdict
@@ -115,6 +119,6 @@ def random_trajectory(rng: np.random.Generator, steps: int = 5, **fields: object
         "rewards": rng.choice([-1.0, 1.0], steps).astype(np.float32),
         "ends_episode": True,
         "terminated": False,
-        "vocabulary_digest": WORDS.digest,
+        "world_digest": WORLD.digest,
     }
     return Trajectory(**(values | fields))  # type: ignore[arg-type]

@@ -8,13 +8,14 @@ from pydantic import Field, model_validator
 from typing_extensions import Self
 
 from pa_ros.core.authentication import Authenticated
+from pa_ros.core.extensions import Extensible
 from pa_ros.core.settings import OneOf
 from pa_ros.networks.families import FAMILIES
 
 LONGEST_S = 1e6  # of any period; 11 days
 
 
-class AgentConfig(Authenticated):
+class AgentConfig(Authenticated, Extensible):
     """One agent on the graph: greedy, or learning."""
 
     learning: bool = Field(

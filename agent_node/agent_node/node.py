@@ -10,7 +10,7 @@ import numpy as np
 from rclpy.node import Node
 
 from agent_node.config import AgentConfig
-from agent_node.programs import ProgramBook, vocabulary_of
+from agent_node.programs import ProgramBook
 from agent_node.steps import StepMatcher
 from agent_node.watch import Watch
 from pa_ros.acting.agent import Agent, Step
@@ -19,7 +19,7 @@ from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.language import Program, Vocabulary
+from pa_ros.language import Program
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.parameters import initial_actor
@@ -36,6 +36,7 @@ from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Command, ProgramRequest
+from pa_ros.world.world import World
 
 
 class AgentNode(Node):
@@ -113,7 +114,6 @@ class AgentNode(Node):
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
-        vocabulary_of(arena)
         before = self._arenas.current
         if self._arenas.announce(arena):
             self._belong(before)
@@ -122,7 +122,7 @@ class AgentNode(Node):
         """Another arena counts than before, or the same describes itself anew."""
         arena = self._arenas.current
         assert arena is not None
-        vocabulary = vocabulary_of(arena)
+        vocabulary = arena.world.vocabulary
         if self._book is None or self._book.vocabulary != vocabulary:
             self._book = ProgramBook(vocabulary, self.agent.check_program)
         if before is None or before.arena_id != arena.arena_id:
@@ -130,7 +130,7 @@ class AgentNode(Node):
             self._handled, self._command = -1, None
             self.get_logger().info(f"arena {arena.arena_id}: design {arena.design}, {arena.preset}")
         if self.config.weights == "random" and not self.agent.has_weights:
-            self.agent.offer(_fixed(_random_policy(vocabulary, self.config)))
+            self.agent.offer(_fixed(_random_policy(arena.world, self.config)))
         early, self._early = self._early, []
         for request in early:
             self._on_program(request)
@@ -151,7 +151,10 @@ class AgentNode(Node):
         arena, book = self._arenas.current, self._book
         assert arena is not None and book is not None
         observation = codec.decode_observation(
-            parts["features"], parts["joints"], arena.joint_names
+            parts["features"],
+            parts["joints"],
+            arena.joint_names,
+            arena.world.object_features,
         )
         if observation.stamp_ns == self._handled:
             self._answer_again()
@@ -249,12 +252,13 @@ class AgentNode(Node):
         """Act for the learner in this arena, once both have announced themselves."""
         arena, learner = self._arenas.current, self._learner
         if arena is not None and learner is not None:
-            facts = arena.vocabulary_digest, arena.control_period, arena.near_threshold
+            facts = arena.world.digest, arena.control_period, arena.near_threshold
             self.agent.follow(learner, ArenaFacts(*facts))
             self._act()
 
     def _on_policy(self, message: Message) -> None:
-        digest = self._book.vocabulary.digest if self._book else None
+        arena = self._arenas.current
+        digest = arena.world.digest if arena is not None else None
         self.agent.offer(codec.decode_weights(message, digest))
         self._act()
 
@@ -290,7 +294,7 @@ def _fixed(snapshot: PolicySnapshot) -> PublishedPolicy:
     return PublishedPolicy(snapshot, "")
 
 
-def _random_policy(vocabulary: Vocabulary, config: AgentConfig) -> PolicySnapshot:
-    network = protocol_named("ours").network_config(vocabulary, config.network)
+def _random_policy(world: World, config: AgentConfig) -> PolicySnapshot:
+    network = protocol_named("ours").network_config(world, config.network)
     tensors = initial_actor(network, np.random.default_rng(config.seed))
-    return PolicySnapshot(0, network.architecture, vocabulary.digest, tensors)
+    return PolicySnapshot(0, network.architecture, world.digest, tensors)

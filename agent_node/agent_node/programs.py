@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 
-from pa_ros.core.errors import ConfigError
 from pa_ros.language import Program, Vocabulary, parse
 from pa_ros.wire.errors import ProgramIdError
-from pa_ros.wire.records import ArenaDescription, ProgramRequest
+from pa_ros.wire.records import ProgramRequest
 
 REMEMBERED = 256
 
@@ -57,17 +56,6 @@ class ProgramBook:
             while len(self._programs) > REMEMBERED:
                 self._programs.popitem(last=False)
         return program
-
-
-def vocabulary_of(arena: ArenaDescription) -> Vocabulary:
-    """The arena's words. Raises ConfigError if they are none, or not what the digest says."""
-    vocabulary = Vocabulary.of(shape=arena.shapes, color=arena.colors)
-    if vocabulary.digest != arena.vocabulary_digest:
-        raise ConfigError(
-            f"arena_info.vocabulary_digest: expected {vocabulary.digest} for these words, "
-            f"got {arena.vocabulary_digest}"
-        )
-    return vocabulary
 
 
 def _remember(texts: OrderedDict[str, str], program_id: str, text: str) -> None:

@@ -26,7 +26,7 @@ from pa_ros.ros.health import ERROR, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
-from pa_ros.wire.errors import VocabularyError
+from pa_ros.wire.errors import WorldError
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription
 
@@ -108,9 +108,9 @@ class LearnerNode(Node):
         changed = self._arenas.announce(arena)
         if self.worker is None or changed:
             self._belong(arena)
-        ours = self.worker.vocabulary.digest if self.worker else arena.vocabulary_digest
-        if ours != arena.vocabulary_digest:
-            raise VocabularyError("arena_info.vocabulary_digest", ours, arena.vocabulary_digest)
+        ours = self.worker.world.digest if self.worker else arena.world.digest
+        if ours != arena.world.digest:
+            raise WorldError("arena_info.world_digest", ours, arena.world.digest)
 
     def _on_step(self, message: Message) -> None:
         """Until something was learned: which arena is there, and not only said to be."""
@@ -163,7 +163,7 @@ class LearnerNode(Node):
             self._early.append(message)
             return
         try:
-            trajectory = codec.decode_trajectory(message, self.worker.vocabulary)
+            trajectory = codec.decode_trajectory(message, self.worker.world)
         except PaError as error:
             self._watch.refused(str(error))
             raise

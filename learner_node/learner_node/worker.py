@@ -14,7 +14,6 @@ from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
-from pa_ros.language import Vocabulary
 from pa_ros.language.syntax import NEAR
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import (
@@ -44,13 +43,13 @@ class LearnerWorker:
     """Consumes trajectories in the order they came, publishing a policy for each."""
 
     def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
-        self.vocabulary = Vocabulary.of(shape=arena.shapes, color=arena.colors)
+        self.world = arena.world
         self.failure: BaseException | None = None  # a bug; the node must not go on
         self.diverged: DivergedError | None = None  # learning has stopped
         self.unsaved: PaError | None = None  # why the latest checkpoint could not be written
         self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
-        self._learner = _make_learner(config, arena, self.vocabulary)
+        self._learner = _make_learner(config, arena)
         self._folder = self._claimed()
         extra = self._resumed() if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
@@ -216,11 +215,9 @@ class LearnerWorker:
             return None
 
 
-def _make_learner(
-    config: LearnerNodeConfig, arena: ArenaDescription, vocabulary: Vocabulary
-) -> Learner:
+def _make_learner(config: LearnerNodeConfig, arena: ArenaDescription) -> Learner:
     settings = config.settings()
-    network = settings.network_config(vocabulary, config.network)
+    network = settings.network_config(arena.world, config.network)
     scoring = Scoring({NEAR: arena.near_threshold})
     programs, n_objects = arena.training_programs, arena.block_count + 1
     return Learner(network, settings.learner, programs, config.seed, scoring, n_objects)

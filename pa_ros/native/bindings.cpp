@@ -4,6 +4,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
@@ -71,41 +72,62 @@ void check_aligned(const char* name, const void* data) {
         throw Error(std::string(name) + ": expected to begin a line of 64 bytes");
 }
 
-Network make_trunk(int hidden, int attention, const std::vector<int>& group_sizes,
-                   const std::vector<int>& truth, bool detectors, bool hide_properties, bool critic,
-                   float position_scale, float self_weight) {
+using Value = std::tuple<int, std::vector<float>, float>;  // first feature, numbers, tolerance
+
+// What networks of both kinds are told of the world.
+Network make_network(int arm_features, int actions, const std::vector<float>& scale,
+                     const std::vector<int>& group_sizes, const std::vector<Value>& words) {
+    check_range("features of an object", (int64_t)scale.size(), kPose, kMaxFeatures);
     check_range("groups", (int64_t)group_sizes.size(), 1, kMaxGroups);
-    check_range("words", (int64_t)truth.size(), 1, kMaxWords);
+    check_range("words", (int64_t)words.size(), 1, kMaxWords);
     Network n{};
-    n.hidden = hidden, n.attention = attention, n.words = (int32_t)truth.size();
-    n.groups = (int32_t)group_sizes.size();
+    n.object_features = (int32_t)scale.size(), n.arm_features = arm_features, n.actions = actions;
+    n.words = (int32_t)words.size(), n.groups = (int32_t)group_sizes.size();
+    std::copy(scale.begin(), scale.end(), n.scale);
     std::copy(group_sizes.begin(), group_sizes.end(), n.group_size);
-    std::copy(truth.begin(), truth.end(), n.truth);
+    size_t used = 0;
+    for (size_t v = 0; v < words.size(); v++) {
+        const auto& [at, numbers, tolerance] = words[v];
+        check_range("numbers of all words", (int64_t)(used + numbers.size()), 0, kMaxNumbers);
+        n.word[v] = {at, (int32_t)numbers.size(), (int32_t)used, tolerance * tolerance};
+        std::copy(numbers.begin(), numbers.end(), n.number + used);
+        used += numbers.size();
+    }
+    return n;
+}
+
+Network make_trunk(int hidden, int attention, int arm_features, int actions,
+                   const std::vector<float>& scale, const std::vector<int>& group_sizes,
+                   const std::vector<Value>& words, bool detectors, bool hide_properties,
+                   bool critic, float self_weight) {
+    Network n = make_network(arm_features, actions, scale, group_sizes, words);
+    n.hidden = hidden, n.attention = attention, n.self_weight = self_weight;
     n.detectors = detectors, n.hide_properties = hide_properties, n.critic = critic;
-    n.position_scale = position_scale, n.self_weight = self_weight;
     check(n);
     return n;
 }
 
-Network make_canonical(int hidden, int words, const std::vector<std::pair<int, int>>& slots,
-                       bool critic, float position_scale) {
+Network make_canonical(int hidden, int arm_features, int actions, const std::vector<float>& scale,
+                       const std::vector<int>& group_sizes, const std::vector<Value>& words,
+                       const std::vector<std::vector<int>>& slots, bool critic) {
     check_range("slots", (int64_t)slots.size(), 1, kMaxSlots);
-    Network n{};
-    n.hidden = hidden, n.words = words, n.canonical = 1, n.critic = critic;
-    n.position_scale = position_scale, n.slots = (int32_t)slots.size();
-    for (size_t i = 0; i < slots.size(); i++)
-        n.slot_shape[i] = slots[i].first, n.slot_color[i] = slots[i].second;
+    Network n = make_network(arm_features, actions, scale, group_sizes, words);
+    n.hidden = hidden, n.canonical = 1, n.critic = critic, n.slots = (int32_t)slots.size();
+    for (size_t i = 0; i < slots.size(); i++) {
+        check_range("words of a slot", (int64_t)slots[i].size(), n.groups, n.groups);
+        std::copy(slots[i].begin(), slots[i].end(), n.slot_word[i]);
+    }
     check(n);
     return n;
 }
 
 // B × K of a batch, whose other arrays must have the sizes of these two.
-Batch make_batch(const Array& objects, const Array& arm, const Array& action,
+Batch make_batch(const Network& network, const Array& objects, const Array& arm, const Array& action,
                  const Array& next_objects, const Array& next_arm, const Array& program,
                  const Array& reward, const Array& discount, int hand_index,
                  const UpdateValues& values) {
     if (objects.ndim() != 3 || program.ndim() != 2)
-        throw Error("expected objects [B, N, 16] and program [B, K], got " +
+        throw Error("expected objects [B, N, F] and program [B, K], got " +
                     text_of(shape_of(objects)) + " and " + text_of(shape_of(program)));
     const int64_t b = (int64_t)objects.shape(0), n = (int64_t)objects.shape(1);
     const int64_t k = (int64_t)program.shape(1);
@@ -115,11 +137,11 @@ Batch make_batch(const Array& objects, const Array& arm, const Array& action,
     Batch made{};
     made.transitions = (int32_t)b, made.objects = (int32_t)n, made.programs = (int32_t)k;
     made.hand_index = hand_index, made.values = values;
-    made.object = read<float>("objects", objects, {b, n, kObjectFeatures});
-    made.arm = read<float>("arm", arm, {b, kArmFeatures});
-    made.action = read<float>("action", action, {b, kActions});
-    made.next_object = read<float>("next_objects", next_objects, {b, n, kObjectFeatures});
-    made.next_arm = read<float>("next_arm", next_arm, {b, kArmFeatures});
+    made.object = read<float>("objects", objects, {b, n, network.object_features});
+    made.arm = read<float>("arm", arm, {b, network.arm_features});
+    made.action = read<float>("action", action, {b, network.actions});
+    made.next_object = read<float>("next_objects", next_objects, {b, n, network.object_features});
+    made.next_arm = read<float>("next_arm", next_arm, {b, network.arm_features});
     made.program = read<int32_t>("program", program, {b, k});
     made.reward = read<float>("reward", reward, {b, k});
     made.discount = read<float>("discount", discount, {b});
@@ -133,22 +155,23 @@ Programs make_programs(const Array& op, const Array& a, const Array& b) {
             read<int32_t>("b", b, shape)};
 }
 
-Targets make_targets(const Array& words) {
+Targets make_targets(const Network& network, const Array& words) {
     const int64_t rows = words.ndim() ? (int64_t)words.shape(0) : 0;
-    return {rows, read<int32_t>("targets", words, {rows, kTargetWords})};
+    return {rows, read<int32_t>("targets", words, {rows, network.groups})};
 }
 
-Observation make_observation(const Array& objects, const Array& arm, int hand_index) {
+Observation make_observation(const Network& network, const Array& objects, const Array& arm,
+                             int hand_index) {
     const int64_t n = objects.ndim() ? (int64_t)objects.shape(0) : 0;
     check_range("objects", n, 1, kMaxObjects);
-    return {(int32_t)n, hand_index, read<float>("objects", objects, {n, kObjectFeatures}),
-            read<float>("arm", arm, {kArmFeatures})};
+    return {(int32_t)n, hand_index, read<float>("objects", objects, {n, network.object_features}),
+            read<float>("arm", arm, {network.arm_features})};
 }
 
 // Arrays stay alive, being arguments, while other threads of Python run.
 template <class Code>
 void act(Actor& actor, const Observation& seen, const Code& code, const Writable& out) {
-    float* action = read<float>("action", out, {kActions});
+    float* action = read<float>("action", out, {actor.shape().actions});
     const nb::gil_scoped_release released;
     actor.act(seen, code, action);
 }
@@ -174,23 +197,27 @@ void multiply(const Array& a, const Array& b, const Writable& out) {
 
 void bind_network(nb::module_& m) {
     nb::class_<Network>(m, "Network", "What the engine is told of an actor or a critic.")
-        .def_static("trunk", make_trunk, nb::kw_only(), "hidden"_a, "attention"_a, "group_sizes"_a,
-                    "truth"_a, "detectors"_a, "hide_properties"_a, "critic"_a, "position_scale"_a,
-                    "self_weight"_a,
-                    "A programmable one. `truth`: the object feature that is each word's true "
-                    "property, or -1.")
-        .def_static("canonical", make_canonical, nb::kw_only(), "hidden"_a, "words"_a, "slots"_a,
-                    "critic"_a, "position_scale"_a,
-                    "An MLP. `slots`: the two object features of the block that fills each.")
+        .def_static("trunk", make_trunk, nb::kw_only(), "hidden"_a, "attention"_a, "arm_features"_a,
+                    "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "detectors"_a,
+                    "hide_properties"_a, "critic"_a, "self_weight"_a,
+                    "A programmable one. `scale`: of each feature of an object. `words`: the first "
+                    "feature of each one's value, its numbers as scaled, and how near is near; no "
+                    "numbers: true of nothing.")
+        .def_static("canonical", make_canonical, nb::kw_only(), "hidden"_a, "arm_features"_a,
+                    "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "slots"_a, "critic"_a,
+                    "An MLP. `slots`: the words, one of each group, of the block that fills each.")
         .def_ro("hidden", &Network::hidden)
         .def_ro("attention", &Network::attention)
         .def_ro("words", &Network::words)
+        .def_ro("object_features", &Network::object_features)
+        .def_ro("actions", &Network::actions)
         .def_prop_ro("detectors", [](const Network& n) { return n.detectors != 0; })
         .def_prop_ro("critic", [](const Network& n) { return n.critic != 0; })
         .def_prop_ro("is_canonical", [](const Network& n) { return n.canonical != 0; });
     nb::class_<Layout>(m, "Layout", "Offsets and sizes in a flat buffer, in floats: see layout.h.")
         .def_ro("hidden", &Layout::hidden)
         .def_ro("columns", &Layout::columns)
+        .def_ro("rows", &Layout::rows)
         .def_ro("local", &Layout::local)
         .def_ro("receiver", &Layout::receiver)
         .def_ro("sender", &Layout::sender)
@@ -259,16 +286,17 @@ void bind_engine(nb::module_& m) {
             "op"_a, "a"_a, "b"_a, "What rows of batches mean: flat programs, each [P, L] int32.")
         .def(
             "set_targets",
-            [](Engine& engine, const Array& words) { engine.set_targets(make_targets(words)); },
-            "words"_a, "The same for canonical networks: two words of each target, [P, 2] int32.")
+            [](Engine& engine, const Array& words) { engine.set_targets(make_targets(engine.actor().shape, words)); },
+            "words"_a, "The same for canonical networks: each target's words, [P, groups] int32.")
         .def(
             "update",
             [](Engine& engine, const Array& objects, const Array& arm, const Array& action,
                const Array& next_objects, const Array& next_arm, const Array& program,
                const Array& reward, const Array& discount, int hand_index,
                const UpdateValues& values) {
-                const Batch batch = make_batch(objects, arm, action, next_objects, next_arm,
-                                               program, reward, discount, hand_index, values);
+                const Batch batch =
+                    make_batch(engine.actor().shape, objects, arm, action, next_objects, next_arm,
+                               program, reward, discount, hand_index, values);
                 const nb::gil_scoped_release released;
                 return engine.update(batch);
             },
@@ -287,19 +315,20 @@ void bind_actor(nb::module_& m) {
             "act_on_program",
             [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
                const Array& op, const Array& a, const Array& b, const Writable& out) {
-                act(actor, make_observation(objects, arm, hand_index), make_programs(op, a, b),
-                    out);
+                act(actor, make_observation(actor.shape(), objects, arm, hand_index),
+                    make_programs(op, a, b), out);
             },
             "objects"_a, "arm"_a, "hand_index"_a, "op"_a, "a"_a, "b"_a, "out"_a,
-            "Objects [N, 16], arm [18], a flat program, each [1, L]; writes the action, [6].")
+            "Objects [N, F], arm [A], a flat program, each [1, L]; writes the action, [J].")
         .def(
             "act_on_target",
             [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
                const Array& words, const Writable& out) {
-                act(actor, make_observation(objects, arm, hand_index), make_targets(words), out);
+                act(actor, make_observation(actor.shape(), objects, arm, hand_index),
+                    make_targets(actor.shape(), words), out);
             },
             "objects"_a, "arm"_a, "hand_index"_a, "words"_a, "out"_a,
-            "The same for canonical networks: the target's two words, [1, 2].");
+            "The same for canonical networks: the target's words, [1, groups].");
 }
 
 // Errors of the library are Python's FusedError, which is there without the library too.
@@ -321,6 +350,12 @@ NB_MODULE(_fused, m) {
     nb::set_leak_warnings(false);  // caches of Python may hold objects to the end
     nb::register_exception_translator(raise_error);
     m.attr("MAX_WORDS") = kMaxWords;
+    m.attr("MAX_SLOTS") = kMaxSlots;
+    m.attr("MAX_GROUPS") = kMaxGroups;
+    m.attr("MAX_FEATURES") = kMaxFeatures;
+    m.attr("MAX_ACTIONS") = kMaxActions;
+    m.attr("MAX_NUMBERS") = kMaxNumbers;
+    m.attr("MAX_PROGRAMS") = kMaxPrograms;
     m.attr("LARGEST_PART") = kLargestPart;
     bind_network(m);
     bind_engine(m);

@@ -23,6 +23,12 @@ void check_pair(const Network& actor, const Network& critic) {
     check_range("critic's hidden", critic.hidden, actor.hidden, actor.hidden);
     check_range("critic's attention", critic.attention, actor.attention, actor.attention);
     check_range("critic's words", critic.words, actor.words, actor.words);
+    check_range("critic's groups", critic.groups, actor.groups, actor.groups);
+    check_range("critic's actions", critic.actions, actor.actions, actor.actions);
+    check_range("features of the critic's objects", critic.object_features, actor.object_features,
+                actor.object_features);
+    check_range("features of the critic's arm", critic.arm_features, actor.arm_features,
+                actor.arm_features);
     check_range("critic's slots", critic.slots, actor.slots, actor.slots);
 }
 
@@ -58,7 +64,7 @@ void check(const Programs& p, const Network& network) {
 void check(const Targets& t, const Network& network) {
     check_kind(network.canonical, "targets");
     check_range("targets of a table", t.rows, 0, INT32_MAX);
-    for (int64_t i = 0; i < t.rows * kTargetWords; i++)
+    for (int64_t i = 0; i < t.rows * network.groups; i++)
         check_range("word of a target", t.words[i], 0, network.words - 1);
 }
 
@@ -91,7 +97,7 @@ void Engine::set_programs(const Programs& p) {
 void Engine::set_targets(const Targets& t) {
     const std::lock_guard<std::mutex> turn(turn_);
     pa::check(t, actor_.shape);
-    target_.assign(t.words, t.words + t.rows * kTargetWords);
+    target_.assign(t.words, t.words + t.rows * actor_.shape.groups);
     rows_ = t.rows;
 }
 

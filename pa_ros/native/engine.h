@@ -29,7 +29,7 @@ struct Programs {
     const int32_t *op, *a, *b;
 };
 
-struct Targets {  // two words each, [rows, 2]
+struct Targets {  // a word of each group, [rows, groups]
     int64_t rows;
     const int32_t* words;
 };
@@ -75,7 +75,7 @@ class Actor {
     const Network& shape() const { return shape_; }
     Buffer& parameters() { return parameters_; }
 
-    // `action` [6] of one observation under one program, or for canonical networks one target.
+    // `action` [J] of one observation under one program, or for canonical networks one target.
     void act(const Observation& seen, const Programs& program, float* action);
     void act(const Observation& seen, const Targets& target, float* action);
 

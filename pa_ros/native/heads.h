@@ -5,22 +5,38 @@
 
 namespace pa::PA_LEVEL {
 
-// a = tanh(W tanh(h) + b) into w.action (lanes past kActions: tanh 0 = 0), tanh(h) into w.z.
+// A number known to the compiler, which then unrolls loops over it.
+template <int N>
+struct Known {
+    constexpr operator int() const { return N; }
+};
+
+// Calls `work` with the number of actions: the usual ones known, others as they are.
+template <class Code>
+inline void with_actions(int actions, const Code& work) {
+    if (actions == 6) return work(Known<6>{});
+    if (actions == 7) return work(Known<7>{});
+    work(actions);
+}
+
+// a = tanh(W tanh(h) + b) into w.action (lanes past the actions: tanh 0 = 0), tanh(h) into w.z.
 inline void actor_head(const Net& net, Work& w, int64_t rows) {
     const int64_t h = net.l.hidden;
     const float *weight = net.p + net.l.output, *bias = net.p + net.l.output_bias;
     alignas(64) float sum[kActionColumns] = {};
-    for (int64_t r = 0; r < rows; r++) {
-        vf dot[kActions] = {};
-        for (int64_t c = 0; c < h; c += W) {
-            const vf z = tanh_of(load(w.h + r * h + c));
-            store(w.z + r * h + c, z);
-            for (int a = 0; a < kActions; a++) dot[a] += z * load(weight + a * h + c);
+    with_actions(net.shape->actions, [&](auto actions) {
+        for (int64_t r = 0; r < rows; r++) {
+            vf dot[kMaxActions] = {};
+            for (int64_t c = 0; c < h; c += W) {
+                const vf z = tanh_of(load(w.h + r * h + c));
+                store(w.z + r * h + c, z);
+                for (int a = 0; a < actions; a++) dot[a] += z * load(weight + a * h + c);
+            }
+            sum_lanes(dot, actions, sum);
+            for (int o = 0; o < kActionColumns; o += W)
+                store(w.action + r * kActionColumns + o, tanh_of(load(sum + o) + load(bias + o)));
         }
-        sum_lanes(dot, kActions, sum);
-        for (int o = 0; o < kActionColumns; o += W)
-            store(w.action + r * kActionColumns + o, tanh_of(load(sum + o) + load(bias + o)));
-    }
+    });
 }
 
 // ∂/∂a (w.daction) → w.dh, adding the gradients of the output layer.
@@ -28,21 +44,23 @@ inline void actor_head_backward(const Net& net, Work& w, int64_t rows, float* gr
     const int64_t h = net.l.hidden;
     const float* weight = net.p + net.l.output;
     float* bias = gradient + net.l.output_bias;
-    for (int64_t r = 0; r < rows; r++) {
-        float* d = w.daction + r * kActionColumns;
-        for (int o = 0; o < kActionColumns; o += W) {
-            const vf a = load(w.action + r * kActionColumns + o);
-            store(d + o, load(d + o) * (1.0f - a * a));
-            store(bias + o, load(bias + o) + load(d + o));
+    with_actions(net.shape->actions, [&](auto actions) {
+        for (int64_t r = 0; r < rows; r++) {
+            float* d = w.daction + r * kActionColumns;
+            for (int o = 0; o < kActionColumns; o += W) {
+                const vf a = load(w.action + r * kActionColumns + o);
+                store(d + o, load(d + o) * (1.0f - a * a));
+                store(bias + o, load(bias + o) + load(d + o));
+            }
+            for (int64_t c = 0; c < h; c += W) {
+                const vf z = load(w.z + r * h + c);
+                vf g{};
+                for (int a = 0; a < actions; a++) g += d[a] * load(weight + a * h + c);
+                store(w.dh + r * h + c, g * (1.0f - z * z));
+            }
         }
-        for (int64_t c = 0; c < h; c += W) {
-            const vf z = load(w.z + r * h + c);
-            vf g{};
-            for (int a = 0; a < kActions; a++) g += d[a] * load(weight + a * h + c);
-            store(w.dh + r * h + c, g * (1.0f - z * z));
-        }
-    }
-    multiply_add(kActions, h, rows, {w.daction, 1, kActionColumns}, w.z, h,
+    });
+    multiply_add(net.shape->actions, h, rows, {w.daction, 1, kActionColumns}, w.z, h,
                  gradient + net.l.output, h);
 }
 
@@ -51,20 +69,22 @@ inline void critic_head(const Net& net, Work& w, const float* h_rows, const floa
                         int64_t stride, int64_t share, int64_t rows) {
     const int64_t h = net.l.hidden;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;
-    for (int64_t r = 0; r < rows; r++) {
-        const float* a = action + r / share * stride;
-        vf dot{};
-        for (int64_t c = 0; c < h; c += W) {
-            vf x = load(h_rows + r * h + c) + load(layer + kActions * h + c);
-            for (int i = 0; i < kActions; i++) x += a[i] * load(layer + i * h + c);
-            const vf z = tanh_of(x);
-            store(w.z + r * h + c, z);
-            dot += z * load(output + c);
+    with_actions(net.shape->actions, [&](auto actions) {
+        for (int64_t r = 0; r < rows; r++) {
+            const float* a = action + r / share * stride;
+            vf dot{};
+            for (int64_t c = 0; c < h; c += W) {
+                vf x = load(h_rows + r * h + c) + load(layer + actions * h + c);
+                for (int i = 0; i < actions; i++) x += a[i] * load(layer + i * h + c);
+                const vf z = tanh_of(x);
+                store(w.z + r * h + c, z);
+                dot += z * load(output + c);
+            }
+            float q[W];
+            sum_lanes(&dot, 1, q);
+            w.q[r] = q[0] + net.p[net.l.output_bias];
         }
-        float q[W];
-        sum_lanes(&dot, 1, q);
-        w.q[r] = q[0] + net.p[net.l.output_bias];
-    }
+    });
 }
 
 // ∂/∂Q (w.q) → w.dh, adding the gradients of the head. Row r's action is row r / share.
@@ -73,18 +93,20 @@ inline void critic_head_backward(const Net& net, Work& w, const float* action, i
     const int64_t h = net.l.hidden;
     const float* output = net.p + net.l.output;
     float *doutput = gradient + net.l.output, *layer = gradient + net.l.action;
-    for (int64_t r = 0; r < rows; r++) {
-        const float dq = w.q[r], *a = action + r / share * kActions;
-        gradient[net.l.output_bias] += dq;
-        for (int64_t c = 0; c < h; c += W) {
-            const vf z = load(w.z + r * h + c), dx = dq * load(output + c) * (1.0f - z * z);
-            store(w.dh + r * h + c, dx);
-            store(doutput + c, load(doutput + c) + dq * z);
-            store(layer + kActions * h + c, load(layer + kActions * h + c) + dx);
-            for (int i = 0; i < kActions; i++)
-                store(layer + i * h + c, load(layer + i * h + c) + a[i] * dx);
+    with_actions(net.shape->actions, [&](auto actions) {
+        for (int64_t r = 0; r < rows; r++) {
+            const float dq = w.q[r], *a = action + r / share * actions;
+            gradient[net.l.output_bias] += dq;
+            for (int64_t c = 0; c < h; c += W) {
+                const vf z = load(w.z + r * h + c), dx = dq * load(output + c) * (1.0f - z * z);
+                store(w.dh + r * h + c, dx);
+                store(doutput + c, load(doutput + c) + dq * z);
+                store(layer + actions * h + c, load(layer + actions * h + c) + dx);
+                for (int i = 0; i < actions; i++)
+                    store(layer + i * h + c, load(layer + i * h + c) + a[i] * dx);
+            }
         }
-    }
+    });
 }
 
 // ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip, less l2 · a, all scaled, into
@@ -94,18 +116,20 @@ inline void action_gradient(const Net& net, Work& w, int64_t rows, float clip, f
     const int64_t h = net.l.hidden;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;
     alignas(64) float sum[kActionColumns] = {};
-    for (int64_t r = 0; r < rows; r++) {
-        vf dot[kActions] = {};
-        for (int64_t c = 0; c < h; c += W) {
-            const vf z = load(w.z + r * h + c), dx = load(output + c) * (1.0f - z * z);
-            for (int i = 0; i < kActions; i++) dot[i] += dx * load(layer + i * h + c);
+    with_actions(net.shape->actions, [&](auto actions) {
+        for (int64_t r = 0; r < rows; r++) {
+            vf dot[kMaxActions] = {};
+            for (int64_t c = 0; c < h; c += W) {
+                const vf z = load(w.z + r * h + c), dx = load(output + c) * (1.0f - z * z);
+                for (int i = 0; i < actions; i++) dot[i] += dx * load(layer + i * h + c);
+            }
+            sum_lanes(dot, actions, sum);
+            for (int o = 0; o < kActionColumns; o += W)
+                store(w.daction + r * kActionColumns + o,
+                      scale * (at_least(at_most(load(sum + o), clip), -clip) -
+                               l2 * load(w.action + r * kActionColumns + o)));
         }
-        sum_lanes(dot, kActions, sum);
-        for (int o = 0; o < kActionColumns; o += W)
-            store(w.daction + r * kActionColumns + o,
-                  scale * (at_least(at_most(load(sum + o), clip), -clip) -
-                           l2 * load(w.action + r * kActionColumns + o)));
-    }
+    });
 }
 
 }  // namespace pa::PA_LEVEL

@@ -47,7 +47,8 @@ class Act final : public ActorKernel {
     Act(const Network& shape, const float* parameters, int objects, int length)
         : net_{&shape_, layout_of(shape), parameters}, shape_(shape) {
         const Layout& l = net_.l;
-        const WorkSize size{1, 1, objects, 1, length, shape.words, l.columns, l.hidden, l.inputs};
+        const WorkSize size{1, 1, objects, 1, length, shape.words, shape.object_features,
+                            shape.arm_features, l.columns, l.hidden, l.inputs};
         Arena arena{nullptr, 0};
         carve(work_, arena, size);
         memory_ = Buffer(arena.used);
@@ -63,7 +64,7 @@ class Act final : public ActorKernel {
         read_inputs(net_, work_, seen.object, seen.arm, 0, 1);
         forward(net_, work_, &row, 1, false);
         actor_head(net_, work_, 1);
-        for (int i = 0; i < kActions; i++) action[i] = work_.action[i];
+        for (int i = 0; i < shape_.actions; i++) action[i] = work_.action[i];
     }
 
   private:

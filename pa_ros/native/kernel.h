@@ -21,7 +21,7 @@ struct UpdateValues {
     double actor_rate, critic_rate, action_l2, detector_decay, correction1, correction2;
 };
 
-// Programs, rows of `length` instructions; for canonical networks rows of kTargetWords words.
+// Programs, rows of `length` instructions; for canonical networks rows of a word of each group.
 struct Table {
     int32_t length;
     const int32_t *op, *a, *b;

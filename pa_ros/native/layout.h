@@ -4,13 +4,11 @@
 
 namespace pa {
 
-constexpr int kObjectFeatures = 16;
-constexpr int kArmFeatures = 18;
-constexpr int kArmColumns = 20;                                    // 18, then a 1 for the bias
-constexpr int kColumnRows = kObjectFeatures + kArmFeatures + 1;    // 34 inputs and the bias
-constexpr int kBiasRow = kObjectFeatures + kArmFeatures;
-constexpr int kProperty = 7, kProperties = 9;                      // one-hots within an object's 16
-constexpr int kActions = 6;
+constexpr int kPose = 7;                                           // features before the properties
+constexpr int kMaxFeatures = 256;                                  // of an object, its pose included
+constexpr int kMaxActions = 16;
+constexpr int kMaxArmFeatures = 3 * kMaxActions + kPose;
+constexpr int kMaxNumbers = 4096;                                  // of all words' values
 constexpr int kActionColumns = 16;                                 // row stride of actions inside
 constexpr int kLane = 16;                                          // floats; all rows are padded to it
 constexpr int kMaxHidden = 8192;
@@ -22,37 +20,45 @@ constexpr int kMaxPrograms = 64;                                   // per transi
 constexpr int kMaxThreads = 64;
 constexpr int kMaxLength = 1024;                                   // instructions of a program
 constexpr int kMaxTransitions = 1 << 20;                           // of a batch
-constexpr int kTargetWords = 2;                                    // that canonical networks read
 constexpr float kLargestPart = 43.6f;                              // see simd.h
 
 [[gnu::always_inline]] constexpr int64_t padded(int64_t size) {
     return (size + kLane - 1) / kLane * kLane;
 }
 
-// One network. `detectors` 0: Φ is true, word v is object feature truth[v] (-1: names nothing).
+// A word's value: true of an object whose features [at, at + width), as networks see them, are
+// within the square root of `square` of numbers [numbers, numbers + width). Width 0: of none.
+struct Word {
+    int32_t at, width, numbers;
+    float square;
+};
+
+// One network. `detectors` 0: Φ is true. An object's features are multiplied by `scale`.
 struct Network {
+    int32_t object_features, arm_features, actions;
     int32_t hidden, attention, words, groups;
     int32_t group_size[kMaxGroups];
     int32_t detectors;
-    int32_t hide_properties;  // f, r and α̃ have zero weights for the one-hots, and keep them
-    int32_t critic;  // 1: reads an action, writes one number; 0: writes kActions
-    int32_t truth[kMaxWords];
-    float position_scale;
+    int32_t hide_properties;  // f, r and α̃ have zero weights for the properties, and keep them
+    int32_t critic;  // 1: reads an action, writes one number; 0: writes an action
+    Word word[kMaxWords];
+    float number[kMaxNumbers];
+    float scale[kMaxFeatures];
     float self_weight;  // multiplies exp α̃_ii
     int32_t canonical;  // 1: an MLP of the flattened Ω; attention and detectors are 0
-    int32_t slots;      // of that: slot i is of the objects with these two one-hot features
-    int32_t slot_shape[kMaxSlots], slot_color[kMaxSlots];
+    int32_t slots;      // of that: slot i is of the objects of which these words are true
+    int32_t slot_word[kMaxSlots][kMaxGroups];
 };
 
 // Offsets and sizes in floats. Rows are input-major ([in][out]): a torch weight is the transpose.
-//   first        [35][columns]   row: 16 object features, 18 arm features, bias; columns: local.0,
+//   first        [rows][columns] row: object features, arm features, bias; columns: local.0,
 //                                message.0 of the receiver (with its bias), message.0 of the sender
 //                                (bias always 0), query, context, detectors, each padded
 //   attention    [A]
 //   second       [2H][H]         local.1, then message.1
 //   second_bias  [2][H]          local.1, then message.1
-//   action       [7][H]          critic: 6 inputs, then the bias
-//   output       [1 or 6][H]     as torch's
+//   action       [J + 1][H]      critic: J inputs, then the bias
+//   output       [1 or J][H]     as torch's
 //   output_bias  [16]
 // Canonical networks have no `attention`, and
 //   first        [inputs + V + 1][H]  hand, slots, arm; words of the target; bias
@@ -60,7 +66,7 @@ struct Network {
 //   second_bias  [H]                  the actor's; the critic's is in `action`
 // H and A are padded; the padding is zero and stays zero.
 struct Layout {
-    int64_t hidden, attention, columns;
+    int64_t hidden, attention, columns, rows;
     int64_t local, receiver, sender, query, context, detectors;  // first columns within `first`
     int64_t first, attention_weight, second, second_bias, action, output, output_bias, size;
     int64_t inputs;  // canonical: of the flattened Ω without the target

@@ -57,6 +57,7 @@ inline int64_t carve_learner(Learner& g, float* base) {
     Arena arena{base, 0};
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     WorkSize size{g.chunk, g.block, g.objects, g.programs, g.length, g.actor_shape.words,
+                  g.actor_shape.object_features, g.actor_shape.arm_features,
                   actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden,
                   actor.inputs};
     const int64_t square = second_rows(actor) * actor.hidden, rows = (int64_t)g.batch * g.programs;
@@ -100,12 +101,12 @@ inline void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t fro
     Work& w = x.w;
     const int64_t rows = (int64_t)count * g.programs, base = from * g.programs;
     const Net critic = net_of(g.critic_shape, g.critic.parameters);
-    const float* action = b.action + from * kActions;
+    const float* action = b.action + from * critic.shape->actions;
     read_inputs(critic, w, b.object, b.arm, from, count);
     forward(critic, w, b.program + base, count, true);
     const int64_t h = critic.l.hidden;
     __builtin_memcpy(x.critic_h + base * h, w.h, rows * h * sizeof(float));
-    critic_head(critic, w, w.h, action, kActions, g.programs, rows);
+    critic_head(critic, w, w.h, action, critic.shape->actions, g.programs, rows);
     const float scale = 2.0f / ((float)b.transitions * b.programs);
     for (int64_t r = 0; r < rows; r++) {
         const float error = w.q[r] - x.target_q[base + r];
@@ -162,12 +163,12 @@ inline void gradients(Learner& g, const Batch& b, int index) {
 inline double adam(const Learner& g, const Tensors& t, const Layout& l, double rate,
                    const UpdateValues& values, int index, bool of_actor) {
     const Settings& s = g.settings;
-    const int64_t size = l.size, first_end = l.inputs ? 0 : l.first + kColumnRows * l.columns;
+    const int64_t size = l.size, first_end = l.inputs ? 0 : l.first + l.rows * l.columns;
     const float rate_now = (float)(rate / values.correction1), epsilon = (float)s.epsilon;
     const float root = (float)(1.0 / __builtin_sqrt(values.correction2));
     const float keep1 = (float)s.beta1, take1 = (float)(1.0 - s.beta1);
     const float keep2 = (float)s.beta2, take2 = (float)(1.0 - s.beta2);
-    const int64_t biases = l.first + kBiasRow * l.columns;  // of the first layers
+    const int64_t biases = l.first + (l.rows - 1) * l.columns;  // of the first layers
     const float gain = (float)s.detector_gain;
     const float kept = (float)(1.0 - rate * s.detector_gain * values.detector_decay);
     const int64_t part = padded((size + g.threads - 1) / g.threads), begin = index * part;

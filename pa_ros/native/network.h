@@ -5,20 +5,19 @@
 
 namespace pa::PA_LEVEL {
 
-// Copies inputs of samples [from, from + count) and scales the positions.
+// Copies inputs of samples [from, from + count) and scales the objects' features.
 inline void read_inputs(const Net& net, Work& w, const float* objects, const float* arm,
                         int64_t from, int count) {
     if (net.shape->canonical) return flatten(net, w, objects, arm, from, count);
-    const float position_scale = net.shape->position_scale;
-    const int64_t rows = (int64_t)count * w.objects;
-    const float* in = objects + from * w.objects * kObjectFeatures;
-    for (int64_t r = 0; r < rows * kObjectFeatures; r += kObjectFeatures)
-        for (int f = 0; f < kObjectFeatures; f++)
-            w.x[r + f] = f < 3 ? in[r + f] * position_scale : in[r + f];
+    const int features = net.shape->object_features, arms = net.shape->arm_features;
+    const int64_t size = (int64_t)count * w.objects * features;
+    const float *in = objects + from * w.objects * features, *scale = net.shape->scale;
+    for (int64_t r = 0; r < size; r += features)
+        for (int f = 0; f < features; f++) w.x[r + f] = in[r + f] * scale[f];
     for (int64_t s = 0; s < count; s++) {
-        float* out = w.arm + s * kArmColumns;
-        for (int f = 0; f < kArmFeatures; f++) out[f] = arm[(from + s) * kArmFeatures + f];
-        out[kArmFeatures] = 1.0f, out[kArmFeatures + 1] = 0.0f;
+        float* out = w.arm + s * (arms + 1);
+        for (int f = 0; f < arms; f++) out[f] = arm[(from + s) * arms + f];
+        out[arms] = 1.0f;
     }
 }
 

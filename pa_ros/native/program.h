@@ -12,12 +12,11 @@ inline void evaluate_phi(const Net& net, Work& w, int64_t from, int count) {
     const Network& n = *net.shape;
     const int64_t rows = (int64_t)count * w.objects, stride = w.phi_stride;
     for (int v = 0; v < n.words; v++) {
-        const bool named = n.detectors || n.truth[v] >= 0;
-        const int64_t ld = n.detectors ? net.l.columns : kObjectFeatures;
+        const int64_t ld = n.detectors ? net.l.columns : n.object_features;
         const float* in = n.detectors ? w.first_of(from, ld) + net.l.detectors + v
-                                      : w.x + from * w.objects * ld + (named ? n.truth[v] : 0);
+                                      : w.x + from * w.objects * ld;
         float* out = w.phi + v * stride + from * w.objects;
-        for (int64_t r = 0; r < rows; r++) out[r] = named ? in[r * ld] : 0.0f;
+        for (int64_t r = 0; r < rows; r++) out[r] = n.detectors ? in[r * ld] : shows(n, v, in + r * ld);
     }
     if (!n.detectors) return;
     for (int64_t r = 0; r < rows; r += W) {

@@ -133,13 +133,13 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
                           int count) {
     const Layout& l = net.l;
     const int64_t rows = (int64_t)count * w.objects, c = l.columns;
+    const int64_t features = net.shape->object_features, arms = net.shape->arm_features + 1;
     const float* weight = net.p + l.first;
     float *first = w.first_of(from, c), *arm = w.first_arm + from * c;
-    multiply(count, c, kArmFeatures + 1, {w.arm + from * kArmColumns, kArmColumns, 1},
-             weight + kObjectFeatures * c, c, arm, c, FromZero{});
+    multiply(count, c, arms, {w.arm + from * arms, arms, 1}, weight + features * c, c, arm, c,
+             FromZero{});
     for (int s = 0; s < count; s++) balance_arm(l, arm + s * c);
-    multiply(rows, c, kObjectFeatures,
-             {w.x + from * w.objects * kObjectFeatures, kObjectFeatures, 1}, weight, c, first, c,
+    multiply(rows, c, features, {w.x + from * w.objects * features, features, 1}, weight, c, first, c,
              FromRows{arm, c, w.objects});
     vf largest = load(w.largest);
     for (int64_t r = 0; r < rows; r++) largest = activate(l, first + r * c, largest);

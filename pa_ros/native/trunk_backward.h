@@ -147,6 +147,7 @@ inline void trunk_backward(const Net& net, Work& w, const int32_t* programs, int
     const Layout& l = net.l;
     const int64_t pairs = (int64_t)count * w.programs;
     const int64_t h = l.hidden, c = l.columns, size = net.shape->hidden;
+    const int64_t features = net.shape->object_features, arms = net.shape->arm_features + 1;
     float* second = gradient + l.second;
     multiply(pairs, 2 * h, size, {w.dh, h, 1}, second_t, 2 * h, w.dpooled, 2 * h, FromZero{});
     multiply_add(size, h, pairs, {w.pooled, 1, 2 * h}, w.dh, h, second, h);
@@ -156,17 +157,16 @@ inline void trunk_backward(const Net& net, Work& w, const int32_t* programs, int
     for (int64_t from = 0; from < count; from += w.block) {
         const int64_t end = from + w.block < count ? from + w.block : count;
         for (int64_t s = from; s < end; s++) sample_backward(net, w, programs, s, gradient);
-        multiply_add(kObjectFeatures, c, (end - from) * w.objects,
-                     {w.x + from * w.objects * kObjectFeatures, 1, kObjectFeatures},
-                     w.first_of(from, c), c, first, c);
+        multiply_add(features, c, (end - from) * w.objects,
+                     {w.x + from * w.objects * features, 1, features}, w.first_of(from, c), c,
+                     first, c);
     }
-    multiply_add(kArmFeatures + 1, c, count, {w.arm, 1, kArmColumns}, w.first_arm, c,
-                 first + kObjectFeatures * c, c);
+    multiply_add(arms, c, count, {w.arm, 1, arms}, w.first_arm, c, first + features * c, c);
     for (int64_t i = 0; i < h; i++) {  // both biases see Σp ∂/∂h; the sender has none
         gradient[l.second_bias + h + i] = gradient[l.second_bias + i];
-        first[kBiasRow * c + l.sender + i] = 0.0f;
+        first[(l.rows - 1) * c + l.sender + i] = 0.0f;
     }
-    for (int row = kProperty; net.shape->hide_properties && row < kProperty + kProperties; row++)
+    for (int row = kPose; net.shape->hide_properties && row < features; row++)
         __builtin_memset(first + row * c, 0, l.detectors * sizeof(float));
 }
 

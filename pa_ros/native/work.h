@@ -28,7 +28,7 @@ struct Work {
     int block, ring;  // samples per block; samples that `first` holds, in turn
     int64_t phi_stride;
 
-    float *x, *arm;          // inputs: scaled objects [S·N, 16]; arm and a 1 [S, 20]
+    float *x, *arm;          // inputs: scaled objects [S·N, F]; arm and a 1 [S, A + 1]
     float* first;            // [S·N, columns]: activations; the backward pass leaves gradients here
     float* first_arm;        // [S, columns]: the arm's share; then the gradients summed over objects
     float* phi;              // [V, phi_stride]: Φ of all samples side by side
@@ -59,7 +59,7 @@ struct Work {
 };
 
 struct WorkSize {
-    int samples, block, objects, programs, length, words;
+    int samples, block, objects, programs, length, words, object_features, arm_features;
     int64_t columns, hidden, inputs;  // inputs: 0 unless canonical
 };
 
@@ -87,7 +87,7 @@ inline void carve(Work& w, Arena& arena, const WorkSize& z) {
     const int64_t s = z.samples, n = z.objects, k = z.programs, lanes = padded(n), sk = s * k;
     carve_heads(w, arena, z);
     w.phi_stride = padded(s * n) + lanes;
-    w.x = arena.take(s * n * kObjectFeatures), w.arm = arena.take(s * kArmColumns);
+    w.x = arena.take(s * n * z.object_features), w.arm = arena.take(s * (z.arm_features + 1));
     w.first = arena.take(s * n * z.columns), w.first_arm = arena.take(s * z.columns);
     w.phi = arena.take(z.words * w.phi_stride);
     w.registers = arena.take(sk * z.length * lanes);
@@ -109,6 +109,17 @@ inline void set_objects(Work& w, int hand_index) {
 inline void set_table(Work& w, const Table& table) {
     w.op = table.op, w.a = table.a, w.b = table.b, w.length = table.length;
     w.target = table.target;
+}
+
+// Whether a word is true of an object whose features, scaled, are x.
+inline bool shows(const Network& n, int word, const float* x) {
+    const Word& value = n.word[word];
+    float square = 0.0f;
+    for (int i = 0; i < value.width; i++) {
+        const float d = x[value.at + i] - n.number[value.numbers + i];
+        square += d * d;
+    }
+    return value.width && square <= value.square;
 }
 
 struct Net {  // a network's description, layout and current parameters

@@ -25,16 +25,13 @@ def describe(session: Session) -> ArenaDescription:
 
 def origin(session: Session, node: str) -> Origin:
     """The arena's account of itself, for recordings."""
-    design, vocabulary = session.task.design, session.task.design.vocabulary
     return origins.origin(
         node,
         session.arena_id,
         session.config.seed,
         parameters=session.config.flat(),
-        design=design.name,
+        design=session.task.design.name,
         arm=session.arena.arm,
         preset=session.arena.preset,
-        shapes=vocabulary["shape"],
-        colors=vocabulary["color"],
-        vocabulary_digest=vocabulary.digest,
+        world=session.task.world,
     )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORDS, PointWorld, dpg
+from worlds import PROGRAMS, WORLD, PointWorld, dpg
 
 from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import PolicyError
@@ -18,7 +18,7 @@ from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.inference import TorchActor
 
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 SETTINGS = dpg(replay__capacity_frames=100, schedule__trajectory_steps=20)
 
 
@@ -27,7 +27,7 @@ def snapshot(network: NetworkConfig = NETWORK):
 
 
 def test_exploring_is_acting_plus_the_episodes_noise() -> None:
-    noise = SETTINGS.exploration, 0.1, 5
+    noise = SETTINGS.exploration, 0.1, 5, 6
     actor = Actor(NETWORK, noise=ExplorationNoise(*noise))
     actor.load(snapshot())
     world = PointWorld()
@@ -45,7 +45,7 @@ def test_exploring_is_acting_plus_the_episodes_noise() -> None:
 
 def test_what_noise_takes_beyond_the_bounds_is_clipped() -> None:
     noise = SETTINGS.exploration.changed(sigma=5.0)
-    actor = Actor(NETWORK, noise=ExplorationNoise(noise, 0.1, 5))
+    actor = Actor(NETWORK, noise=ExplorationNoise(noise, 0.1, 5, 6))
     actor.load(snapshot())
     world = PointWorld()
     observation, _ = world.reset(0)
@@ -56,9 +56,9 @@ def test_what_noise_takes_beyond_the_bounds_is_clipped() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"architecture": NetworkConfig(vocabulary=WORDS).architecture}, "expected architecture"),
+        ({"architecture": NetworkConfig(world=WORLD).architecture}, "expected architecture"),
         (
-            {"vocabulary_digest": Vocabulary.of(shape=("CUBE",), color=("RED",)).digest},
+            {"world_digest": Vocabulary.of(shape=("CUBE",), color=("RED",)).digest},
             "expected vocabulary",
         ),
         ({"tensors": {}}, "version 0: actor: tensors missing"),

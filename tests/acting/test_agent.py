@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learners import ARENA, DESIGN, FACTS, LEARNER, ME, NETWORK, again, published, snapshot
+from learners import ARENA, DESIGN, FACTS, LEARNER, ME, NETWORK, WORLD, again, published, snapshot
 
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Act, Load, Wait
@@ -125,7 +125,7 @@ def test_a_change_of_program_cuts_the_trajectory_and_nothing_crosses_it(arm) -> 
     before = arm.task.program
     kinds = [block.kind for block in arm.task.episode.blocks]
     other = next(kind for kind in kinds if set(kind) != set(before.words))
-    text = f"NEAR(HAND, AND({other.color}, {other.shape}))"
+    text = f"NEAR(HAND, {other.conjunction})"
     arm.task.set_program(parse(text, DESIGN.vocabulary))
     arm.run(11)
     assert arm.spans == [(0, 0, 4), (1, 5, 10)]  # 4 to 5 crosses: left out
@@ -165,7 +165,7 @@ def test_commands_are_numbered_and_a_held_step_is_no_experience(arm) -> None:
 
 
 def test_a_program_that_the_networks_cannot_be_told_is_refused_before_it_is_acted_on() -> None:
-    network = NetworkConfig(vocabulary=DESIGN.vocabulary, kind="canonical", canonical_hidden=4)
+    network = NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=4)
     agent, either = Agent(ME), parse("NEAR(HAND, RED)", DESIGN.vocabulary)
     agent.check_program(either)  # before there are weights nothing can be said
     agent.offer(PublishedPolicy(snapshot(0, network), "run", "learner"))
@@ -175,7 +175,7 @@ def test_a_program_that_the_networks_cannot_be_told_is_refused_before_it_is_acte
 
 
 def test_a_greedy_agent_takes_the_announced_learners_weights_whatever_came_first() -> None:
-    other = NetworkConfig(vocabulary=DESIGN.vocabulary, hidden=4, attention=2)
+    other = NetworkConfig(world=WORLD, hidden=4, attention=2)
     agent = Agent(ME)
     agent.offer(PublishedPolicy(snapshot(9, other), "strange", "stranger"))
     with pytest.raises(PolicyError, match="expected architecture"):
@@ -188,8 +188,8 @@ def test_a_greedy_agent_takes_the_announced_learners_weights_whatever_came_first
     assert agent.version == 2
     agent.follow(replace(LEARNER, learner_id="before", stamp_ns=0), FACTS)  # came before: ignored
     agent.offer(published(3))
-    with pytest.raises(LearnerRequestError, match="vocabulary_digest"):
-        agent.follow(again(LEARNER, 4, vocabulary_digest="f" * 16), FACTS)
+    with pytest.raises(LearnerRequestError, match="world_digest"):
+        agent.follow(again(LEARNER, 4, world_digest="f" * 16), FACTS)
     agent.offer(published(4))
     assert agent.version == 4
 
@@ -319,7 +319,7 @@ def test_the_learner_that_came_last_is_followed() -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("vocabulary_digest", "0" * 16, "vocabulary_digest: expected .*arena's, got '0000"),
+        ("world_digest", "0" * 16, "world_digest: expected .*arena's, got '0000"),
         ("control_period", 0.2, "control_period: expected 0.1, as this arena's, got 0.2"),
         ("near_threshold", 0.1, "near_threshold: expected 0.2, as this arena's, got 0.1"),
         ("inference", "tpu", "inference: expected one of .* got 'tpu'"),

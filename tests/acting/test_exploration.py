@@ -13,7 +13,7 @@ from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
 
 def series(config: ExplorationConfig, episodes: int, steps: int) -> np.ndarray:
     """Noise of many episodes, [E, T, 6]."""
-    runs = [OrnsteinUhlenbeck(config, 0.1, 0, episode) for episode in range(episodes)]
+    runs = [OrnsteinUhlenbeck(config, 0.1, 0, 6, episode) for episode in range(episodes)]
     return np.array([[run.sample() for _ in range(steps)] for run in runs])
 
 
@@ -42,19 +42,19 @@ def test_without_damping_it_is_a_random_walk() -> None:
 
 def test_an_episode_has_its_own_stream() -> None:
     config = ExplorationConfig()
-    a, b, c = (OrnsteinUhlenbeck(config, 0.1, 3, episode) for episode in (7, 7, 8))
+    a, b, c = (OrnsteinUhlenbeck(config, 0.1, 3, 6, episode) for episode in (7, 7, 8))
     first = [a.sample() for _ in range(5)]
     np.testing.assert_array_equal(first, [b.sample() for _ in range(5)])
     assert not np.array_equal(first[0], c.sample())
-    assert not np.array_equal(first[0], OrnsteinUhlenbeck(config, 0.1, 4, 7).sample())
+    assert not np.array_equal(first[0], OrnsteinUhlenbeck(config, 0.1, 4, 6, 7).sample())
 
 
 def test_noise_follows_the_episode_and_the_control_period() -> None:
-    config, noise = ExplorationConfig(), ExplorationNoise(ExplorationConfig(), 0.1, 3)
+    config, noise = ExplorationConfig(), ExplorationNoise(ExplorationConfig(), 0.1, 3, 6)
     for episode in (0, 5):
-        process = OrnsteinUhlenbeck(config, 0.1, 3, episode)
+        process = OrnsteinUhlenbeck(config, 0.1, 3, 6, episode)
         for _ in range(3):
             np.testing.assert_array_equal(noise.sample(episode), process.sample())
-    quick, slow = (OrnsteinUhlenbeck(config, period, 3, 0) for period in (0.1, 1.0))
+    quick, slow = (OrnsteinUhlenbeck(config, period, 3, 6, 0) for period in (0.1, 1.0))
     np.testing.assert_array_equal(quick.sample(), slow.sample())  # where it starts
     assert not np.array_equal(quick.sample(), slow.sample())

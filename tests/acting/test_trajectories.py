@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from worlds import PROGRAMS, WORDS
+from worlds import POSE, PROGRAMS, WORLD
 
 from pa_ros.acting.errors import StepError
 from pa_ros.acting.trajectories import TrajectoryBuilder
@@ -16,7 +16,7 @@ from pa_ros.core.experience import AgentKey, Observation, Verdict
 from pa_ros.language import Program
 
 P, Q = PROGRAMS
-AGENT = (AgentKey("agent", 3), "run", 4, WORDS.digest)
+AGENT = (AgentKey("agent", 3), "run", 4, WORLD)
 
 
 def step(episode: int, index: int, program: Program = P, truncated: bool = False):
@@ -25,7 +25,9 @@ def step(episode: int, index: int, program: Program = P, truncated: bool = False
     velocity = np.full(6, 100.0 * episode + index)
     program_id = f"{episode}.{program}"
     objects = np.full((2, 16), index, np.float32)
-    observation = Observation(episode, index, stamp, objects, np.zeros(6), velocity, 0, program_id)
+    observation = Observation(
+        episode, index, stamp, objects, np.zeros(6), velocity, 0, program_id, POSE
+    )
     verdict = Verdict(episode, index, stamp, program_id, float(index), False, 0.0, truncated)
     return observation, verdict, program
 

@@ -19,7 +19,8 @@ from pa_ros.arena import (
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 
-WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
+VALUES = {"color": ("RED", "BLUE"), "shape": ("CUBE", "SPHERE")}
+WORDS = Vocabulary.of(shape=VALUES["shape"], color=VALUES["color"])
 
 
 def test_paper_preset_stays_within_the_real_arm() -> None:
@@ -74,13 +75,15 @@ def test_unknown_names_are_refused_with_the_known_ones(lookup) -> None:  # type:
 
 
 def test_designs_are_those_of_figure_2() -> None:
-    sizes = {name: (len(d.train), len(d.held_out)) for name, d in DESIGNS.items()}
+    sizes = {
+        name: (len(d.train), len(d.held_out)) for name in DESIGNS for d in [design_named(name)]
+    }
     three = {"3-C": (9, 0), "3-D": (6, 3), "3-D-exact": (6, 3)}
     assert sizes == {"2-C": (4, 0), "2-L": (3, 1)} | three
-    assert design_named("2-L").held_out == (Kind("BLUE", "SPHERE"),)
+    assert design_named("2-L").held_out == (Kind(color="BLUE", shape="SPHERE"),)
     for kind in design_named("3-D").held_out:  # the diagonal: each property once
         others = [k for k in design_named("3-D").held_out if k != kind]
-        assert all(kind.color != k.color and kind.shape != k.shape for k in others)
+        assert all(kind["color"] != k["color"] and kind["shape"] != k["shape"] for k in others)
     assert design_named("2-C").vocabulary.words == ("CUBE", "SPHERE", "RED", "BLUE")
     assert design_named("3-D").vocabulary.group_sizes == (4, 5)
     assert design_named("3-D-exact").vocabulary.group_sizes == (3, 3)
@@ -91,14 +94,23 @@ def test_designs_are_those_of_figure_2() -> None:
     [
         {"n_blocks": 5},
         {"n_blocks": 0},
-        {"colors": ("RED", "PURPLE")},
-        {"colors": ("RED", "GREEN")},  # no word for GREEN
+        {"values": VALUES | {"color": ("RED", "PURPLE")}},
+        {"values": VALUES | {"color": ("RED", "GREEN")}},  # no word for GREEN
+        {"values": VALUES | {"color": ()}},
+        {"values": {"color": ("RED", "BLUE")}},  # of what shape?
+        {"novel": {"color": "RED"}},  # not new
         {"train": ()},
-        {"train": (Kind("RED", "CYLINDER"),)},
-        {"held_out": (Kind("RED", "CUBE"),)},  # trained as well
+        {"train": (Kind(color="RED", shape="CYLINDER"),)},
+        {"held_out": (Kind(color="RED", shape="CUBE"),)},  # trained as well
     ],
 )
 def test_designs_that_make_no_sense_are_refused(change: dict[str, Any]) -> None:
-    design = Design("d", ("CUBE", "SPHERE"), ("RED", "BLUE"), WORDS, (Kind("RED", "CUBE"),))
+    design = Design("d", VALUES, WORDS, (Kind(color="RED", shape="CUBE"),))
     with pytest.raises(ConfigError, match="design d"):
         replace(design, **change)
+
+
+def test_a_group_that_the_schema_lacks_is_refused_by_name() -> None:
+    expected = r"unknown property group: expected one of \['shape', 'color'\], got 'size'"
+    with pytest.raises(ConfigError, match=expected):
+        replace(design_named("2-L"), values=VALUES | {"size": ("SMALL",)})

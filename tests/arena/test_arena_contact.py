@@ -86,17 +86,11 @@ def test_blocks_are_not_knocked_away_by_a_clumsy_script() -> None:
 @pytest.mark.parametrize("shape", ["CUBE", "SPHERE", "CYLINDER", "CAPSULE"])
 def test_every_shape_can_be_pushed_and_rests_again(shape: str) -> None:
     from pa_ros.arena import Design, Kind
-    from pa_ros.arena.model import rest_height
+    from pa_ros.arena.appearance import look_of
     from pa_ros.language import Vocabulary
 
-    design = Design(
-        "one",
-        (shape,),
-        ("RED",),
-        Vocabulary.of(shape=(shape,), color=("RED",)),
-        (Kind("RED", shape),),
-        n_blocks=1,
-    )
+    values, kind = {"shape": (shape,), "color": ("RED",)}, Kind(color="RED", shape=shape)
+    design = Design("one", values, Vocabulary.of(**values), (kind,), n_blocks=1)
     task = ReachTask(PAPER, design, seed=0)
     task.reset(0)
     task.simulation.data.qvel[6:9] = 0.3, 0.2, 0.0  # a nudge wakes it
@@ -104,4 +98,4 @@ def test_every_shape_can_be_pushed_and_rests_again(shape: str) -> None:
         task.step(np.zeros(6))
     assert np.linalg.norm(task.simulation.data.qvel[6:9]) < 0.01
     height = task.simulation.positions[1, 2]
-    assert height == pytest.approx(rest_height(shape), abs=1e-3)
+    assert height == pytest.approx(look_of(kind).rest_height, abs=1e-3)

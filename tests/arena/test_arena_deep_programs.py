@@ -29,7 +29,7 @@ def named(expression: Expression, design: Design = THREE_D) -> tuple[bool, ...]:
 
 @pytest.mark.parametrize("deep", DEPTHS)
 def test_programs_are_deep_and_no_part_is_idle(deep: int) -> None:
-    trained = {named(And((Word(kind.color), Word(kind.shape)))) for kind in THREE_D.train}
+    trained = {named(And((Word(kind["color"]), Word(kind["shape"])))) for kind in THREE_D.train}
     texts = set()
     for index in range(25):
         episode = generate(FAST, THREE_D, condition_named(f"depth-{deep}", THREE_D), 0, index)
@@ -49,6 +49,7 @@ def test_programs_are_deep_and_no_part_is_idle(deep: int) -> None:
 
 def test_what_cannot_be_drawn_is_refused() -> None:
     words = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
-    row = Design("row", ("CUBE",), ("RED", "BLUE"), words, (Kind("RED", "CUBE"),), n_blocks=2)
+    values = {"color": ("RED", "BLUE"), "shape": ("CUBE",)}
+    row = Design("row", values, words, (Kind(color="RED", shape="CUBE"),), n_blocks=2)
     with pytest.raises(EpisodeError, match="programs 3 deep for design row"):
         DeepPrograms(row, 3).draw(row.pool[1], 1, np.random.default_rng(0))

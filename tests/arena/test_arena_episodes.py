@@ -25,7 +25,7 @@ from pa_ros.language import Vocabulary, parse, satisfying
 
 CONFIG = ArenaConfig()
 SEEDS = range(60)
-ALL = [(d.name, c) for d in DESIGNS.values() for c in conditions_for(d)]
+ALL = [(d.name, c) for d in map(design_named, DESIGNS) for c in conditions_for(d)]
 
 
 def draw(design: Design, condition: str, seed: int, index: int = 0) -> Episode:
@@ -70,7 +70,7 @@ def test_training_programs_name_color_and_shape(name: str) -> None:
     design = design_named(name)
     drawn = {draw(design, "train", seed).program for seed in range(200)}
     assert drawn == set(training_programs(design))
-    texts = [f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in design.train]
+    texts = [f"NEAR(HAND, {kind.conjunction})" for kind in design.train]
     assert [str(program) for program in training_programs(design)] == texts
 
 
@@ -86,7 +86,7 @@ def test_one_property_alone_identifies_the_target(condition: str, axis: str) -> 
         episode = draw(design, condition, seed)
         word = getattr(target_of(episode, design), axis)
         assert str(episode.program) == f"NEAR(HAND, {word})"
-        assert [getattr(b.kind, axis) for b in episode.blocks].count(word) == 1
+        assert [b.kind[axis] for b in episode.blocks].count(word) == 1
         assert len(episode.blocks) == 4
 
 
@@ -99,7 +99,7 @@ def test_what_is_excluded_is_on_the_table(condition: str, axis: str) -> None:
         excluded = [
             block.kind
             for block in episode.blocks
-            if f"NOT({getattr(block.kind, axis)})" in str(episode.program)
+            if f"NOT({block.kind[axis]})" in str(episode.program)
         ]
         assert excluded  # with the target's other property: NOT decides
         other = "shape" if axis == "color" else "color"
@@ -116,7 +116,7 @@ def test_numbers_of_blocks(count: int) -> None:
 
 
 def is_new(kind: Kind) -> bool:
-    return kind.shape == "CAPSULE" or kind.color == "MAGENTA"
+    return kind["shape"] == "CAPSULE" or kind["color"] == "MAGENTA"
 
 
 def test_new_blocks_are_distractors_only() -> None:
@@ -140,8 +140,8 @@ def test_the_novel_is_reached_for(condition: str, new_shape: bool, new_color: bo
     design = design_named("3-D")
     for seed in SEEDS:
         target = target_of(draw(design, condition, seed), design)
-        assert (target.shape == "CAPSULE") == new_shape
-        assert (target.color == "MAGENTA") == new_color
+        assert (target["shape"] == "CAPSULE") == new_shape
+        assert (target["color"] == "MAGENTA") == new_color
 
 
 def test_novel_program_is_that_of_the_appendix() -> None:
@@ -175,14 +175,12 @@ def test_custom_vocabulary_and_number_of_blocks() -> None:
     shapes, colors = ("CAPSULE", "CYLINDER", "CUBE"), ("YELLOW", "MAGENTA")
     design = Design(
         "mine",
-        shapes,
-        colors,
+        {"color": colors, "shape": shapes},
         Vocabulary.of(shape=(*shapes, "X"), color=colors),
-        train=(Kind("YELLOW", "CAPSULE"),),
-        held_out=(Kind("MAGENTA", "CUBE"),),
+        train=(Kind(color="YELLOW", shape="CAPSULE"),),
+        held_out=(Kind(color="MAGENTA", shape="CUBE"),),
         n_blocks=6,
-        new_shape="SPHERE",
-        new_color="RED",
+        novel={"shape": "SPHERE", "color": "RED"},
     )
     for condition in conditions_for(design):
         episode = draw(design, condition, 3)

@@ -5,7 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
-from pa_ros.core.experience import COLORS, OBJECT_FEATURE_NAMES, SHAPES
+from pa_ros.world.schema import COLORS, PAPER, SHAPES
+
+NAMES = PAPER.feature_names
 
 
 @pytest.fixture
@@ -15,23 +17,24 @@ def task() -> ReachTask:
 
 def test_layout_and_types(task: ReachTask) -> None:
     observation, _ = task.reset(0)
-    assert observation.objects.shape == (5, len(OBJECT_FEATURE_NAMES))
+    assert observation.objects.shape == (5, len(NAMES))
     assert observation.objects.dtype == np.float32
-    assert observation.arm.shape == (18,) and observation.arm.dtype == np.float32
+    arm = task.world.arm(observation)
+    assert arm.shape == (18,) and arm.dtype == np.float32
     assert observation.hand_index == 0
     hand = np.zeros(16)
-    hand[OBJECT_FEATURE_NAMES.index("qw")] = 1.0
+    hand[NAMES.index("qw")] = 1.0
     np.testing.assert_array_equal(observation.objects[0], hand)
 
 
 def test_one_hots_are_the_blocks_properties(task: ReachTask) -> None:
     observation, _ = task.reset(1)
-    names = [name.split("_")[-1].upper() for name in OBJECT_FEATURE_NAMES]
+    names = [name.split("_")[-1].upper() for name in NAMES]
     for row, block in zip(observation.objects[1:], task.episode.blocks, strict=True):
-        assert {names[i] for i in np.flatnonzero(row[7:]) + 7} == set(block.kind)
+        assert {names[i] for i in np.flatnonzero(row[7:]) + 7} == block.kind.words
         assert sorted(row[7:])[-2:] == [1.0, 1.0] and row[7:].sum() == 2.0
-    assert OBJECT_FEATURE_NAMES[7] == f"shape_{SHAPES[0].lower()}"
-    assert OBJECT_FEATURE_NAMES[11] == f"color_{COLORS[0].lower()}"
+    assert NAMES[7] == f"shape_{SHAPES[0].lower()}"
+    assert NAMES[11] == f"color_{COLORS[0].lower()}"
 
 
 def test_poses_are_in_the_frame_of_the_hand(task: ReachTask) -> None:
@@ -53,6 +56,10 @@ def test_poses_are_in_the_frame_of_the_hand(task: ReachTask) -> None:
                 )
                 assert row[6] >= 0
                 assert np.linalg.norm(row[3:7]) == pytest.approx(1, abs=1e-6)
+            pose, turned = observation.hand_pose, Rotation.from_quat(observation.hand_pose[3:])
+            np.testing.assert_allclose(pose[:3], hand.xpos, atol=1e-12)
+            np.testing.assert_allclose(turned.as_matrix(), frame.as_matrix(), atol=1e-12)
+            assert pose[6] >= 0
             assert model.nq == 6 + 7 * 4
             command = rng.uniform(-1, 1, 6) * np.array(task.config.joint_speed_limits)
             observation, _ = task.step(command)

@@ -49,7 +49,7 @@ def test_the_same_kind_is_always_at_the_same_place() -> None:
         words = env.design.vocabulary.words
         named = {words[i] for i in np.flatnonzero(goal)}
         assert str(env.task.episode.program) in {
-            f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in pool if set(kind) == named
+            f"NEAR(HAND, {kind.conjunction})" for kind in pool if kind.words == named
         }
 
 

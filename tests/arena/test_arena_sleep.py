@@ -29,9 +29,9 @@ def test_all_blocks_sleep_until_touched() -> None:
 @pytest.mark.parametrize("config", [preset_named("paper"), ArenaConfig(block_mass_kg=0.2)])
 def test_awake_blocks_rest_where_sleeping_ones_lie(config: ArenaConfig) -> None:
     """The resting depths in the constants are MuJoCo's own."""
-    design = Design(
-        "all", SHAPES, ("RED",), Vocabulary.of(shape=SHAPES, color=("RED",)), (Kind("RED", "CUBE"),)
-    )
+    values = {"shape": SHAPES, "color": ("RED",)}
+    target = Kind(color="RED", shape="CUBE")
+    design = Design("all", values, Vocabulary.of(**values), (target,))
     task = ReachTask(config.changed(sleep=False), design, 0)
     task.reset(0)
     start = task.simulation.positions

@@ -81,7 +81,7 @@ def test_verdict_is_the_truth() -> None:
     seen = set()
     for episode in range(4):
         _, verdict = task.reset(episode)
-        target = next(i for i, b in enumerate(task.episode.blocks) if set(b.kind) <= words(task))
+        target = next(i for i, b in enumerate(task.episode.blocks) if b.kind.words <= words(task))
         assert verdict.reward == -1.0  # the start pose is near nothing
         while not verdict.truncated:
             observation, verdict = task.step(scripted_action(task))
@@ -107,7 +107,7 @@ def test_nearest_of_several_named_blocks_counts() -> None:
     observation, verdict = task.set_program(parse("NEAR(HAND, NOT(RED))", WORDS))
     assert observation.program_id == verdict.program_id != before
     distances = np.linalg.norm(observation.objects[:, :3], axis=1)
-    blue = [i for i, b in enumerate(task.episode.blocks, start=1) if b.kind.color == "BLUE"]
+    blue = [i for i, b in enumerate(task.episode.blocks, start=1) if b.kind["color"] == "BLUE"]
     assert len(blue) == 2
     assert verdict.distance == pytest.approx(distances[blue].min(), abs=1e-6)
 
@@ -203,8 +203,8 @@ def test_nothing_steps_before_a_reset() -> None:
 
 def test_a_given_episode_is_placed_as_it_says() -> None:
     blocks = (
-        Block(Kind("RED", "CUBE"), 0.4, 0.1, 0.5),
-        Block(Kind("BLUE", "SPHERE"), -0.3, 0.3, 0.0),
+        Block(Kind(color="RED", shape="CUBE"), 0.4, 0.1, 0.5),
+        Block(Kind(color="BLUE", shape="SPHERE"), -0.3, 0.3, 0.0),
     )
     start = (1.0, *FAST.start_pose[1:])
     task, blue = new_task(), parse("NEAR(HAND, BLUE)", WORDS)

@@ -11,7 +11,7 @@ import pytest
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
 from updates import update
-from worlds import PROGRAMS, WORDS, PointWorld, dpg
+from worlds import PROGRAMS, WORLD, PointWorld, dpg
 
 from pa_ros.benchmarks import design
 from pa_ros.benchmarks import learner as bench
@@ -23,9 +23,9 @@ from pa_ros.native import library as fused_library
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
 
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4, canonical_hidden=8)
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4, canonical_hidden=8)
 CONFIG = dpg(relabeling__rule="all-goals", replay__capacity_frames=3000, updates__reward_scale=0.05)
-PAPER = NetworkConfig(vocabulary=WORDS)
+PAPER = NetworkConfig(world=WORLD)
 
 
 class Products(TorchDispatchMode):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from worlds import PROGRAMS, WORDS, dpg
+from worlds import PROGRAMS, WORLD, dpg
 
 from pa_ros.benchmarks.cost import Sizes
 from pa_ros.benchmarks.growth import AXES, Axis, bench_growth, markdown_table, series
@@ -25,7 +25,7 @@ def test_points_differ_in_one_size() -> None:
 
 
 def test_measures_every_point() -> None:
-    network = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+    network = NetworkConfig(world=WORLD, hidden=6, attention=4)
     config = dpg(relabeling__rule="all-goals", replay__capacity_frames=3000)
     axes = (Axis("blocks", "blocks", (1, 6)), Axis("programs", "programs", (1, 3)))
     report = bench_growth(network, config, PROGRAMS, axes, rounds=1, slice_s=0.001)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pa_ros.arena import design_named, preset_named
+from pa_ros.arena import design_named, preset_named, world_of
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.world.properties import truth_matrix
 
 CRISP = 12.0  # logit of what is true; of what is not, 0
 
@@ -20,11 +19,11 @@ def novice() -> TrainedAgent:
     """Random weights, save detectors that read the one-hots of what the vocabulary names."""
     design, arena = design_named("3-D"), preset_named("fast")
     config = NetworkConfig(
-        vocabulary=design.vocabulary, hidden=8, attention=4, actor_output_scale=0.5
+        world=world_of(arena, design), hidden=8, attention=4, actor_output_scale=0.5
     )
     tensors = initial_actor(config, np.random.default_rng(0))
     tensors["detectors.weight"][:] = 0.0
     tensors["detectors.bias"][:] = 0.0
-    tensors["detectors.weight"][:, :16] = CRISP * truth_matrix(design.vocabulary).T
-    snapshot = PolicySnapshot(3, config.architecture, design.vocabulary.digest, tensors)
+    tensors["detectors.weight"][:, :16] = CRISP * config.world.truth(np.eye(16, dtype=np.float32)).T
+    snapshot = PolicySnapshot(3, config.architecture, config.world.digest, tensors)
     return TrainedAgent(snapshot, design, arena.changed(episode_steps=12))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pa_ros.arena import design_named
+from pa_ros.arena import design_named, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.studies.detectors import (
@@ -83,7 +83,7 @@ def test_designs_without_spare_words_have_known_scenes_only(novice: TrainedAgent
 
 def test_an_agent_without_detectors_is_refused(novice: TrainedAgent):
     config = NetworkConfig(
-        vocabulary=novice.design.vocabulary, kind="canonical", canonical_hidden=8
+        world=world_of(novice.arena, novice.design), kind="canonical", canonical_hidden=8
     )
     tensors = initial_actor(config, np.random.default_rng(0))
     snapshot = replace(novice.snapshot, architecture=config.architecture, tensors=tensors)

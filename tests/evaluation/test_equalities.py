@@ -20,7 +20,7 @@ def pairs(law: Law, condition: str, count: int = 15):
         kinds = [block.kind for block in episode.blocks]
         named = satisfying(program, [kind.words for kind in kinds], None)
         target = kinds[named.index(True)]
-        sides = law.pair(program.target, Word(target.color), Word(target.shape))
+        sides = law.pair(program.target, Word(target["color"]), Word(target["shape"]))
         yield program, [Program(side) for side in sides], kinds
 
 

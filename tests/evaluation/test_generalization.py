@@ -53,7 +53,7 @@ def test_every_row_is_paired_with_references_of_its_episode(novice: TrainedAgent
         for name in ("program", "scripted", "random", *BLIND):
             assert getattr(one, name) == getattr(other, name)
     assert [row.distance for row in first] != [row.distance for row in second]
-    trained = {f"NEAR(HAND, AND({kind.color}, {kind.shape}))" for kind in novice.design.train}
+    trained = {f"NEAR(HAND, {kind.conjunction})" for kind in novice.design.train}
     assert {row.program for row in rows[:6]} <= trained, "`random` is asked what `train` asks"
     assert not {row.program for row in first} & trained
 

@@ -14,7 +14,7 @@ from damage import damaged
 from fuzzing import explore
 from learners import FACTS, LEARNER, ME, NETWORK, published
 
-from agent_node.programs import ProgramBook, vocabulary_of
+from agent_node.programs import ProgramBook
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.answer import Load
 from pa_ros.acting.learning_agent import LearningAgent
@@ -29,6 +29,8 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Reset, SetSpeed, Step
 from pa_ros.wire.records import Health, Origin, ProgramJudgement, ProgramRequest, StepContext
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 MESSAGES = 100_000  # of all kinds together
 OBSERVATION, VERDICT, COMMAND = sample_step()
@@ -39,16 +41,17 @@ FEATURES, JOINTS = codec.encode_observation(
 SETTINGS = DPGConfig().changed(
     **{"replay.capacity_frames": 500, "replay.batch_size": 4, "replay.warmup_frames": 5}
 )
-ORIGIN = Origin("/sim_node", "a", "0.2", "numpy 2", 0, {"a": 1}, "2-L", "jaco", "fast")
+WORLD = World(PAPER, PAPER.vocabulary)
+ORIGIN = Origin("/sim_node", "a", "0.2", "numpy 2", 0, {"a": 1}, "2-L", "jaco", "fast", WORLD)
 JUDGEMENT = ProgramJudgement("p", "/sim_node", True, "NEAR(HAND, RED)")
 
 
 def arena(message: Any) -> None:
     described = codec.decode_arena_info(message)
-    words = vocabulary_of(described)
+    words = described.world.vocabulary
     ProgramBook(words).accept(ProgramRequest("p", f"NEAR(HAND, {words.words[0]})"))
     assert 0 < described.control_period < math.inf
-    NetworkConfig(vocabulary=words, hidden=4, attention=4).architecture.encode()
+    NetworkConfig(world=described.world, hidden=4, attention=4).architecture.encode()
 
 
 def features(message: Any) -> None:

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from worlds import dpg
 
-from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action, training_programs
+from pa_ros.arena import (
+    ReachTask,
+    design_named,
+    preset_named,
+    scripted_action,
+    training_programs,
+    world_of,
+)
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.relabeling.all_goals import Relabeler
 from pa_ros.networks.config import NetworkConfig
@@ -18,7 +25,7 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
     """Each training program is set in turn at every step of scripted episodes."""
     design, arena = design_named(design_name), preset_named("fast")
     programs = training_programs(design)
-    relabeler = Relabeler(programs, design.vocabulary, Scoring())
+    relabeler = Relabeler(programs, world_of(arena, design), Scoring())
     task = ReachTask(arena, design, seed=1)
     seen = set()
     for episode in range(3):
@@ -39,7 +46,7 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
 
 def test_the_loop_runs_on_the_arena(tmp_path) -> None:
     design, arena = design_named("2-L"), preset_named("fast")
-    network = NetworkConfig(vocabulary=design.vocabulary, hidden=8, attention=4)
+    network = NetworkConfig(world=world_of(arena, design), hidden=8, attention=4)
     settings = dpg(
         replay__batch_size=4,
         replay__warmup_frames=100,

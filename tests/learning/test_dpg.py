@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from updates import update
-from worlds import WORDS, dpg, random_batch
+from worlds import WORDS, WORLD, dpg, random_batch
 
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.language import parse
@@ -15,7 +15,7 @@ from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
-from pa_ros.networks.slots import slot_matrices, target_one_hots
+from pa_ros.networks.slots import slot_values, target_one_hots
 from pa_ros.world.programs import ProgramTable
 
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, OR(RED, BLUE))")
@@ -74,7 +74,7 @@ def assert_close(engine: TorchDPG, prefix: str, expected: dict, tolerance: float
 def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see) -> None:
     """Five updates with a target copy between: formulas, clipping and Adam written out."""
     network = NetworkConfig(
-        vocabulary=WORDS,
+        world=WORLD,
         kind=kind,
         hidden=8,
         attention=5,
@@ -132,7 +132,7 @@ class HandMlp:
 
 def flattened(objects: np.ndarray, arm: np.ndarray, program: np.ndarray) -> np.ndarray:
     """Inputs of the canonical networks, one row per transition and program."""
-    shapes, colors = slot_matrices(WORDS)
+    shapes, colors = np.eye(16)[:, slot_values(WORLD).T + [[7], [11]]].transpose(1, 0, 2)
     rows = []
     for b, k in np.ndindex(program.shape):
         fills = (objects[b] @ shapes) * (objects[b] @ colors)
@@ -144,7 +144,7 @@ def flattened(objects: np.ndarray, arm: np.ndarray, program: np.ndarray) -> np.n
 
 def test_one_update_by_hand() -> None:
     """The whole update in float64 NumPy: target, both gradients, clip, Adam."""
-    network = NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=10)
+    network = NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=10)
     actor, critic = networks(network)
     actor["output.weight"] *= 100.0
     critic["output.weight"] *= 30.0
@@ -183,7 +183,7 @@ def test_one_update_by_hand() -> None:
 
 
 def made(config: DPGConfig = CONFIG, kind: str = "programmable") -> TorchDPG:
-    network = NetworkConfig(vocabulary=WORDS, kind=kind, hidden=8, attention=5)
+    network = NetworkConfig(world=WORLD, kind=kind, hidden=8, attention=5)
     engine = make_engine(network, config, table(), np.random.default_rng(4))
     assert isinstance(engine, TorchDPG)
     return engine
@@ -241,7 +241,7 @@ def test_actor_tensors_are_owned_float32() -> None:
 
 
 def test_programs_may_join_between_updates() -> None:
-    network = NetworkConfig(vocabulary=WORDS, hidden=8, attention=5)
+    network = NetworkConfig(world=WORLD, hidden=8, attention=5)
     programs = table(TEXTS[:1])
     engine = make_engine(network, CONFIG, programs, np.random.default_rng(4))
     update(engine, random_batch(np.random.default_rng(0), 4, 1, 1), CONFIG)

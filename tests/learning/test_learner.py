@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, dpg, random_trajectory
+from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, WORLD, dpg, random_trajectory
 
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.errors import ConfigError
@@ -19,7 +19,7 @@ from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import UnsupportedProgramError
 
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 
 
 def learner(network: NetworkConfig = NETWORK, **fields: object) -> Learner:
@@ -124,7 +124,7 @@ def test_a_refused_trajectory_changes_nothing() -> None:
 
 
 def test_canonical_networks_refuse_other_programs() -> None:
-    one = learner(NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=6))
+    one = learner(NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=6))
     rng = np.random.default_rng(0)
     assert one.consume(random_trajectory(rng)).updates == 5
     with pytest.raises(UnsupportedProgramError):
@@ -148,7 +148,7 @@ def test_published_versions() -> None:
     for tensor in second.tensors.values():
         assert tensor.flags.c_contiguous and tensor.dtype == np.float32
     assert second.architecture == NETWORK.architecture
-    assert second.vocabulary_digest == WORDS.digest
+    assert second.world_digest == WORLD.digest
 
 
 def test_batches_are_gathered_from_transitions() -> None:

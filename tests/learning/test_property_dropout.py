@@ -6,15 +6,17 @@ from typing import cast
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORDS, dpg, random_trajectory
+from worlds import PROGRAMS, WORLD, dpg, random_trajectory
 
-from pa_ros.core.experience import COLORS, SHAPES, Float32
+from pa_ros.core.experience import Float32
 from pa_ros.core.update import Engine
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.schema import COLORS, PAPER, SHAPES
+from pa_ros.world.world import World
 
 ALL = Vocabulary.of(shape=SHAPES, color=COLORS)
 SHAPE, COLOR = slice(7, 11), slice(11, 16)
@@ -41,7 +43,7 @@ def hide(
     objects = np.stack([scene(*kinds)] * len(drawn))
     following = objects + (0.5 * (np.arange(16) < 7)).astype(np.float32)
     program = np.tile(np.array(rows, np.int32), (len(drawn), 1))
-    PropertyDropout(table, probability).hide(drawn, objects, following, program)
+    PropertyDropout(table, World(PAPER, ALL), probability).hide(drawn, objects, following, program)
     assert (following[..., 7:] == objects[..., 7:]).all()
     assert (following[..., :7] == objects[..., :7] + np.float32(0.5)).all()
     assert (objects[..., :7] == scene(*kinds)[..., :7]).all()
@@ -94,7 +96,7 @@ def test_the_extremes_of_what_is_drawn() -> None:
 def test_programs_that_join_the_table_are_heeded() -> None:
     table = ProgramTable(ALL)
     rows = [table.add(parse("NEAR(HAND, AND(RED, CUBE))", ALL))]
-    dropout = PropertyDropout(table, 1.0)
+    dropout = PropertyDropout(table, World(PAPER, ALL), 1.0)
     for text, hidden in (("AND(BLUE, CUBE)", 3), ("AND(GREEN, SPHERE)", 2)):
         objects = np.stack([scene(*BLOCKS)] * 5)
         rows[1:] = [table.add(parse(f"NEAR(HAND, {text})", ALL))]
@@ -124,7 +126,7 @@ def batches(**fields: object) -> list:
         engine__name="torch",
         **fields,
     )
-    one = Learner(NetworkConfig(vocabulary=WORDS, hidden=6, attention=4), config, PROGRAMS, seed=0)
+    one = Learner(NetworkConfig(world=WORLD, hidden=6, attention=4), config, PROGRAMS, seed=0)
     recorder = Recorder(one.engine)
     one.engine = cast(Engine, recorder)
     rng = np.random.default_rng(0)

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language import Vocabulary, parse, satisfying
 from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, Marks, Relabeler
 from pa_ros.world import Scoring
+from pa_ros.world.schema import COLORS, PAPER, SHAPES
+from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=(*SHAPES, "C"), color=(*COLORS, "A"))
+WORLD = World(PAPER, WORDS)
 TEXTS = tuple(f"NEAR(HAND, AND({c}, {s}))" for c in COLORS[:3] for s in SHAPES[:3]) + (
     "NEAR(HAND, OR(CUBE, BLUE))",
     "NEAR(HAND, NOT(RED))",
@@ -24,7 +26,7 @@ NEAR_M = 0.3
 
 
 def relabeler() -> Relabeler:
-    return Relabeler(PROGRAMS, WORDS, Scoring({"NEAR": NEAR_M}))
+    return Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": NEAR_M}))
 
 
 def episode(rng: np.random.Generator, steps: int, n: int, hand: int):
@@ -68,7 +70,7 @@ def test_marks_are_what_the_verifier_says() -> None:
 def test_exactly_the_threshold_is_near_as_for_the_verifier(x: float, near: bool) -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, :3] = x, 0.0, 0.0
-    satisfied, present, _ = Relabeler(PROGRAMS, WORDS, Scoring({"NEAR": 0.25})).marks(objects, 0)
+    satisfied, present, _ = Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": 0.25})).marks(objects, 0)
     assert present != 0
     assert satisfied.tolist() == [present if near else 0] * 2
 
@@ -121,17 +123,17 @@ def test_the_64th_program_has_its_bit() -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, 7:] = 0.0
     objects[:, 1, [7, 13]], objects[:, 1, :3] = 1.0, 0.1  # a blue cube, near
-    satisfied, present, _ = Relabeler(programs, WORDS, Scoring({"NEAR": NEAR_M})).marks(objects, 0)
+    satisfied, present, _ = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).marks(objects, 0)
     assert present == int(satisfied[0]) == (2**64 - 2**15)
     marks = Marks(satisfied[:1], np.array([present], np.uint64))
-    drawn, rewards = Relabeler(programs, WORDS, Scoring({"NEAR": NEAR_M})).draw(
+    drawn, rewards = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).draw(
         np.random.default_rng(0), np.zeros(1, np.int32), np.zeros(1, np.float32), marks, 49, False
     )
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
 
 
 def test_of_one_program_its_bit_is_kept_and_no_reward() -> None:
-    one = Relabeler(PROGRAMS[:1], WORDS, Scoring({"NEAR": NEAR_M}))
+    one = Relabeler(PROGRAMS[:1], WORLD, Scoring({"NEAR": NEAR_M}))
     objects, _ = episode(np.random.default_rng(0), 3, 4, 0)
     assert one.rewards_kept == 0 and one.marks(objects, 0).rewards is None
 
@@ -139,4 +141,4 @@ def test_of_one_program_its_bit_is_kept_and_no_reward() -> None:
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])
 def test_too_few_or_too_many_programs(count) -> None:
     with pytest.raises(ConfigError, match=f"got {count}"):
-        Relabeler([PROGRAMS[0]] * count, WORDS, Scoring({"NEAR": NEAR_M}))
+        Relabeler([PROGRAMS[0]] * count, WORLD, Scoring({"NEAR": NEAR_M}))

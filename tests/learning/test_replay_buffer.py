@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from worlds import WORDS, random_trajectory
+from worlds import WORLD, random_trajectory
 
 from pa_ros.core.experience import AgentKey, Float32, TrajectoryKey
 from pa_ros.learning.errors import (
@@ -18,7 +18,7 @@ from pa_ros.learning.errors import (
     OutOfBoundsError,
     SupersededAgentError,
     TrajectorySizeError,
-    TrajectoryVocabularyError,
+    TrajectoryWorldError,
 )
 from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer, hand_first
@@ -27,12 +27,12 @@ from pa_ros.learning.replay_buffer.ledger import Ledger
 
 def test_memory_at_full_capacity() -> None:
     """1M frames of five objects take less than 1.5 GB."""
-    assert ReplayBuffer(1_000_000, WORDS.digest, n_objects=5).nbytes < 1.5e9
+    assert ReplayBuffer(1_000_000, WORLD, n_objects=5).nbytes < 1.5e9
 
 
 def test_a_transition_comes_back_as_it_was() -> None:
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(100, WORDS.digest)
+    replay = ReplayBuffer(100, WORLD)
     trajectory = random_trajectory(rng, 5, terminated=True)
     report = replay.insert(trajectory, program=3)
     assert (report.accepted, report.transitions, replay.transitions) == (True, 5, 5)
@@ -52,7 +52,7 @@ def test_a_transition_comes_back_as_it_was() -> None:
 @given(lengths=st.lists(st.integers(1, 9), min_size=1, max_size=30), capacity=st.integers(10, 40))
 def test_samples_are_the_newest_whole_transitions(lengths, capacity) -> None:
     """Each value is unique: whatever is sampled joins two consecutive rows of one trajectory."""
-    replay = ReplayBuffer(capacity, WORDS.digest)
+    replay = ReplayBuffer(capacity, WORLD)
     inserted: list[float] = []
     rng = np.random.default_rng(0)
     for sequence, steps in enumerate(lengths):
@@ -73,7 +73,7 @@ def test_samples_are_the_newest_whole_transitions(lengths, capacity) -> None:
 def test_nothing_of_what_was_overwritten_is_left_behind() -> None:
     """Rows whose transition ended the task, was the last or had marks get others' in their turn."""
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(7, WORDS.digest)
+    replay = ReplayBuffer(7, WORLD)
     ones = np.ones(6, np.uint64)
     for sequence in range(4):  # each row once the last, and once terminal
         ended = random_trajectory(rng, 1 + sequence % 2, sequence=sequence, terminated=True)
@@ -90,7 +90,7 @@ def test_nothing_of_what_was_overwritten_is_left_behind() -> None:
 
 def test_inserting_twice_is_inserting_once() -> None:
     rng = np.random.default_rng(0)
-    once, twice = ReplayBuffer(50, WORDS.digest), ReplayBuffer(50, WORDS.digest)
+    once, twice = ReplayBuffer(50, WORLD), ReplayBuffer(50, WORLD)
     trajectories = [random_trajectory(rng, 4, sequence=i) for i in range(4)]
     for trajectory in trajectories:
         once.insert(trajectory, 0)
@@ -104,7 +104,7 @@ def test_inserting_twice_is_inserting_once() -> None:
 
 def test_gaps_are_counted_and_late_arrivals_fill_them() -> None:
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(100, WORDS.digest)
+    replay = ReplayBuffer(100, WORLD)
     missing = []
     for sequence in (0, 3, 2, 7, 1, 1):
         report = replay.insert(random_trajectory(rng, 1, sequence=sequence), 0)
@@ -171,7 +171,7 @@ def test_an_account_begins_where_the_agent_says_so() -> None:
 
 def test_an_agent_that_starts_again_under_its_name_is_another() -> None:
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(100, WORDS.digest)
+    replay = ReplayBuffer(100, WORLD)
     for sequence in (0, 1, 3):
         replay.insert(random_trajectory(rng, 1, sequence=sequence, incarnation=10), 0)
     assert replay.ledger.missing == 1
@@ -202,7 +202,7 @@ def one_action(value: float) -> Float32:
 @pytest.mark.parametrize(
     ("fields", "error", "message"),
     [
-        ({"vocabulary_digest": "0" * 16}, TrajectoryVocabularyError, "0000000000000000"),
+        ({"world_digest": "0" * 16}, TrajectoryWorldError, "0000000000000000"),
         ({"objects": np.zeros((6, 3, 15), np.float32)}, TrajectorySizeError, r"\(6, 3, 15\)"),
         ({"objects": np.zeros((6, 16), np.float32)}, TrajectorySizeError, r"\(6, 16\)"),
         ({"objects": np.zeros((5, 3, 16), np.float32)}, TrajectorySizeError, r"\(5, 3, 16\)"),
@@ -221,7 +221,7 @@ def one_action(value: float) -> Float32:
 )
 def test_what_does_not_fit_is_refused_and_changes_nothing(fields, error, message) -> None:
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(100, WORDS.digest)
+    replay = ReplayBuffer(100, WORLD)
     replay.insert(random_trajectory(rng), 0)
     before = replay.to_metadata()
     with pytest.raises(error, match=message):
@@ -231,7 +231,7 @@ def test_what_does_not_fit_is_refused_and_changes_nothing(fields, error, message
 
 def test_other_refusals() -> None:
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(10, WORDS.digest)
+    replay = ReplayBuffer(10, WORLD)
     with pytest.raises(EmptyReplayError):
         replay.sample(rng, 1)
     with pytest.raises(TrajectorySizeError, match="got 10"):
@@ -247,7 +247,7 @@ def test_other_refusals() -> None:
 def test_the_hand_is_stored_first() -> None:
     objects = np.arange(2 * 4 * 16, dtype=np.float32).reshape(2, 4, 16)
     np.testing.assert_array_equal(hand_first(objects, 2), objects[:, [2, 0, 1, 3]])
-    replay = ReplayBuffer(10, WORDS.digest)
+    replay = ReplayBuffer(10, WORLD)
     trajectory = random_trajectory(np.random.default_rng(0), 1, objects=objects, hand_index=2)
     replay.insert(trajectory, 0)
     np.testing.assert_array_equal(replay.filled()["objects"], objects[:, [2, 0, 1, 3]])
@@ -255,14 +255,14 @@ def test_the_hand_is_stored_first() -> None:
 
 def test_restore_is_the_inverse() -> None:
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(20, WORDS.digest)
+    replay = ReplayBuffer(20, WORLD)
     for sequence in (0, 1, 3, 4, 5):
         replay.insert(random_trajectory(rng, 5, sequence=sequence), 0)
-    again = ReplayBuffer(20, WORDS.digest)
+    again = ReplayBuffer(20, WORLD)
     again.restore({k: v.copy() for k, v in replay.filled().items()}, replay.to_metadata())
     one, other = (r.sample(np.random.default_rng(1), 50) for r in (replay, again))
     np.testing.assert_array_equal(one, other)
     for name, array in replay.arrays.items():
         np.testing.assert_array_equal(array, again.arrays[name])
     with pytest.raises(TrajectorySizeError, match="expected 10 rows, got 20"):
-        ReplayBuffer(10, WORDS.digest).restore(replay.filled(), replay.to_metadata())
+        ReplayBuffer(10, WORLD).restore(replay.filled(), replay.to_metadata())

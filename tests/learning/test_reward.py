@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from worlds import NEAR_M, PROGRAMS, WORDS, PointWorld, dpg
+from worlds import NEAR_M, PROGRAMS, WORLD, PointWorld, dpg
 
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.arena.gym_env import ReachEnv
@@ -23,7 +23,7 @@ from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Reward, Sparse
 
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 SETTINGS = dpg(
     replay__batch_size=16,
     replay__capacity_frames=200,

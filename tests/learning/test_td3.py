@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from updates import update
-from worlds import PROGRAMS, WORDS, PointWorld, random_batch
+from worlds import PROGRAMS, WORLD, PointWorld, random_batch
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch
@@ -28,7 +28,7 @@ from pa_ros.learning.protocols import LearningChoice, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
 
-NETWORK = NetworkConfig(vocabulary=WORDS, kind="true-properties", hidden=6, attention=4)
+NETWORK = NetworkConfig(world=WORLD, kind="true-properties", hidden=6, attention=4)
 CONFIG = TD3Config().changed(**{"engine.dtype": "float64", "targets.tau": 0.25})
 LEARNS = TD3Config().changed(
     **{
@@ -41,7 +41,7 @@ LEARNS = TD3Config().changed(
 
 
 def made(config: TD3Config = CONFIG) -> TorchTD3:
-    table = ProgramTable(WORDS)
+    table = ProgramTable(WORLD.vocabulary)
     for program in PROGRAMS:
         table.add(program)
     engine = make_engine(NETWORK, config, table, np.random.default_rng(4))

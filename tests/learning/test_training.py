@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, SCORING, WORDS, PointWorld, dpg, random_trajectory
+from worlds import PROGRAMS, SCORING, WORLD, PointWorld, dpg, random_trajectory
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import PolicyError
@@ -32,7 +32,7 @@ from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory
 
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 SETTINGS = dpg(
     replay__batch_size=4,
     replay__capacity_frames=500,
@@ -125,7 +125,7 @@ def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> N
     learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
     policies = {0: learner.snapshot()}
     world = PointWorld(3)
-    noise = ExplorationNoise(SETTINGS.exploration, world.control_period_s, seed=3)
+    noise = ExplorationNoise(SETTINGS.exploration, world.control_period_s, seed=3, actions=6)
     actor = Actor(NETWORK, noise=noise)
     for episode, trajectory in enumerate(trajectories):
         actor.load(policies[trajectory.policy_version])
@@ -443,7 +443,7 @@ def mean_reward(actor: Actor, episodes: range) -> float:
 
 def test_dpg_solves_the_point_world(tmp_path) -> None:
     """From about −1 to most of the time near the block that the program names."""
-    network = NetworkConfig(vocabulary=WORDS, kind="true-properties", hidden=32, attention=8)
+    network = NetworkConfig(world=WORLD, kind="true-properties", hidden=32, attention=8)
     settings = dpg(
         SETTINGS, replay__batch_size=64, replay__capacity_frames=20_000, replay__warmup_frames=200,
         optimizer__actor_rate=1e-3,

@@ -14,18 +14,19 @@ import pytest
 from pa_ros.native import _fused
 from pa_ros.native.errors import FusedError
 
-TRUTH = [7, 8, 11]
+WORDS = [(7, [1.0, 0.0], 0.5), (7, [0.0, 1.0], 0.5), (11, [1.0], 0.5)]
+GIVEN = {"arm_features": 18, "actions": 6, "scale": [1.0] * 16, "group_sizes": [2, 1],
+         "words": WORDS}  # fmt: skip
 STUB = Path(__file__).parents[2] / "pa_ros/pa_ros/native/_fused.pyi"
 
 
 def trunk(critic: bool = False, **changes: object) -> _fused.Network:
-    given = {"hidden": 8, "attention": 4, "group_sizes": [2, 1], "truth": TRUTH}
-    given |= {"detectors": True, "hide_properties": False, "position_scale": 1.0}
+    given = GIVEN | {"hidden": 8, "attention": 4, "detectors": True, "hide_properties": False}
     return _fused.Network.trunk(**given | {"critic": critic, "self_weight": 1.0} | changes)  # type: ignore[arg-type]
 
 
 def canonical(critic: bool = False, **changes: object) -> _fused.Network:
-    given = {"hidden": 8, "words": 3, "slots": [(7, 11), (8, 11)], "position_scale": 1.0}
+    given = GIVEN | {"hidden": 8, "slots": [[0, 2], [1, 2]]}
     return _fused.Network.canonical(**given | {"critic": critic} | changes)  # type: ignore[arg-type]
 
 
@@ -140,11 +141,21 @@ def test_each_kind_of_network_is_told_in_its_own_way() -> None:
         (lambda: trunk(group_sizes=[2, 2]), "size of a group: expected 1 … 1, got 2"),
         (lambda: trunk(group_sizes=[2]), "words of all groups: expected 3 … 3, got 2"),
         (lambda: trunk(group_sizes=[1] * 9), "groups: expected 1 … 8, got 9"),
-        (lambda: trunk(truth=[0] * 129), "words: expected 1 … 128, got 129"),
-        (lambda: trunk(truth=[7, 8, 16]), "feature of a word: expected -1 … 15, got 16"),
+        (lambda: trunk(words=WORDS[:1] * 129), "words: expected 1 … 128, got 129"),
+        (lambda: trunk(words=[(15, [1.0, 0.0], 0.5)] * 3), "a word: expected 0 … 14, got 15"),
+        (lambda: trunk(words=[(0, [1.0] * 17, 0.5)] * 3), "features of a word: .*16, got 17"),
+        (lambda: trunk(scale=[1.0] * 6), "features of an object: expected 7 … 256, got 6"),
+        (lambda: trunk(scale=[1.0] * 257), "features of an object: expected 7 … 256, got 257"),
+        (lambda: trunk(arm_features=0), "features of the arm: expected 1 … 55, got 0"),
+        (lambda: trunk(actions=17), "actions: expected 1 … 16, got 17"),
+        (
+            lambda: trunk(scale=[1.0] * 256, words=[(7, [0.0] * 200, 0.5)] * 21),
+            "numbers of all words: expected 0 … 4096, got 4200",
+        ),
         (lambda: trunk(hidden=0), "hidden: expected 1 … 8192, got 0"),
-        (lambda: canonical(slots=[(7, 16)]), "feature of a slot: expected 0 … 15, got 16"),
-        (lambda: canonical(slots=[(7, 11)] * 33), "slots: expected 1 … 32, got 33"),
+        (lambda: canonical(slots=[[0, 3]]), "word of a slot: expected 0 … 2, got 3"),
+        (lambda: canonical(slots=[[0]]), "words of a slot: expected 2 … 2, got 1"),
+        (lambda: canonical(slots=[[0, 2]] * 33), "slots: expected 1 … 32, got 33"),
         (lambda: engine(threads=65), "threads: expected 1 … 64, got 65"),
         (lambda: _fused.Actor(trunk(critic=True)), "expected an actor, got a critic"),
     ],

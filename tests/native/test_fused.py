@@ -40,6 +40,8 @@ from pa_ros.native.errors import FusedError
 from pa_ros.native.library import level, why_not_network
 from pa_ros.networks.parameters import TensorError
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
+from pa_ros.world.world import World
 
 
 def test_the_library_was_built() -> None:
@@ -307,10 +309,11 @@ def test_says_why_it_does_not_apply() -> None:
     config, network = DPGConfig(), setting().network
     assert why_not_fused(network, config) == ""
     assert why_not_fused(network.changed(kind="canonical"), config) == ""
-    words = Vocabulary.of(
-        shape=("CUBE",), color=tuple(f"COLOR{i}" for i in range(_fused.MAX_WORDS))
-    )
-    assert "words" in why_not_fused(network.changed(vocabulary=words), config)
+    many = tuple(f"COLOR{i}" for i in range(_fused.MAX_SLOTS + 1))
+    color = PropertyGroup("color", many, OneHot(many))
+    world = World(ObjectSchema((color,)), Vocabulary.of(color=many))
+    assert "slots" in why_not_fused(network.changed(world=world, kind="canonical"), config)
+    assert why_not_fused(network.changed(world=world), config) == ""
     assert "float64" in why_not_fused(network, dpg(config, engine__dtype="float64"))
     assert "cuda" in why_not_fused(network, dpg(config, engine__device="cuda"))
     with pytest.raises(ConfigError, match="got 'fused': .*cuda"):

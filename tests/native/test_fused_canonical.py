@@ -19,17 +19,20 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
 from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(
     shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A")
 )
+WORLD = World(PAPER, WORDS)
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
 # some of ∂Q/∂a is clipped, some is not
 CONFIG = dpg(actor__gradient_clip=0.05, actor__action_l2=0.02)
 
 
 def network(hidden: int = 40) -> NetworkConfig:
-    return NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=hidden)
+    return NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=hidden)
 
 
 def tensors(config: NetworkConfig) -> tuple[Tensors, Tensors]:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
@@ -15,19 +14,21 @@ from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_acto
 from pa_ros.networks.slots import (
     UnsupportedProgramError,
     canonical_inputs,
-    slot_words,
+    slot_values,
     target_one_hots,
 )
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "BLUE"))
-CONFIG = NetworkConfig(vocabulary=WORDS, kind="canonical", canonical_hidden=9)
+WORLD = World(PAPER, WORDS)
+CONFIG = NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=9)
 
 
 def block(shape: str, color: str, x: float) -> np.ndarray:
     features = np.zeros(16, np.float32)
     features[[0, 6]] = x, 1.0
-    for name in (f"shape_{shape.lower()}", f"color_{color.lower()}"):
-        features[OBJECT_FEATURE_NAMES.index(name)] = 1.0
+    features[7:] = PAPER.features({"shape": shape, "color": color})[7:]
     return features
 
 
@@ -43,7 +44,8 @@ def module(kind: type, tensors: dict):
 
 def test_each_block_has_its_place() -> None:
     """Slots: red cube, blue cube, red sphere, blue sphere; absent ones are zero."""
-    assert slot_words(WORDS) == [
+    shapes, colors = (group.features.values for group in PAPER)
+    assert [(shapes[i], colors[j]) for i, j in slot_values(WORLD)] == [
         ("CUBE", "RED"), ("CUBE", "BLUE"), ("SPHERE", "RED"), ("SPHERE", "BLUE"),
     ]  # fmt: skip
     sphere, cube = block("SPHERE", "RED", 0.1), block("CUBE", "BLUE", 0.2)
@@ -88,7 +90,7 @@ def test_modules_and_inference_agree_with_the_layers_by_hand() -> None:
 
 
 def test_initial_weights_are_lillicraps() -> None:
-    config = NetworkConfig(vocabulary=WORDS, kind="canonical")
+    config = NetworkConfig(world=WORLD, kind="canonical")
     rng = np.random.default_rng(0)
     for tensors, shapes in (
         (initial_actor(config, rng), actor_shapes(config)),

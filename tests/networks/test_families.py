@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
-from worlds import PROGRAMS, WORDS
+from worlds import PROGRAMS, WORDS, WORLD
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
@@ -19,7 +19,7 @@ from pa_ros.networks.families import FAMILIES, Programmable, codes_of, family_na
 from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.world.programs import ProgramTable
 
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4, canonical_hidden=8)
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4, canonical_hidden=8)
 
 
 @pytest.mark.parametrize("name", FAMILIES)

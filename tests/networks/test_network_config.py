@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.language import Vocabulary
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.families import FAMILIES
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
-from pa_ros.world.properties import truth_matrix
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("BLUE", "A"))
+WORLD = World(PAPER, WORDS)
 
 
 @pytest.mark.parametrize(
@@ -33,12 +34,12 @@ WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("BLUE", "A"))
 )
 def test_a_refused_value_is_shown(field, value) -> None:
     with pytest.raises(ConfigError, match=str(value)):
-        NetworkConfig(vocabulary=WORDS, **{field: value})
+        NetworkConfig(world=WORLD, **{field: value})
 
 
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_json_round_trip(kind) -> None:
-    config = NetworkConfig(vocabulary=WORDS, kind=kind, hidden=7, critic_output_bias=-100.0)
+    config = NetworkConfig(world=WORLD, kind=kind, hidden=7, critic_output_bias=-100.0)
     assert NetworkConfig.from_json(config.to_json()) == config
     again = actor_config(config.architecture)
     assert again.architecture == config.architecture
@@ -46,7 +47,7 @@ def test_json_round_trip(kind) -> None:
 
 
 def test_architecture_tells_actors_apart_and_nothing_else() -> None:
-    config = NetworkConfig(vocabulary=WORDS)
+    config = NetworkConfig(world=WORLD)
     same = [config.changed(kind="distilled-critic"), config.changed(critic_output_bias=-100.0)]
     other = [
         config.changed(hidden=151),
@@ -54,8 +55,9 @@ def test_architecture_tells_actors_apart_and_nothing_else() -> None:
         config.changed(position_scale=1.0),
         config.changed(kind="canonical"),
         config.changed(kind="true-properties"),
+        config.changed(world=World(PAPER, WORDS, joints=7)),
         config.changed(
-            vocabulary=Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A"))
+            world=World(PAPER, Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A")))
         ),
     ]
     assert {c.architecture for c in same} == {config.architecture}
@@ -69,7 +71,7 @@ def test_text_that_describes_no_actor_is_refused(text) -> None:
 
 
 def test_text_with_one_thing_more_is_refused() -> None:
-    values = json.loads(NetworkConfig(vocabulary=WORDS).architecture) | {"layers": 3}
+    values = json.loads(NetworkConfig(world=WORLD).architecture) | {"layers": 3}
     with pytest.raises(ConfigError, match="layers"):
         actor_config(json.dumps(values, sort_keys=True, separators=(",", ":")))
 
@@ -81,20 +83,20 @@ def test_text_that_describes_no_networks_is_refused(text) -> None:
 
 
 def test_shapes_are_those_of_the_design_notes() -> None:
-    shapes = actor_shapes(NetworkConfig(vocabulary=WORDS))
+    shapes = actor_shapes(NetworkConfig(world=WORLD))
     assert shapes["detectors.weight"] == (5, 34)
     assert shapes["query.weight"] == shapes["context.weight"] == (64, 34)
     assert shapes["attention.weight"] == (64,)
     assert shapes["local.0.weight"] == (150, 34) and shapes["local.1.weight"] == (150, 150)
     assert shapes["message.0.weight"] == (150, 68) and shapes["message.1.weight"] == (150, 150)
     assert shapes["output.weight"] == (6, 150)
-    critic = critic_shapes(NetworkConfig(vocabulary=WORDS, kind="distilled-critic"))
+    critic = critic_shapes(NetworkConfig(world=WORLD, kind="distilled-critic"))
     assert "detectors.weight" not in critic
     assert critic["action.weight"] == (150, 6) and critic["output.weight"] == (1, 150)
 
 
 def test_initial_weights() -> None:
-    config = NetworkConfig(vocabulary=WORDS, critic_output_bias=-100.0)
+    config = NetworkConfig(world=WORLD, critic_output_bias=-100.0)
     rng = np.random.default_rng(5)
     actor, critic = initial_actor(config, rng), initial_critic(config, rng)
     assert critic["output.bias"] == [-100.0]
@@ -106,7 +108,7 @@ def test_initial_weights() -> None:
 
 
 def test_sizes_and_initial_weights_are_the_papers_unless_told() -> None:
-    config = NetworkConfig(vocabulary=WORDS)
+    config = NetworkConfig(world=WORLD)
     assert (config.hidden, config.attention, config.canonical_hidden) == (150, 64, 400)
     tensors = initial_actor(config, np.random.default_rng(5))
     fan_in = tensors["detectors.weight"].shape[1]
@@ -115,20 +117,20 @@ def test_sizes_and_initial_weights_are_the_papers_unless_told() -> None:
 
 
 def test_detectors_that_start_at_nothing() -> None:
-    config = NetworkConfig(vocabulary=WORDS, detector_init_scale=0.0)
+    config = NetworkConfig(world=WORLD, detector_init_scale=0.0)
     for make in (initial_actor, initial_critic):
         tensors = make(config, np.random.default_rng(5))
-        default = make(NetworkConfig(vocabulary=WORDS), np.random.default_rng(5))
+        default = make(NetworkConfig(world=WORLD), np.random.default_rng(5))
         detectors = {name for name in tensors if name.startswith("detectors.")}
         assert len(detectors) == 2 and not any(tensors[name].any() for name in detectors)
         assert all(np.array_equal(tensors[k], default[k]) for k in tensors.keys() - detectors)
 
 
 def test_relations_that_do_not_see_properties() -> None:
-    hidden = NetworkConfig(vocabulary=WORDS, relations_see_properties=False)
+    hidden = NetworkConfig(world=WORLD, relations_see_properties=False)
     for make in (initial_actor, initial_critic):
         tensors = make(hidden, np.random.default_rng(5))
-        default = make(NetworkConfig(vocabulary=WORDS), np.random.default_rng(5))
+        default = make(NetworkConfig(world=WORLD), np.random.default_rng(5))
         for name in ("query", "context", "local.0", "message.0"):
             columns = tensors[f"{name}.weight"].reshape(-1, 34)
             assert not columns[:, 7:16].any()
@@ -136,12 +138,25 @@ def test_relations_that_do_not_see_properties() -> None:
             assert np.array_equal(np.delete(columns, np.r_[7:16], 1),
                                   np.delete(other, np.r_[7:16], 1))  # fmt: skip
         assert np.array_equal(tensors["detectors.weight"], default["detectors.weight"])
-    assert hidden.architecture == NetworkConfig(vocabulary=WORDS).architecture
+    assert hidden.architecture == NetworkConfig(world=WORLD).architecture
 
 
 def test_true_properties_of_words() -> None:
-    matrix = truth_matrix(WORDS)
     expected = {"CUBE": "shape_cube", "SPHERE": "shape_sphere", "BLUE": "color_blue"}
-    for word, row in WORDS.row.items():
-        one_hot = np.array([name == expected.get(word) for name in OBJECT_FEATURE_NAMES])
-        np.testing.assert_array_equal(matrix[:, row], one_hot)
+    for i, name in enumerate(PAPER.feature_names[7:]):
+        truth = WORLD.truth(np.eye(16, dtype=np.float32)[7 + i])
+        np.testing.assert_array_equal(truth, [expected.get(word) == name for word in WORDS.words])
+
+
+def test_texts_of_version_02_are_of_the_papers_world() -> None:
+    config = NetworkConfig(world=WORLD, hidden=7, attention=4)
+    old = json.loads(config.architecture)
+    del old["world"]
+    words = {"shapes": ["CUBE", "SPHERE", "C"], "colors": ["BLUE", "A"]}
+    old |= words | {"object_features": 16, "arm_features": 18, "actions": 6}
+    assert actor_config(json.dumps(old)).architecture == config.architecture
+    settings = json.loads(config.to_json())
+    del settings["world"]
+    assert NetworkConfig.from_json(json.dumps(settings | words)) == config
+    with pytest.raises(ConfigError, match="actions: expected 6, got 7"):
+        actor_config(json.dumps(old | {"actions": 7}))

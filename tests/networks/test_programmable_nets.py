@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from pa_ros.benchmarks import straightforward as formulas
-from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.inference import TorchActor
@@ -21,10 +20,13 @@ from pa_ros.networks.parameters import (
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.networks.relevance import program_tensors
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.schema import COLORS, PAPER, SHAPES
+from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(
     shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A", "B")
 )
+WORLD = World(PAPER, WORDS)
 TEXTS = (
     "NEAR(HAND, AND(RED, CUBE))",
     "NEAR(HAND, GREEN)",
@@ -49,7 +51,7 @@ def random_objects(rng: np.random.Generator, batch: int, n: int) -> np.ndarray:
 
 def network(kind: str = "programmable", self_weight: float = 1.0) -> NetworkConfig:
     return NetworkConfig(
-        vocabulary=WORDS,
+        world=WORLD,
         kind=kind,
         hidden=12,
         attention=7,
@@ -131,7 +133,7 @@ def test_agree_with_the_formulas(kind, self_weight, n, k, hand_index, dtype, tol
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_state_dicts_are_the_table_of_tensors(kind) -> None:
-    config = NetworkConfig(vocabulary=WORDS, kind=kind)
+    config = NetworkConfig(world=WORLD, kind=kind)
     for made, shapes in (
         (ProgrammableActor(config), actor_shapes(config)),
         (ProgrammableCritic(config), critic_shapes(config)),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from waiting import DEADLINE_S
 
-from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.loop import TrainConfig, train
@@ -61,7 +61,7 @@ def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:
     protocol = protocol_named("ours").with_options(OPTIONS)
     learner = train(
         TrainConfig(out=folder, seed=SEED, frames=version * 100, evaluate_every_frames=0),
-        protocol.network_config(design.vocabulary),
+        protocol.network_config(world_of(arena, design)),
         protocol.learner,
         ReachTask(arena, design, SEED),
         np.array(arena.joint_speed_limits),

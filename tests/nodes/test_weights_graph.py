@@ -19,23 +19,26 @@ from pa_ros.networks.parameters import initial_actor
 from pa_ros.ros import topics
 from pa_ros.ros.health import ERROR
 from pa_ros.wire import codec
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
 WORDS = design_named("2-L").vocabulary
+WORLD = World(PAPER, WORDS)
 
 
 LEARNER = replace(
     learners.LEARNER,
-    architecture=NetworkConfig(vocabulary=WORDS, hidden=16).architecture,
+    architecture=NetworkConfig(world=WORLD, hidden=16).architecture,
     trajectory_steps=100,
 )
 
 
 def policy(version: int = 0, vocabulary: Vocabulary = WORDS, **options) -> PublishedPolicy:
-    network = NetworkConfig(vocabulary=vocabulary, **{"hidden": 16, **options})
+    network = NetworkConfig(world=World(PAPER, vocabulary), **{"hidden": 16, **options})
     tensors = initial_actor(network, np.random.default_rng(0))
-    snapshot = PolicySnapshot(version, network.architecture, vocabulary.digest, tensors)
+    snapshot = PolicySnapshot(version, network.architecture, network.world.digest, tensors)
     return PublishedPolicy(snapshot, LEARNER.run_id, LEARNER.learner_id)
 
 
@@ -63,7 +66,7 @@ def _missing_tensor():
         (codec.encode_weights(policy(9, hidden=8)), "learning.policy"),
         (
             codec.encode_weights(policy(9, Vocabulary.of(shape=("CUBE",), color=("RED",)))),
-            "wire.vocabulary",
+            "wire.world",
         ),
         (_truncated(), "wire.truncated"),
         (_wrong_checksum(), "wire.checksum"),
@@ -95,7 +98,7 @@ def test_weights_of_another_vocabulary_than_the_arenas_are_refused_first_of_all(
         speaker.publish(
             codec.encode_weights(policy(9, Vocabulary.of(shape=("CUBE",), color=("RED",))))
         )
-        assert probe.until(lambda: probe.nodes[1].refusals.counts["wire.vocabulary"] == 1)
+        assert probe.until(lambda: probe.nodes[1].refusals.counts["wire.world"] == 1)
         assert not probe.nodes[1].agent.has_weights
 
 
@@ -112,7 +115,7 @@ def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms():
         speaker.publish(codec.encode_weights(policy(0)))
         probe.speaker(topics.LEARNER_INFO).publish(codec.encode_learner_info(LEARNER))
         assert probe.until(lambda: "stuck at 0" in probe.message("agent_node"))
-        trajectories = [codec.decode_trajectory(m, WORDS) for m in probe.heard["trajectories"]]
+        trajectories = [codec.decode_trajectory(m, WORLD) for m in probe.heard["trajectories"]]
         assert {s.sequence for s in trajectories} == {0, 1}  # lag 1: one more than the weights
         assert len(trajectories) > 2  # sent again: perhaps nobody heard them
         assert probe.value("agent_node", "policy_version") == "0"
@@ -127,7 +130,7 @@ def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms():
 MISFITS: list[tuple[dict[str, object], str]] = [
     ({"near_threshold": 0.1}, "learner_info.near_threshold: expected 0.2, as this"),
     ({"control_period": 0.5}, "learner_info.control_period: expected 0.1, as this"),
-    ({"vocabulary_digest": "f" * 16}, "learner_info.vocabulary_digest: expected "),
+    ({"world_digest": "f" * 16}, "learner_info.world_digest: expected "),
     ({"architecture": '{"kind":"deep"}'}, "learner_info.architecture: "),
     ({"exploration": '{"process":"white"}'}, "learner_info.exploration: "),
 ]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from worlds import PROGRAMS, WORDS, dpg
+from worlds import PROGRAMS, WORLD, dpg
 
 from pa_ros.arena import design_named, preset_named
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.provenance.origins import describe, learner_origin
 
-NETWORK = NetworkConfig(vocabulary=WORDS, hidden=6, attention=4)
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 
 
 def test_a_learners_account_is_of_its_own_settings_and_of_its_processs() -> None:
@@ -22,7 +22,7 @@ def test_a_learners_account_is_of_its_own_settings_and_of_its_processs() -> None
     assert about.learner.network == NETWORK.to_json() and about.learner.first_version == 0
     assert about.learner.training_programs == tuple(PROGRAMS)
     assert (about.node, about.instance, about.seed) == ("/l", "i", 3)
-    assert about.vocabulary_digest == WORDS.digest
+    assert about.world_digest == WORLD.digest
 
 
 def test_an_arenas_account_is_of_its_joints_and_its_design() -> None:

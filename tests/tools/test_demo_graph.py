@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from waiting import DEADLINE_S
 
-from pa_ros.arena import design_named, preset_named, training_programs
+from pa_ros.arena import design_named, preset_named, training_programs, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tally import HeldOutTarget
 from pa_ros.learning.checkpoints import load_policy, save_checkpoint
@@ -96,7 +96,7 @@ def demo_config(folder: Path, real_time_factor: float) -> DemoConfig:
 def test_programs_are_executed_on_the_graph_and_recorded(tmp_path):
     """With untrained weights, and faster: the path is the same."""
     protocol = protocol_named("ours")
-    network = protocol.network_config(DESIGN.vocabulary)
+    network = protocol.network_config(world_of(ARENA, DESIGN))
     config = demo_config(tmp_path, real_time_factor=20.0)
     learner = Learner(network, protocol.learner, training_programs(DESIGN), 0)
     save_checkpoint(config.checkpoint, learner)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget, StreamedEpisode
 from pa_ros.language import parse
@@ -30,7 +30,7 @@ def test_one_program_was_trained_and_five_were_not(name):
     programs = [parse(p.text, design.vocabulary) for p in demo_programs(design)]
     assert [program in trained for program in programs] == [True] + [False] * 5
     held_out = design.held_out[0]
-    assert str(programs[1]) == f"NEAR(HAND, AND({held_out.color}, {held_out.shape}))"
+    assert str(programs[1]) == f"NEAR(HAND, {held_out.conjunction})"
 
 
 def test_for_2_l_they_are_those_of_the_issue():
@@ -69,7 +69,7 @@ def test_a_program_without_a_scene_is_refused():
 
 def test_pictures_are_drawn_from_a_checkpoint_and_a_tally(tmp_path):
     protocol = protocol_named("ours")
-    network = protocol.network_config(TWO_L.vocabulary)
+    network = protocol.network_config(world_of(ARENA, TWO_L))
     learner = Learner(network, protocol.learner, training_programs(TWO_L), 0)
     save_checkpoint(tmp_path / "checkpoint", learner)
     program = demo_programs(TWO_L)[1]

@@ -35,7 +35,9 @@ def observation() -> Observation:
     rng = np.random.default_rng(0)
     objects = rng.normal(size=(5, 16)).astype(np.float32)
     joints = rng.normal(size=(2, 6))
-    return Observation(7, 3, 1_234_567_891, objects, joints[0], joints[1], 0, "p")
+    return Observation(
+        7, 3, 1_234_567_891, objects, joints[0], joints[1], 0, "p", rng.normal(size=7)
+    )
 
 
 def information(bag: Path) -> dict:

@@ -19,9 +19,12 @@ from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.wire import codec, errors
 from pa_ros.world import Trajectory
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 DIGEST = "0123456789abcdef"
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
+WORLD = World(PAPER, WORDS)
 
 
 def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Trajectory:
@@ -40,7 +43,7 @@ def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Traj
         rewards=rng.choice([-1.0, 1.0], length).astype(np.float32),
         ends_episode=True,
         terminated=False,
-        vocabulary_digest=WORDS.digest,
+        world_digest=WORLD.digest,
     )
     return Trajectory(**{**defaults, **fields})
 
@@ -73,7 +76,7 @@ def test_trajectory_survives_the_wire(seed, length, count, number, ends, termina
         ends_episode=ends,
         terminated=terminated,
     )
-    received = codec.decode_trajectory(codec.encode_trajectory(sent), WORDS)
+    received = codec.decode_trajectory(codec.encode_trajectory(sent), WORLD)
     assert same(received, sent)
     assert codec.decode_trajectory_key(codec.encode_trajectory(sent)) == sent.key
     assert received.objects.flags.owndata or received.objects.base.flags.owndata
@@ -82,7 +85,7 @@ def test_trajectory_survives_the_wire(seed, length, count, number, ends, termina
 @pytest.mark.parametrize(
     ("field", "value", "error"),
     [
-        ("vocabulary_digest", "another", errors.VocabularyError),
+        ("world_digest", "another", errors.WorldError),
         ("agent_id", "", errors.RangeError),
         ("held_from", 10**6, errors.RangeError),
         ("program", "NEAR(HAND, PINK)", ProgramError),
@@ -104,14 +107,14 @@ def test_malformed_transitions_are_refused(field, value, error):
     message = codec.encode_trajectory(trajectory())
     setattr(message, field, value)
     with pytest.raises(error):
-        codec.decode_trajectory(message, WORDS)
+        codec.decode_trajectory(message, WORLD)
 
 
 def test_a_program_that_does_not_parse_is_refused_with_its_place():
     message = codec.encode_trajectory(trajectory())
     message.program = "NEAR(HAND, AND(RED, PINK))"
     with pytest.raises(ProgramError) as refusal:
-        codec.decode_trajectory(message, WORDS)
+        codec.decode_trajectory(message, WORLD)
     assert refusal.value.position == message.program.index("PINK")
 
 
@@ -132,7 +135,7 @@ arrays = hnp.arrays(np.float32, shapes, elements=st.floats(-10, 10, width=32))
 def test_weights_survive_the_wire(tensors):
     sent = policy(**tensors)
     assert codec.weights_checksum(sent.snapshot) == codec.encode_weights(sent).checksum
-    received = codec.decode_weights(codec.encode_weights(sent), sent.snapshot.vocabulary_digest)
+    received = codec.decode_weights(codec.encode_weights(sent), sent.snapshot.world_digest)
     assert list(received.snapshot.tensors) == list(tensors)
     assert all(np.array_equal(received.snapshot.tensors[k], v) for k, v in tensors.items())
     assert all(received.snapshot.tensors[k].shape == v.shape for k, v in tensors.items())
@@ -148,7 +151,7 @@ def test_of_an_agent_that_nothing_is_accounted_for_of_the_wire_says_nothing():
 
 
 LEARNER = LearnerInfo(
-    run_id="run", learner_id="learner", first_version=2**40, vocabulary_digest=DIGEST,
+    run_id="run", learner_id="learner", first_version=2**40, world_digest=DIGEST,
     architecture="{}", trajectory_steps=100, policy_lag=1, exploration="{}", inference="auto",
     control_period=0.1, near_threshold=0.2, software_version="0.2", stamp_ns=10**18 + 1,
 )  # fmt: skip
@@ -191,7 +194,7 @@ def test_decoded_weights_own_their_memory():
 
 
 def test_weights_of_other_words_are_refused_naming_both_sides():
-    with pytest.raises(errors.VocabularyError) as caught:
+    with pytest.raises(errors.WorldError) as caught:
         codec.decode_weights(weights_message(), "f" * 16)
     assert all(side in str(caught.value) for side in ("f" * 16, DIGEST))
 
@@ -240,4 +243,4 @@ def test_damaged_weights_are_refused(change, error):
 
 def test_which_object_is_the_hand_survives_the_wire():
     sent = trajectory(hand_index=3)
-    assert same(codec.decode_trajectory(codec.encode_trajectory(sent), WORDS), sent)
+    assert same(codec.decode_trajectory(codec.encode_trajectory(sent), WORLD), sent)

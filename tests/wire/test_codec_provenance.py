@@ -8,8 +8,11 @@ from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import codec
 from pa_ros.wire.errors import RangeError, VersionError
 from pa_ros.wire.records import LearnerOrigin, Origin
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
+WORLD = World(PAPER, WORDS)
 
 ORIGIN = Origin(
     node="/arena1/learner_node",
@@ -21,9 +24,7 @@ ORIGIN = Origin(
     design="2-L",
     arm="jaco",
     preset="fast",
-    shapes=("CUBE", "SPHERE"),
-    colors=("RED", "BLUE"),
-    vocabulary_digest="0123456789abcdef",
+    world=WORLD,
     stamp_ns=1_234_567_890_123_456_789,
     learner=LearnerOrigin(
         7,
@@ -34,7 +35,7 @@ ORIGIN = Origin(
 )
 
 
-@pytest.mark.parametrize("origin", [ORIGIN, dataclasses.replace(ORIGIN, learner=None)])
+@pytest.mark.parametrize("origin", [ORIGIN, dataclasses.replace(ORIGIN, learner=None, world=None)])
 def test_what_is_decoded_is_what_was_encoded(origin):
     assert codec.decode_provenance(codec.encode_provenance(origin)) == origin
 

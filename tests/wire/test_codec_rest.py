@@ -23,9 +23,12 @@ from pa_ros.wire.records import (
     ResetRequest,
     program_id_of,
 )
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=200)
 
+WORLD = World(PAPER, Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE")))
 ARENA = ArenaDescription(
     mode=Mode.LOCKSTEP,
     design="2-L",
@@ -33,12 +36,8 @@ ARENA = ArenaDescription(
     preset="fast",
     seed=2**63,
     block_count=4,
-    shapes=("CUBE", "SPHERE"),
-    colors=("RED", "BLUE"),
-    vocabulary_digest="0" * 16,
-    training_programs=(
-        parse("NEAR(HAND, RED)", Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))),
-    ),
+    world=WORLD,
+    training_programs=(parse("NEAR(HAND, RED)", WORLD.vocabulary),),
     joint_names=("a", "b", "c", "d", "e", "f"),
     joint_lower=(-math.inf, -1.0, -1.0, -1.0, -1.0, -1.0),
     joint_upper=(math.inf, 1.0, 1.0, 1.0, 1.0, 1.0),

@@ -33,6 +33,7 @@ def observation(seed: int = 0, count: int = 5, **fields) -> Observation:
         joint_velocity=rng.normal(size=6),
         hand_index=0,
         program_id="p",
+        hand_pose=np.array([0.4, -0.1, 0.3, 0.0, 0.6, 0.0, 0.8]),
     )
     return Observation(**{**defaults, **fields})
 

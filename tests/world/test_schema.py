@@ -37,7 +37,7 @@ def test_words_are_true_of_what_is_near_enough() -> None:
     scene = np.stack([row, row, np.zeros_like(row)])
     scene[1, 16] = 0.06  # of no size that has a word
     words = Vocabulary.of(shape=("CUBE", "C"), color=("RED", "BLUE"), size=("SMALL", "LARGE", "X"))
-    truth = SIZED.truth(scene[None], words)
+    truth = World(SIZED, words).truth(scene[None])
     assert truth.shape == (1, 3, 7) and truth.dtype == np.float32
     named = [{w for w, true in zip(words.words, one, strict=True) if true} for one in truth[0]]
     assert named == [{"CUBE", "BLUE", "SMALL"}, {"CUBE", "BLUE"}, set()]

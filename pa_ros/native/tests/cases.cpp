@@ -6,24 +6,34 @@ using namespace pa;
 
 namespace {
 
-constexpr int kWords = 9;
+constexpr int kWords = 9, kFeatures = kPose + kWords + 1;
 
-Network trunk(int hidden, int attention, bool detectors, bool hides, bool critic) {
+// Two groups of one-hots, of 4 and 5 words, the fourth of which names nothing; then a real feature.
+Network world(int hidden, int actions, bool critic) {
     Network n{};
-    n.hidden = hidden, n.attention = attention, n.words = kWords, n.groups = 2;
-    n.group_size[0] = 4, n.group_size[1] = 5;
-    for (int v = 0; v < kWords; v++) n.truth[v] = v == 3 ? -1 : kProperty + v;
-    n.detectors = detectors, n.hide_properties = hides, n.critic = critic;
-    n.position_scale = 3.0f, n.self_weight = 0.5f;
+    n.object_features = kFeatures, n.arm_features = 3 * actions, n.actions = actions;
+    n.hidden = hidden, n.words = kWords, n.groups = 2, n.group_size[0] = 4, n.group_size[1] = 5;
+    for (int v = 0; v < kWords; v++) {
+        const int at = v < 4 ? kPose : kPose + 4, width = v < 4 ? 4 : 5, from = v * 5;
+        n.word[v] = {at, v == 3 ? 0 : width, from, 0.25f};
+        n.number[from + kPose + v - at] = 1.0f;
+    }
+    for (int f = 0; f < kFeatures; f++) n.scale[f] = f < 3 ? 3.0f : 1.0f;
+    n.critic = critic;
     return n;
 }
 
-Network canonical(int hidden, bool critic) {
-    Network n{};
-    n.hidden = hidden, n.words = kWords, n.canonical = 1, n.critic = critic, n.slots = 5;
-    for (int i = 0; i < n.slots; i++)
-        n.slot_shape[i] = kProperty + i % 4, n.slot_color[i] = kProperty + 4 + i;
-    n.position_scale = 3.0f;
+Network trunk(int hidden, int attention, int actions, bool detectors, bool hides, bool critic) {
+    Network n = world(hidden, actions, critic);
+    n.attention = attention, n.detectors = detectors, n.hide_properties = hides;
+    n.self_weight = 0.5f;
+    return n;
+}
+
+Network canonical(int hidden, int actions, bool critic) {
+    Network n = world(hidden, actions, critic);
+    n.canonical = 1, n.slots = 5;
+    for (int i = 0; i < n.slots; i++) n.slot_word[i][0] = i % 4, n.slot_word[i][1] = 4 + i;
     return n;
 }
 
@@ -35,20 +45,20 @@ std::vector<float> normal(size_t size, float scale, std::mt19937& rng) {
 }
 
 std::vector<float> scenes(int count, int objects, std::mt19937& rng) {
-    std::vector<float> made = normal((size_t)count * objects * kObjectFeatures, 0.3f, rng);
-    for (size_t i = 0; i < made.size(); i += kObjectFeatures) {
-        std::fill_n(&made[i + kProperty], kProperties, 0.0f);
-        made[i + kProperty + rng() % 4] = made[i + kProperty + 4 + rng() % 5] = 1.0f;
+    std::vector<float> made = normal((size_t)count * objects * kFeatures, 0.3f, rng);
+    for (size_t i = 0; i < made.size(); i += kFeatures) {
+        std::fill_n(&made[i + kPose], kWords, 0.0f);
+        made[i + kPose + rng() % 4] = made[i + kPose + 4 + rng() % 5] = 1.0f;
     }
     return made;
 }
 
 }  // namespace
 
-std::vector<Case> cases(int hidden, int attention) {
+std::vector<Case> cases(int hidden, int attention, int actions) {
     const auto of = [&](bool actor, bool critic, bool hides) {
-        return std::pair{trunk(hidden, attention, actor, hides, false),
-                         trunk(hidden, attention, critic, hides, true)};
+        return std::pair{trunk(hidden, attention, actions, actor, hides, false),
+                         trunk(hidden, attention, actions, critic, hides, true)};
     };
     const auto both = of(true, true, false), hides = of(true, true, true);
     const auto distilled = of(true, false, false), truth = of(false, false, false);
@@ -56,7 +66,7 @@ std::vector<Case> cases(int hidden, int attention) {
             {"hidden properties", hides.first, hides.second},
             {"distilled critic", distilled.first, distilled.second},
             {"true properties", truth.first, truth.second},
-            {"canonical", canonical(hidden, false), canonical(hidden, true)}};
+            {"canonical", canonical(hidden, actions, false), canonical(hidden, actions, true)}};
 }
 
 std::vector<bool> weights_of(const Network& n) {
@@ -70,18 +80,18 @@ std::vector<bool> weights_of(const Network& n) {
         mark(l.second, n.hidden, n.hidden, l.hidden);
         if (!n.critic) mark(l.second_bias, 1, n.hidden, l.hidden);
     } else {
-        for (int64_t at : {l.local, l.receiver}) mark(at, kColumnRows, n.hidden, l.columns);
-        mark(l.sender, kColumnRows - 1, n.hidden, l.columns);  // its bias is the receiver's
-        for (int64_t at : {l.query, l.context}) mark(at, kColumnRows, n.attention, l.columns);
-        if (n.detectors) mark(l.detectors, kColumnRows, n.words, l.columns);
+        for (int64_t at : {l.local, l.receiver}) mark(at, l.rows, n.hidden, l.columns);
+        mark(l.sender, l.rows - 1, n.hidden, l.columns);  // its bias is the receiver's
+        for (int64_t at : {l.query, l.context}) mark(at, l.rows, n.attention, l.columns);
+        if (n.detectors) mark(l.detectors, l.rows, n.words, l.columns);
         mark(l.attention_weight, 1, n.attention, l.attention);
         for (int64_t at : {l.second, l.second + l.hidden * l.hidden})
             mark(at, n.hidden, n.hidden, l.hidden);
         mark(l.second_bias, 2, n.hidden, l.hidden);
     }
-    if (n.critic) mark(l.action, kActions + 1, n.hidden, l.hidden);
-    mark(l.output, n.critic ? 1 : kActions, n.hidden, l.hidden);
-    mark(l.output_bias, 1, n.critic ? 1 : kActions, kLane);
+    if (n.critic) mark(l.action, n.actions + 1, n.hidden, l.hidden);
+    mark(l.output, n.critic ? 1 : n.actions, n.hidden, l.hidden);
+    mark(l.output_bias, 1, n.critic ? 1 : n.actions, kLane);
     return used;
 }
 
@@ -111,12 +121,13 @@ void Codes::tell(Engine& engine) const {
     engine.set_programs(programs());
 }
 
-Transitions::Transitions(int transitions, int objects, int programs, int rows, std::mt19937& rng)
+Transitions::Transitions(int transitions, int objects, int programs, int rows, int actions,
+                         std::mt19937& rng)
     : transitions(transitions), objects(objects), programs(programs) {
     object = scenes(transitions, objects, rng), next_object = scenes(transitions, objects, rng);
-    arm = normal((size_t)transitions * kArmFeatures, 1.0f, rng);
-    next_arm = normal((size_t)transitions * kArmFeatures, 1.0f, rng);
-    action = normal((size_t)transitions * kActions, 0.5f, rng);
+    arm = normal((size_t)transitions * 3 * actions, 1.0f, rng);
+    next_arm = normal((size_t)transitions * 3 * actions, 1.0f, rng);
+    action = normal((size_t)transitions * actions, 0.5f, rng);
     reward = normal((size_t)transitions * programs, 1.0f, rng);
     discount.assign((size_t)transitions, 0.9f);
     for (int i = 0; i < transitions * programs; i++) program.push_back((int32_t)(rng() % rows));

@@ -11,7 +11,7 @@ struct Case {
 };
 
 // Programmable (also with hidden properties), true properties in critic or both, canonical.
-std::vector<Case> cases(int hidden, int attention);
+std::vector<Case> cases(int hidden, int attention, int actions = 6);
 
 // Which floats of a buffer hold weights; the rest is padding and 0.
 std::vector<bool> weights_of(const pa::Network& network);
@@ -32,7 +32,8 @@ struct Codes {  // three programs of the longest there is, or targets
 };
 
 struct Transitions {
-    Transitions(int transitions, int objects, int programs, int rows, std::mt19937& rng);
+    Transitions(int transitions, int objects, int programs, int rows, int actions,
+                std::mt19937& rng);
     pa::Batch batch() const;
 
     int transitions, objects, programs;

@@ -13,11 +13,11 @@ using namespace pa;
 namespace {
 
 struct Size {
-    int hidden, attention, transitions, objects, programs, length;
+    int hidden, attention, transitions, objects, programs, length, actions;
 };
 
-const Size kSizes[] = {{7, 3, 1, 1, 1, 1},  {20, 17, 5, 3, 2, 4}, {33, 16, 13, 17, 3, 2},
-                       {16, 5, 70, 5, 1, 3}, {24, 8, 9, 2, 11, 6}};
+const Size kSizes[] = {{7, 3, 1, 1, 1, 1, 6},  {20, 17, 5, 3, 2, 4, 7}, {33, 16, 13, 17, 3, 2, 1},
+                       {16, 5, 70, 5, 1, 3, 6}, {24, 8, 9, 2, 11, 6, 16}};
 
 void require(bool holds, const std::string& what) {
     if (holds) return;
@@ -34,7 +34,8 @@ std::vector<float> updated(const Case& made, const Size& size, int threads, cons
     Codes(made.actor, size.length).tell(engine);
     for (int step = 0; step < 3; step++) {
         const int transitions = step == 2 ? size.transitions / 2 + 1 : size.transitions;
-        const Transitions given(transitions, size.objects + (step == 2), size.programs, 3, rng);
+        const Transitions given(transitions, size.objects + (step == 2), size.programs, 3,
+                                size.actions, rng);
         const Metrics metrics = engine.update(given.batch());
         require(std::isfinite(metrics.critic_loss) && metrics.actor_gradient_norm > 0, name);
     }
@@ -59,7 +60,7 @@ double distance(const std::vector<float>& x, const std::vector<float>& y) {
 // Threads and instruction sets differ in rounding alone; Adam may double it where gradients vanish.
 void test_updates() {
     for (const Size& size : kSizes)
-        for (const Case& made : cases(size.hidden, size.attention)) {
+        for (const Case& made : cases(size.hidden, size.attention, size.actions)) {
             const std::vector<float> expected = updated(made, size, 1, find_level("generic"));
             for (const Level& level : levels())
                 for (int threads = 1; level.available && threads <= 3; threads++) {
@@ -72,7 +73,7 @@ void test_updates() {
 
 void test_actions() {
     for (const Size& size : kSizes)
-        for (const Case& made : cases(size.hidden, size.attention))
+        for (const Case& made : cases(size.hidden, size.attention, size.actions))
             for (const Level& level : levels()) {
                 if (!level.available) continue;
                 std::mt19937 rng(2);
@@ -80,8 +81,8 @@ void test_actions() {
                 fill(actor.parameters().data(), made.actor, rng);
                 for (int objects : {size.objects, size.objects + 1, 64}) {
                     const Codes table(made.actor, size.length + objects % 3);
-                    const Transitions seen(1, objects, 1, 1, rng);
-                    float action[kActions];
+                    const Transitions seen(1, objects, 1, 1, size.actions, rng);
+                    float action[kMaxActions] = {};
                     Programs program = table.programs();
                     Targets target = table.targets();
                     program.rows = target.rows = 1;
@@ -107,7 +108,7 @@ void test_refusals() {
     const Case made = cases(8, 4)[0], flat = cases(8, 4)[4];
     const Settings settings{0.9, 0.999, 1e-8, 1.0, 1.0};
     std::mt19937 rng(3);
-    const Transitions given(4, 3, 2, 3, rng);
+    const Transitions given(4, 3, 2, 3, 6, rng);
     Engine engine(made.actor, made.critic, settings, 1), other(flat.actor, flat.critic, settings, 1);
     refused("a row before there are programs", [&] { engine.update(given.batch()); });
     Codes table(made.actor, 4), targets(flat.actor, 1);

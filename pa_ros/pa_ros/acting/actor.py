@@ -75,11 +75,9 @@ class Actor:
         ours = self.network.architecture
         if snapshot.architecture != ours:
             raise PolicyError(f"policy: expected architecture {ours}, got {snapshot.architecture}")
-        digest = self.network.vocabulary.digest
-        if snapshot.vocabulary_digest != digest:
-            raise PolicyError(
-                f"policy: expected vocabulary {digest}, got {snapshot.vocabulary_digest}"
-            )
+        digest = self.network.world.digest
+        if snapshot.world_digest != digest:
+            raise PolicyError(f"policy: expected world {digest}, got {snapshot.world_digest}")
         try:
             check_tensors(snapshot.tensors, actor_shapes(self.network), "actor")
         except TensorError as error:
@@ -92,15 +90,18 @@ class Actor:
         self._version = snapshot.version
 
     def act(self, observation: Observation, program: Program) -> Float32:
-        """The greedy action, [6] in [-1, 1]; ProgramError if it is of another vocabulary."""
+        """The greedy action, [J] in [-1, 1]; ProgramError if it is of another vocabulary."""
         if self._inference is None:
             raise PolicyError("policy: expected weights before acting, got none")
         return self._inference.act(
-            observation.objects, observation.arm, program, observation.hand_index
+            observation.objects,
+            self.network.world.arm(observation),
+            program,
+            observation.hand_index,
         )
 
     def explore(self, observation: Observation, program: Program) -> Float32:
-        """The action with this episode's exploration noise, clipped to [-1, 1], [6]."""
+        """The action with this episode's exploration noise, clipped to [-1, 1], [J]."""
         if self._noise is None:
             raise PolicyError("policy: expected exploration noise, got a greedy actor")
         noisy = self.act(observation, program) + self._noise.sample(observation.episode)

@@ -14,7 +14,6 @@ from pa_ros.acting.answer import Act, Answer, Load, Wait
 from pa_ros.acting.errors import PolicyError, StepError
 from pa_ros.acting.requests import ArenaFacts, check_words, network_of
 from pa_ros.core.experience import (
-    JOINTS,
     AgentKey,
     CommandKey,
     Executed,
@@ -148,17 +147,24 @@ class Agent:
         self._rule.use(policy)
 
     def act(self) -> Float32:
-        """The action at the step observed last, [6] in [-1, 1]. StepError unless it may act."""
+        """The action at the step observed last, [J] in [-1, 1]. StepError unless it may act."""
         answer, step, actor = self.answer(), self._step, self._actor
         if step is None or actor is None or not isinstance(answer, Act):
             raise StepError(f"action: expected the answer {Act()} before it, got {answer}")
+        action = self._action(actor, step)
         self._step = None
-        return self._send(self._action(actor, step))
+        return self._send(action)
 
     def hold(self) -> Float32:
-        """Instead of `act`: the command that keeps the arm where it is, [6]; no experience."""
+        """Instead of `act`: the command that keeps the arm where it is, [J]; no experience.
+
+        StepError without a step to hold at.
+        """
+        if self._step is None:
+            raise StepError("action: expected an observation before it, got none")
+        joints = len(self._step.observation.joint_position)
         self._step = None
-        return self._send(np.zeros(JOINTS, np.float32))
+        return self._send(np.zeros(joints, np.float32))
 
     def _send(self, action: Float32) -> Float32:
         """Number a command, and remember it."""

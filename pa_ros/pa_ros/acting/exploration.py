@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pa_ros.acting.config import ExplorationConfig
-from pa_ros.core.experience import JOINTS, Float64
+from pa_ros.core.experience import Float64
 
 NOISE_STREAM = 1  # of default_rng([seed, stream, episode])
 
@@ -22,9 +22,14 @@ class OrnsteinUhlenbeck:
     """
 
     def __init__(
-        self, config: ExplorationConfig, control_period_s: float, seed: int, episode: int
+        self,
+        config: ExplorationConfig,
+        control_period_s: float,
+        seed: int,
+        actions: int,
+        episode: int,
     ) -> None:
-        self.episode = episode
+        self.episode, self._actions = episode, actions
         self._rng = np.random.default_rng([seed, NOISE_STREAM, episode])
         theta, sigma, dt = config.damping, config.sigma, control_period_s
         self._decay = math.exp(-theta * dt)
@@ -33,24 +38,27 @@ class OrnsteinUhlenbeck:
         else:
             start = sigma if config.scale == "stationary" else sigma / math.sqrt(2 * theta)
             self._scale = start * math.sqrt(1 - self._decay**2)
-        self._x = start * self._rng.standard_normal(JOINTS)
+        self._x = start * self._rng.standard_normal(actions)
 
     def sample(self) -> Float64:
-        """Return x now, [6], and let one control step pass."""
+        """Return x now, [J], and let one control step pass."""
         now = self._x
-        self._x = self._decay * now + self._scale * self._rng.standard_normal(JOINTS)
+        self._x = self._decay * now + self._scale * self._rng.standard_normal(self._actions)
         return now
 
 
 class ExplorationNoise:
     """One agent's noise: the process of whichever episode is asked for."""
 
-    def __init__(self, config: ExplorationConfig, control_period_s: float, seed: int) -> None:
-        self._given = config, control_period_s, seed
+    def __init__(
+        self, config: ExplorationConfig, control_period_s: float, seed: int, actions: int
+    ) -> None:
+        """`actions`: elements of an action, J."""
+        self._given = config, control_period_s, seed, actions
         self._process: OrnsteinUhlenbeck | None = None
 
     def sample(self, episode: int) -> Float64:
-        """The noise of the episode's next control step, [6]."""
+        """The noise of the episode's next control step, [J]."""
         if self._process is None or self._process.episode != episode:
             self._process = OrnsteinUhlenbeck(*self._given, episode)
         return self._process.sample()

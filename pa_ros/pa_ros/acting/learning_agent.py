@@ -118,8 +118,10 @@ class LearningAgent(Agent):
 
     def _begin(self, learner: LearnerInfo) -> None:
         """Another run: an account of its own, with numbers that go on, and nothing carried over."""
-        noise = ExplorationNoise(exploration_of(learner), learner.control_period, self._seed)
-        actor = Actor(network_of(learner), learner.inference, noise)
+        network, period = network_of(learner), learner.control_period
+        actions = network.world.actions
+        noise = ExplorationNoise(exploration_of(learner), period, self._seed, actions)
+        actor = Actor(network, learner.inference, noise)
         self._actor, self._loaded = actor, None
         builder, step = self._break_off(learner), self._step
         self._account = self._rule = Account(self.key, builder.sequence, learner)
@@ -143,7 +145,7 @@ class LearningAgent(Agent):
             self.key,
             learner.run_id,
             learner.trajectory_steps,
-            learner.vocabulary_digest,
+            network_of(learner).world,
             self._first_sequence if before is None else before.sequence,
         )
         return self._builder

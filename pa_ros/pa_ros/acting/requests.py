@@ -16,7 +16,7 @@ INFERENCES = ("auto", "torch")
 class ArenaFacts(NamedTuple):
     """What an arena says of itself that its learners must know, too: fields of LearnerInfo."""
 
-    vocabulary_digest: str
+    world_digest: str
     control_period: float  # s
     near_threshold: float  # m
 
@@ -38,7 +38,7 @@ def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:
 def check_words(learner: LearnerInfo, arena: ArenaFacts) -> None:
     """Raise LearnerRequestError unless the learner's words are the arena's: what a greedy agent
     needs of it."""
-    _check_fact(learner, arena, "vocabulary_digest")
+    _check_fact(learner, arena, "world_digest")
 
 
 def _check_fact(learner: LearnerInfo, arena: ArenaFacts, name: str) -> None:
@@ -55,10 +55,10 @@ def network_of(learner: LearnerInfo) -> NetworkConfig:
         network = actor_config(learner.architecture)
     except ConfigError as error:
         raise LearnerRequestError(f"learner_info.architecture: {error}") from error
-    if network.vocabulary.digest != learner.vocabulary_digest:
+    if network.world.digest != learner.world_digest:
         raise LearnerRequestError(
-            f"learner_info.architecture: expected words of {learner.vocabulary_digest}, "
-            f"got {network.vocabulary.digest}"
+            f"learner_info.architecture: expected the world {learner.world_digest}, "
+            f"got {network.world.digest}"
         )
     return network
 

@@ -10,6 +10,7 @@ from pa_ros.acting.errors import StepError
 from pa_ros.core.experience import AgentKey, Float32, Observation, Verdict
 from pa_ros.language import Program
 from pa_ros.world import Trajectory
+from pa_ros.world.world import World
 
 
 @dataclass
@@ -25,10 +26,10 @@ class _Run:
     actions: list[Float32] = field(default_factory=list)
     rewards: list[float] = field(default_factory=list)
 
-    def append(self, observation: Observation) -> None:
+    def append(self, observation: Observation, arm: Float32) -> None:
         self.last = observation
         self.objects.append(observation.objects)
-        self.arm.append(observation.arm)
+        self.arm.append(arm)
 
 
 class TrajectoryBuilder:
@@ -44,13 +45,13 @@ class TrajectoryBuilder:
         agent: AgentKey,
         run_id: str,
         trajectory_steps: int,
-        vocabulary_digest: str,
+        world: World,
         first_sequence: int = 0,
     ) -> None:
         self.sequence = first_sequence  # of the next trajectory
         self._agent, self._run_id = agent, run_id
         self._trajectory_steps = trajectory_steps
-        self._vocabulary_digest = vocabulary_digest
+        self._world = world
         self._run: _Run | None = None
         self._acted = False
 
@@ -74,7 +75,7 @@ class TrajectoryBuilder:
             trajectory = self._finish(ends_episode=other_episode)
             self._begin(observation, program)
             return trajectory
-        run.append(observation)
+        run.append(observation, self._world.arm(observation))
         run.rewards.append(verdict.reward)
         self._acted = False
         if verdict.truncated:
@@ -86,7 +87,7 @@ class TrajectoryBuilder:
         return trajectory
 
     def acted(self, action: Float32, version: int) -> None:
-        """Record the action, [6], applied at the step observed last, and the policy's version.
+        """Record the action, [J], applied at the step observed last, and the policy's version.
 
         Raises StepError if no step was observed since the last action, or if the version is
         another one than that of the pending transitions: weights change between trajectories.
@@ -117,7 +118,7 @@ class TrajectoryBuilder:
 
     def _begin(self, observation: Observation, program: Program) -> None:
         self._run = _Run(program, observation, observation)
-        self._run.append(observation)
+        self._run.append(observation, self._world.arm(observation))
         self._acted = False
 
     def _finish(self, ends_episode: bool) -> Trajectory | None:
@@ -144,7 +145,7 @@ class TrajectoryBuilder:
             rewards=np.array(run.rewards, np.float32),
             ends_episode=ends_episode,
             terminated=False,
-            vocabulary_digest=self._vocabulary_digest,
+            world_digest=self._world.digest,
         )
 
 

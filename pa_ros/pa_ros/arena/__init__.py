@@ -9,7 +9,7 @@ from pa_ros.arena.episodes import Block, Episode, generate
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError, RenderError
 from pa_ros.arena.gym_env import ENV_ID, ReachEnv, register
 from pa_ros.arena.references import mean_reward, random_policy, scripted_action
-from pa_ros.arena.task import ReachTask
+from pa_ros.arena.task import ReachTask, world_of
 
 __all__ = [
     "ARMS",
@@ -40,6 +40,7 @@ __all__ = [
     "random_policy",
     "scripted_action",
     "training_programs",
+    "world_of",
 ]
 
 register()

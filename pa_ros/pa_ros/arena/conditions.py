@@ -6,7 +6,8 @@ section "Strong generalization" and appendix "Referencing objects by exclusion")
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -23,8 +24,8 @@ class Term(Enum):
     """How a program refers to one property of its target."""
 
     NAMED = "named"  # RED
-    ANY = "any"  # not mentioned; then the other property alone identifies the target
-    NOT_ANOTHER = "not another"  # NOT(BLUE), with the blue one of the same shape on the table
+    ANY = "any"  # not mentioned; then the other properties alone identify the target
+    NOT_ANOTHER = "not another"  # NOT(BLUE), with the blue one on the table that else is the same
     NOVEL = "novel"  # OR(NOT(OR(RED, GREEN, BLUE)), A, B): by exclusion and by inclusion
 
 
@@ -39,9 +40,8 @@ class Condition:
     targets: tuple[Kind, ...]
     pool: tuple[Kind, ...]  # all blocks that may be on the table
     n_blocks: int
-    color: Term = Term.NAMED
-    shape: Term = Term.NAMED
-    new_distractor: bool = False  # at least one other block has a new shape or color
+    terms: Mapping[str, Term] = field(default_factory=dict)  # by group; NAMED where there is none
+    new_distractor: bool = False  # at least one other block has a new property
     relations: tuple[str, ...] = ()  # that programs ask for; none: all of the design's
     depth: int = 0  # 0: a conjunction as the terms say; else a random program this deep
 
@@ -58,7 +58,7 @@ class Condition:
 def training_programs(design: Design) -> tuple[Program, ...]:
     """The programs that training episodes draw from: relation by relation, target by target."""
     return tuple(
-        _program(design, relation, kind.color, kind.shape)
+        _program(design, relation, *kind.values())
         for relation in design.vocabulary.relations
         for kind in design.train
     )
@@ -75,19 +75,17 @@ def program_for(
         return replace(program, relation=relation), ()
     required: list[Kind] = []
     terms: list[str] = []
-    for axis, term in (("color", condition.color), ("shape", condition.shape)):
-        own = getattr(target, axis)
-        known = getattr(design, axis + "s")
-        words = design.vocabulary[axis]
-        match term:
+    for group, known in design.values.items():
+        own = target[group]
+        match condition.terms.get(group, Term.NAMED):
             case Term.NAMED:
                 terms.append(own)
             case Term.NOT_ANOTHER:
                 other = str(rng.choice([word for word in known if word != own]))
                 terms.append(f"NOT({other})")
-                required.append(target._replace(**{axis: other}))
+                required.append(target.but(**{group: other}))
             case Term.NOVEL:
-                terms.append(novel(known, tuple(word for word in words if word not in known)))
+                terms.append(novel(known, design.spare(group)))
             case Term.ANY:
                 pass
     return _program(design, relation, *terms), tuple(required)
@@ -131,25 +129,26 @@ def conditions_for(design: Design) -> tuple[str, ...]:
 def _conditions(design: Design, n: int) -> dict[str, Condition]:
     pool, wider = design.pool, design.extended_pool
     zero_shot = design.held_out or design.train
+    varied = [group for group, values in design.values.items() if len(values) > 1]
     found = [Condition("train", design.train, pool, n)]
     if design.held_out:
         found.append(Condition("eval", design.held_out, pool, n))
+    if len(design.values) > 1:
+        for group in design.values:
+            others = {other: Term.ANY for other in design.values if other != group}
+            found.append(Condition(f"only-{group}", pool, pool, n, others))
     found += [
-        Condition("only-color", pool, pool, n, shape=Term.ANY),
-        Condition("only-shape", pool, pool, n, color=Term.ANY),
+        Condition(f"not-{group}", pool, pool, n, {group: Term.NOT_ANOTHER}) for group in varied
     ]
-    if len(design.colors) > 1:
-        found.append(Condition("not-color", pool, pool, n, color=Term.NOT_ANOTHER))
-    if len(design.shapes) > 1:
-        found.append(Condition("not-shape", pool, pool, n, shape=Term.NOT_ANOTHER))
     found += [
         Condition(f"blocks-{count}", zero_shot, pool, count)
         for count in range(2, min(8, len(pool)) + 1)
     ]
-    found.append(Condition("ignore-new", zero_shot, wider, n, new_distractor=True))
+    if design.novel:
+        found.append(Condition("ignore-new", zero_shot, wider, n, new_distractor=True))
     found += _reach_new(design, wider, n)
     found += _by_relation(design, n)
-    if len(design.colors) > 1 and len(design.shapes) > 1:
+    if len(varied) > 1:
         found += [Condition(f"depth-{depth}", pool, pool, n, depth=depth) for depth in DEPTHS]
     return {condition.name: condition for condition in found}
 
@@ -167,16 +166,12 @@ def _by_relation(design: Design, n: int) -> list[Condition]:
 
 def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition]:
     """Targets with a new property; only where the vocabulary has words to spare for it."""
-    spare_shape = len(design.vocabulary["shape"]) > len(design.shapes)
-    spare_color = len(design.vocabulary["color"]) > len(design.colors)
-    new_shapes = kinds(design.colors, (design.new_shape,))
-    new_colors = kinds((design.new_color,), design.shapes)
-    both = (Kind(design.new_color, design.new_shape),)
+    groups = [g.name for g in design.schema if g.name in design.novel and design.spare(g.name)]
+    together = [groups] if len(groups) > 1 else []
     found = []
-    if spare_shape:
-        found.append(Condition("reach-new-shape", new_shapes, pool, n, shape=Term.NOVEL))
-    if spare_color:
-        found.append(Condition("reach-new-color", new_colors, pool, n, color=Term.NOVEL))
-    if spare_shape and spare_color:
-        found.append(Condition("reach-new-both", both, pool, n, color=Term.NOVEL, shape=Term.NOVEL))
+    for new in [*([group] for group in groups), *together]:
+        name = new[0] if len(new) == 1 else "both" if len(new) == 2 else "all"
+        values = {g: (design.novel[g],) if g in new else v for g, v in design.values.items()}
+        terms = dict.fromkeys(new, Term.NOVEL)
+        found.append(Condition(f"reach-new-{name}", kinds(values), pool, n, terms))
     return found

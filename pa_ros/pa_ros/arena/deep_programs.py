@@ -24,7 +24,7 @@ class DeepPrograms:
 
     def __init__(self, design: Design, depth: int) -> None:
         self._design, self._depth = design, depth
-        self._words = [Word(word) for word in (*design.shapes, *design.colors)]
+        self._words = [Word(word) for word in design.words]
         self._trained = {tuple(kind == one for kind in design.pool) for one in design.train}
 
     def draw(self, target: Kind, others: int, rng: np.random.Generator) -> Program:

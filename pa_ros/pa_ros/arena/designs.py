@@ -2,26 +2,62 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import COLORS, SHAPES
+from pa_ros.core.registry import Registry
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relations import RELATIONS
+from pa_ros.world.schema import PAPER, ObjectSchema
+
+Values = Mapping[str, tuple[str, ...]]
 
 
-class Kind(NamedTuple):
-    """What a block is: unique within an episode."""
+class Kind(Mapping[str, str]):
+    """What a block is, unique within an episode: a value of each property group.
 
-    color: str
-    shape: str
+    `Kind(color="RED", shape="CUBE")["color"]` is "RED".
+    """
 
-    @property
+    def __init__(self, **values: str) -> None:
+        self._values = values
+        self._hash = hash(frozenset(values.items()))
+
+    def __getitem__(self, group: str) -> str:
+        return self._values[group]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __repr__(self) -> str:
+        return f"Kind({', '.join(f'{group}={value!r}' for group, value in self.items())})"
+
+    def __str__(self) -> str:
+        return " ".join(self.values())
+
+    @cached_property
     def words(self) -> frozenset[str]:
         """The property words that are true of such a block."""
-        return frozenset(self)
+        return frozenset(self.values())
+
+    @property
+    def conjunction(self) -> str:
+        """AND(RED, CUBE), in the order of the groups; RED where there is but one."""
+        return f"AND({', '.join(self.values())})" if len(self) > 1 else str(self)
+
+    def but(self, **changed: str) -> Kind:
+        """The same with other values of some groups."""
+        return Kind(**{**self, **changed})
 
 
 @dataclass(frozen=True)
@@ -29,29 +65,18 @@ class Design:
     """A partition of target blocks into training and held out, and the words to name them."""
 
     name: str
-    shapes: tuple[str, ...]  # of the blocks on the table in training
-    colors: tuple[str, ...]
+    values: Values = field(hash=False)
+    """Of the blocks on the table in training, by group, in the order in which programs name them"""
     vocabulary: Vocabulary
     train: tuple[Kind, ...]
     held_out: tuple[Kind, ...] = ()
     n_blocks: int = 4
-    new_shape: str = "CAPSULE"  # added to the pool by the conditions with new blocks
-    new_color: str = "MAGENTA"
+    novel: Mapping[str, str] = field(default_factory=dict, hash=False)
+    """A value of a group, added to the pool by the conditions with new blocks"""
+    schema: ObjectSchema = PAPER
 
     def __post_init__(self) -> None:
-        for group, words, known in (
-            ("shapes", self.shapes, SHAPES),
-            ("colors", self.colors, COLORS),
-        ):
-            if not words or len(set(words)) < len(words) or not set(words) <= set(known):
-                raise ConfigError(
-                    f"design {self.name}: {group}: expected some of {known}, got {words}"
-                )
-        unnamed = (set(self.shapes) - set(self.vocabulary["shape"])) | (
-            set(self.colors) - set(self.vocabulary["color"])
-        )
-        if unnamed:
-            raise ConfigError(f"design {self.name}: no word in the vocabulary for {unnamed}")
+        self._check_values()
         targets = (*self.train, *self.held_out)
         if not self.train or len(set(targets)) < len(targets) or not set(targets) <= set(self.pool):
             raise ConfigError(
@@ -60,14 +85,30 @@ class Design:
             )
         if not 1 <= self.n_blocks <= len(self.pool):
             raise ConfigError(
-                f"design {self.name}: n_blocks: expected 1 to {len(self.pool)} (unique shape and "
-                f"color), got {self.n_blocks}"
+                f"design {self.name}: n_blocks: expected 1 to {len(self.pool)} (unique in their "
+                f"properties), got {self.n_blocks}"
             )
+
+    def _check_values(self) -> None:
+        for group in (*self.values, *self.novel):
+            known = self.schema[group].features.values
+            words = self.values.get(group, ())
+            added = (self.novel[group],) if group in self.novel else ()
+            given = words + added
+            if not words or len(set(given)) < len(given) or not set(given) <= set(known):
+                raise ConfigError(
+                    f"design {self.name}: {group}: expected some of {known}, got {given}"
+                )
+        if missing := {group.name for group in self.schema} - set(self.values):
+            raise ConfigError(f"design {self.name}: expected values of {sorted(missing)}, got none")
+        for group, words in self.values.items():
+            if unnamed := set(words) - set(self.vocabulary[group]):
+                raise ConfigError(f"design {self.name}: no word in the vocabulary for {unnamed}")
 
     @property
     def pool(self) -> tuple[Kind, ...]:
         """Every block that training can put on the table."""
-        return kinds(self.colors, self.shapes)
+        return kinds(self.values)
 
     def with_relations(self, *relations: str) -> Design:
         """The same blocks, for programs that ask for these relations; ConfigError for one that is
@@ -78,56 +119,64 @@ class Design:
 
     @property
     def extended_pool(self) -> tuple[Kind, ...]:
-        """The pool with one more shape and one more color."""
-        return kinds((*self.colors, self.new_color), (*self.shapes, self.new_shape))
+        """The pool with one more value of each group that has a novel one."""
+        return kinds(
+            {
+                group: (*words, self.novel[group]) if group in self.novel else words
+                for group, words in self.values.items()
+            }
+        )
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Words of what training puts on the table, in the order of the schema."""
+        return tuple(word for group in self.schema for word in self.values[group.name])
+
+    def spare(self, group: str) -> tuple[str, ...]:
+        """A group's words for what training has not."""
+        return tuple(w for w in self.vocabulary[group] if w not in self.values[group])
 
 
-def kinds(colors: tuple[str, ...], shapes: tuple[str, ...]) -> tuple[Kind, ...]:
+def kinds(values: Values) -> tuple[Kind, ...]:
     """All combinations, in order."""
-    return tuple(Kind(color, shape) for color, shape in product(colors, shapes))
+    return tuple(Kind(**dict(zip(values, row, strict=True))) for row in product(*values.values()))
 
 
-_SHAPES_2, _COLORS_2 = ("CUBE", "SPHERE"), ("RED", "BLUE")
-_SHAPES_3, _COLORS_3 = ("CUBE", "SPHERE", "CYLINDER"), ("RED", "GREEN", "BLUE")
-_WORDS_2 = Vocabulary.of(shape=_SHAPES_2, color=_COLORS_2)
-_WORDS_3 = Vocabulary.of(shape=(*_SHAPES_3, "C"), color=(*_COLORS_3, "A", "B"))
-_WORDS_3_EXACT = Vocabulary.of(
-    shape=_SHAPES_3, color=_COLORS_3
-)  # without words for what is not there yet
-_ALL_2, _ALL_3 = kinds(_COLORS_2, _SHAPES_2), kinds(_COLORS_3, _SHAPES_3)
-_CORNER = Kind("BLUE", "SPHERE")
-_DIAGONAL = tuple(Kind(color, shape) for color, shape in zip(_COLORS_3, _SHAPES_3, strict=True))
+DESIGNS: Registry[Design] = Registry("design")
 
-_THREE_D = Design(
-    "3-D",
-    _SHAPES_3,
-    _COLORS_3,
-    _WORDS_3,
-    tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL),
-    _DIAGONAL,
+
+def register(*designs: Design) -> None:
+    """Make designs known by their names."""
+    for design in designs:
+        DESIGNS.register(design.name, design)
+
+
+_VALUES_2 = {"color": ("RED", "BLUE"), "shape": ("CUBE", "SPHERE")}
+_VALUES_3 = {"color": ("RED", "GREEN", "BLUE"), "shape": ("CUBE", "SPHERE", "CYLINDER")}
+_WORDS_2 = Vocabulary.of(shape=_VALUES_2["shape"], color=_VALUES_2["color"])
+_WORDS_3 = Vocabulary.of(shape=(*_VALUES_3["shape"], "C"), color=(*_VALUES_3["color"], "A", "B"))
+# without words for what is not there yet
+_WORDS_3_EXACT = Vocabulary.of(shape=_VALUES_3["shape"], color=_VALUES_3["color"])
+_ALL_2, _ALL_3 = kinds(_VALUES_2), kinds(_VALUES_3)
+_CORNER = Kind(color="BLUE", shape="SPHERE")
+_DIAGONAL = tuple(
+    Kind(color=color, shape=shape)
+    for color, shape in zip(_VALUES_3["color"], _VALUES_3["shape"], strict=True)
 )
+_OFF_DIAGONAL = tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL)
+_COMMON: dict[str, Any] = {"novel": {"color": "MAGENTA", "shape": "CAPSULE"}}
+_THREE_D = Design("3-D", _VALUES_3, _WORDS_3, _OFF_DIAGONAL, _DIAGONAL, **_COMMON)
 
-DESIGNS = {
-    design.name: design
-    for design in (
-        Design("2-C", _SHAPES_2, _COLORS_2, _WORDS_2, _ALL_2),
-        Design(
-            "2-L",
-            _SHAPES_2,
-            _COLORS_2,
-            _WORDS_2,
-            tuple(kind for kind in _ALL_2 if kind != _CORNER),
-            (_CORNER,),
-        ),
-        Design("3-C", _SHAPES_3, _COLORS_3, _WORDS_3, _ALL_3),
-        _THREE_D,
-        replace(_THREE_D, name="3-D-exact", vocabulary=_WORDS_3_EXACT),
-    )
-}
+register(
+    Design("2-C", _VALUES_2, _WORDS_2, _ALL_2, **_COMMON),
+    Design("2-L", _VALUES_2, _WORDS_2, tuple(k for k in _ALL_2 if k != _CORNER), (_CORNER,),
+           **_COMMON),
+    Design("3-C", _VALUES_3, _WORDS_3, _ALL_3, **_COMMON),
+    _THREE_D,
+    replace(_THREE_D, name="3-D-exact", vocabulary=_WORDS_3_EXACT),
+)  # fmt: skip
 
 
 def design_named(name: str) -> Design:
-    """Look up a design of the paper; ConfigError names the known ones."""
-    if name not in DESIGNS:
-        raise ConfigError(f"arena: expected a design of {sorted(DESIGNS)}, got {name!r}")
+    """Look up a design; ConfigError names the known ones."""
     return DESIGNS[name]

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pa_ros.arena.designs import Kind
-from pa_ros.core.experience import COLORS, OBJECT_FEATURES, SHAPES, Float32, Float64
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.world.schema import ObjectSchema
 
 HAND_INDEX = 0
 # conj(h) b as a product with a matrix made of h: entry [in wxyz, out xyzw] is SIGN · h[ENTRY].
@@ -17,20 +18,17 @@ _SIGN = np.array(
 )
 
 
-def template(kinds: Sequence[Kind]) -> Float32:
-    """What doesn't change within an episode: one-hots, and the hand's own row; [1 + n, 16]."""
-    rows = np.zeros((1 + len(kinds), OBJECT_FEATURES), dtype=np.float32)
-    rows[HAND_INDEX, 6] = 1.0  # identity quaternion
-    for row, kind in zip(rows[1:], kinds, strict=True):
-        row[7 + SHAPES.index(kind.shape)] = 1.0
-        row[7 + len(SHAPES) + COLORS.index(kind.color)] = 1.0
-    return rows
+def template(schema: ObjectSchema, kinds: Sequence[Kind]) -> Float32:
+    """What doesn't change within an episode: properties, and the hand's own row; [1 + n, F]."""
+    hand = np.zeros(schema.width, dtype=np.float32)
+    hand[6] = 1.0  # identity quaternion
+    return np.stack([hand, *map(schema.features, kinds)])
 
 
 def object_features(
     rows: Float32, position: Float64, quaternion: Float64, rotation: Float64
 ) -> Float32:
-    """Fill in the poses: `core.experience.OBJECT_FEATURE_NAMES`, [1 + n, 16], a new array.
+    """Fill in the poses: `ObjectSchema.feature_names`, [1 + n, F], a new array.
 
     `rows` is the template; `position` [1 + n, 3] (m) and `quaternion` [1 + n, 4] (wxyz) are those
     of hand and blocks in the table's frame; `rotation` [9] is the hand's matrix, row by row.

@@ -15,14 +15,9 @@ from numpy.typing import NDArray
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import Design, design_named
 from pa_ros.arena.render import top_view
-from pa_ros.arena.task import ReachTask
+from pa_ros.arena.task import ReachTask, world_of
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import (
-    OBJECT_FEATURES,
-    Float32,
-    Observation,
-    Verdict,
-)
+from pa_ros.core.experience import Float32, Observation, Verdict
 from pa_ros.world import Reward
 
 ENV_ID = "pa_ros/Reach-v0"
@@ -32,7 +27,7 @@ SEED_RANGE = 2**31 - 1
 class ReachEnv(gymnasium.Env[Float32, Float32]):
     """Reach for one named block.
 
-    Observation, float32 [3 · J + 16 · K + V]: the arm's features; 16 features for each of the K
+    Observation, float32 [A + F · K + V]: the arm's A features; F features for each of the K
     kinds of block in the design, always at the same place and zero if absent (paper, appendix
     "Canonical"); 1 at the V vocabulary words that describe the target. Action, [J] in [-1, 1]:
     parts of the joint speed limits. Reward ±1, or as `reward` has it. Episodes are truncated,
@@ -58,10 +53,11 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
         self._slot = {kind: i for i, kind in enumerate(self.design.extended_pool)}
         if condition in ("train", "eval"):
             self._slot = {kind: i for i, kind in enumerate(self.design.pool)}
-        joints = self.config.joints
-        size = 3 * joints + OBJECT_FEATURES * len(self._slot) + len(self.design.vocabulary.words)
+        self.world = world_of(self.config, self.design)
+        size = self.world.arm_features + self.world.object_features * len(self._slot)
+        size += len(self.design.vocabulary.words)
         self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (joints,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (self.world.actions,), np.float32)
         self._limits = np.array(self.config.joint_speed_limits)
         self._task: ReachTask | None = None
         self._next_episode = 0
@@ -100,15 +96,15 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
 
     def _flat(self, observation: Observation) -> Float32:
         blocks = self.task.episode.blocks
-        slots = np.zeros((len(self._slot), OBJECT_FEATURES), dtype=np.float32)
+        slots = np.zeros((len(self._slot), self.world.object_features), dtype=np.float32)
         for block, row in zip(blocks, observation.objects[1:], strict=True):
             slots[self._slot[block.kind]] = row
         goal = np.zeros(len(self.design.vocabulary.words), dtype=np.float32)
         target = blocks[self.task.verifier.targets[0] - 1].kind
-        for word in target:
+        for word in target.words:
             if word in self.design.vocabulary.row:
                 goal[self.design.vocabulary.row[word]] = 1.0
-        return np.concatenate([observation.arm, slots.ravel(), goal])
+        return np.concatenate([self.world.arm(observation), slots.ravel(), goal])
 
     def _info(self, verdict: Verdict) -> dict[str, Any]:
         return {

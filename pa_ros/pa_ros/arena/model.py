@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import mujoco
 
 from pa_ros.arena import constants as c
+from pa_ros.arena.appearance import Look
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.arms.arm import Arm
 from pa_ros.arena.config import ArenaConfig
@@ -20,13 +21,13 @@ SOLID, BLOCK = 1, 2
 SLEEP_TOLERANCE = 1e-5
 
 
-def build(config: ArenaConfig, shapes: Sequence[str]) -> mujoco.MjModel:
-    """Compile the arena with one free block per entry of `shapes`, in that order.
+def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
+    """Compile the arena with one free block per entry of `looks`, in that order.
 
     Bodies are the arm's, the last one `hand`, then `block0` …, so that the hand and the blocks are
     consecutive. Raises ConfigError for an arm that isn't what `Arm` says.
     """
-    blocks = "".join(_block(config, i, shape) for i, shape in enumerate(shapes))
+    blocks = "".join(_block(config, i, look) for i, look in enumerate(looks))
     text = f"""
 <mujoco model="programmable reaching">
   <compiler angle="radian" autolimits="true"/>
@@ -53,7 +54,7 @@ def build(config: ArenaConfig, shapes: Sequence[str]) -> mujoco.MjModel:
         model = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise ConfigError(f"arm {config.arm}: expected MJCF bodies, got: {error}") from error
-    _check(model, ARMS[config.arm], len(shapes))
+    _check(model, ARMS[config.arm], len(looks))
     return model
 
 
@@ -69,30 +70,17 @@ def _check(model: mujoco.MjModel, arm: Arm, blocks: int) -> None:
         raise ConfigError(f"arm {arm.name}: expected `hand` as its last body, got {bodies[1:]}")
 
 
-def rest_height(shape: str) -> float:
-    """Height of a resting block's center above the table, m."""
-    half = c.CAPSULE_RADIUS_M if shape == "CAPSULE" else c.BLOCK_HALF_SIZE_M
-    return half - c.RESTING_DEPTH_M[shape]
-
-
 def _arm_contact(config: ArenaConfig) -> str:
     affinity = SOLID | BLOCK if config.arm_touches_blocks else SOLID
     return f'contype="0" conaffinity="{affinity}" rgba="0.25 0.25 0.28 1"'
 
 
-def _block(config: ArenaConfig, index: int, shape: str) -> str:
-    half, radius = c.BLOCK_HALF_SIZE_M, c.CAPSULE_RADIUS_M
-    geometry = {
-        "CUBE": f'type="box" size="{half} {half} {half}"',
-        "SPHERE": f'type="sphere" size="{half}"',
-        "CYLINDER": f'type="cylinder" size="{half} {half}"',
-        "CAPSULE": f'type="capsule" size="{radius} {c.CAPSULE_HALF_LENGTH_M}"'
-        ' quat="0.7071067811865476 0 0.7071067811865476 0"',
-    }[shape]
+def _block(config: ArenaConfig, index: int, look: Look) -> str:
+    mass = config.block_mass_kg * look.density
     return f"""
-<body name="block{index}" sleep="init" pos="{0.5 + 0.2 * index} 0 {rest_height(shape)}">
+<body name="block{index}" sleep="init" pos="{0.5 + 0.2 * index} 0 {look.rest_height}">
   <freejoint/>
-  <geom name="block{index}" {geometry} mass="{config.block_mass_kg}" contype="{BLOCK}"
+  <geom name="block{index}" {look.geometry} mass="{mass}" contype="{BLOCK}"
     conaffinity="{SOLID | BLOCK}" condim="6" friction="{config.block_friction} 0.005 0.002"/>
 </body>"""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.arena import constants as c
+from pa_ros.arena.appearance import look_of
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.references import nearest_target
 from pa_ros.arena.simulation import Simulation
@@ -19,7 +20,6 @@ from pa_ros.world.relations import RELATIONS
 CAMERA = "overview"
 _INCH_PX = 100
 _refusals: list[str] = []  # of OpenGL in this process: none, or one
-_MARKERS = {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "D"}
 
 
 def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]:
@@ -63,11 +63,10 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
     positions = simulation.positions
     for i, block in enumerate(task.episode.blocks, start=1):
         x, y = positions[i, :2]
+        look = look_of(block.kind)
         edge = "black" if i in task.verifier.targets else "none"
-        color = [float(value) for value in c.COLOR_RGBA[block.kind.color].split()]
-        axes.plot(
-            x, y, _MARKERS[block.kind.shape], color=color, ms=size / 3, mec=edge, mew=size / 20
-        )
+        side = look.scale * size / 3
+        axes.plot(x, y, look.marker, color=look.rgb, ms=side, mec=edge, mew=size / 20)
     hand_x, hand_y = positions[0, :2].tolist()
     axes.plot(hand_x, hand_y, "o", color="white", mec="#555560", ms=size / 2, zorder=4)
     axes.plot(*outline(task).T, ":", color="black", linewidth=1.0)

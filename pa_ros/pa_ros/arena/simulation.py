@@ -8,13 +8,14 @@ from math import cos, sin
 import mujoco
 import numpy as np
 
+from pa_ros.arena.appearance import Look, look_of
 from pa_ros.arena.config import ArenaConfig
-from pa_ros.arena.constants import COLOR_RGBA
 from pa_ros.arena.episodes import Episode
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError
 from pa_ros.arena.features import HAND_INDEX, object_features, template
-from pa_ros.arena.model import build, rest_height
+from pa_ros.arena.model import build
 from pa_ros.core.experience import Float32, Float64
+from pa_ros.world.schema import PAPER, ObjectSchema
 
 _World = tuple[mujoco.MjModel, mujoco.MjData]
 
@@ -22,27 +23,28 @@ _World = tuple[mujoco.MjModel, mujoco.MjData]
 class Simulation:
     """One arena. `place` puts an episode on the table, `advance` runs one control period."""
 
-    def __init__(self, config: ArenaConfig) -> None:
-        self.config = config
+    def __init__(self, config: ArenaConfig, schema: ObjectSchema = PAPER) -> None:
+        self.config, self._schema = config, schema
         self._joints = config.joints
         self._limits = np.array(config.joint_speed_limits)
-        self._world = lru_cache(maxsize=128)(self._build)  # by the blocks' shapes, in order
+        self._world = lru_cache(maxsize=128)(self._build)  # by the blocks' looks, in order
         self._placed = False
 
     def place(self, episode: Episode) -> None:
         """Start anew: the arm in its start pose and at rest, blocks resting where they belong."""
         if not episode.blocks:
             raise EpisodeError(f"episode {episode.index}: expected at least one block, got none")
-        self.model, self.data = self._world(tuple(block.kind.shape for block in episode.blocks))
-        for i, block in enumerate(episode.blocks):
+        looks = [look_of(block.kind) for block in episode.blocks]
+        self.model, self.data = self._world(tuple(look.solid for look in looks))
+        for i, (block, look) in enumerate(zip(episode.blocks, looks, strict=True)):
             pose = self.model.qpos0[self._joints + 7 * i : self._joints + 7 * (i + 1)]
-            pose[:3] = block.x, block.y, rest_height(block.kind.shape)
+            pose[:3] = block.x, block.y, look.rest_height
             pose[3:] = cos(block.yaw / 2), 0.0, 0.0, sin(block.yaw / 2)
-            rgba = np.array(COLOR_RGBA[block.kind.color].split(), dtype=np.float32)
+            rgba = np.array(look.rgba.split(), dtype=np.float32)
             self.model.geom_rgba[self.model.geom(f"block{i}").id] = rgba
         mujoco.mj_resetData(self.model, self.data)  # puts the blocks to sleep where they are
         self.data.qpos[: self._joints] = episode.arm_start
-        self._template = template([block.kind for block in episode.blocks])
+        self._template = template(self._schema, [block.kind for block in episode.blocks])
         self._view_arrays(len(episode.blocks))
         mujoco.mj_kinematics(self.model, self.data)
         self._placed = True
@@ -79,7 +81,7 @@ class Simulation:
         return command
 
     def objects(self) -> Float32:
-        """Ω without the arm: [N, 16], hand first, in the hand's frame."""
+        """Ω without the arm: [N, F], hand first, in the hand's frame."""
         return object_features(self._template, self._position, self._quaternion, self._rotation)
 
     @property
@@ -118,8 +120,8 @@ class Simulation:
         mujoco.mj_jacBody(self.model, self.data, jacobian, None, self._hand)
         return jacobian[:, : self._joints]
 
-    def _build(self, shapes: tuple[str, ...]) -> _World:
-        model = build(self.config, shapes)
+    def _build(self, looks: tuple[Look, ...]) -> _World:
+        model = build(self.config, looks)
         return model, mujoco.MjData(model)
 
     def _view_arrays(self, blocks: int) -> None:

@@ -15,6 +15,12 @@ from pa_ros.arena.verifier import Verifier
 from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.language import Program
 from pa_ros.world import Reward, Scoring
+from pa_ros.world.world import World
+
+
+def world_of(config: ArenaConfig, design: Design) -> World:
+    """The world that an arm and a design make."""
+    return World(design.schema, design.vocabulary, joints=config.joints)
 
 
 class ReachTask:
@@ -39,10 +45,15 @@ class ReachTask:
         self.scoring = Scoring.of(design.vocabulary.relations, config.thresholds, reward)
         self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)
         self.seed = seed
-        self.simulation = Simulation(config)
+        self.simulation = Simulation(config, self.design.schema)
         self._episode: Episode | None = None
         self._stamp_ns = 0
         self._step = 0
+
+    @property
+    def world(self) -> World:
+        """What agents and learners of this task have to agree on."""
+        return world_of(self.config, self.design)
 
     @property
     def control_period_s(self) -> float:
@@ -86,7 +97,7 @@ class ReachTask:
         return self.verifier.program
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
-        """Act for one control period with joint velocities in rad/s [6], clamped to the limits.
+        """Act for one control period with joint velocities in rad/s [J], clamped to the limits.
 
         Raises CommandError for a command that is mis-sized or not finite, EpisodeError before
         the first reset and after the time limit; either way nothing moves.
@@ -121,6 +132,7 @@ class ReachTask:
             joint_velocity=self.simulation.joint_velocity,
             hand_index=HAND_INDEX,
             program_id=self.program_id,
+            hand_pose=self.simulation.hand_pose,
         )
         score = self.verifier.score(objects, self.simulation.hand_pose)
         return observation, Verdict(

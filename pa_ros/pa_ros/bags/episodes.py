@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.bags.errors import ForeignBagError
-from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES, vocabulary_of
+from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES, recorded_world
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32, Float64
@@ -35,7 +35,7 @@ class Row:
 
     step: int
     stamp_ns: int  # simulation time; -1: not recorded
-    objects: Float32  # [N, 16], core.experience.OBJECT_FEATURE_NAMES
+    objects: Float32  # [N, F], in the order of the world's schema
     hand_index: int
     program: str  # in force; its id where the text is not recorded
     joint_position: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad
@@ -107,8 +107,8 @@ def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode
 
 def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     open_: dict[str, RecordedEpisode] = {}  # by agent
-    vocabulary = vocabulary_of(bag, namespace)
-    decode = partial(codec.decode_trajectory, vocabulary=vocabulary)
+    world = recorded_world(bag, namespace)
+    decode = partial(codec.decode_trajectory, world=world)
     for recorded in bag.messages([bag.topic_of(TRAJECTORIES, namespace)]):
         trajectory = bag.through(recorded, decode)
         episode = open_.get(trajectory.agent_id)
@@ -136,7 +136,8 @@ def _extend(episode: RecordedEpisode, trajectory: Trajectory) -> None:
 
 
 def _row(trajectory: Trajectory, t: int) -> Row:
-    sine, cosine, velocity = np.split(trajectory.arm[t].astype(np.float64), 3)
+    joints = trajectory.arm[t][: 3 * trajectory.actions.shape[1]].astype(np.float64)
+    sine, cosine, velocity = np.split(joints, 3)
     return Row(
         trajectory.first_step + t,
         -1,

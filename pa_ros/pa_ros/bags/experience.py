@@ -10,12 +10,12 @@ from typing import Final
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.experience import AgentKey, TrajectoryKey
-from pa_ros.language import Vocabulary
 from pa_ros.language.syntax import NEAR
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
 from pa_ros.world import Scoring, Trajectory
+from pa_ros.world.world import World
 
 TRAJECTORIES: Final = "msgs_schema/msg/Trajectory"
 WEIGHTS: Final = "msgs_schema/msg/PolicyWeights"
@@ -99,14 +99,14 @@ class Experience:
             return 0
         return max(0, min(self.published) - about[0].first_version)
 
-    def lessons(self, vocabulary: Vocabulary) -> Iterator[Lesson]:
+    def lessons(self, world: World) -> Iterator[Lesson]:
         """Trajectories in the learner's order, as far as the weights tell it; else as they came.
 
-        `vocabulary` is the receiver's. Raises VocabularyError at the first of another one.
+        `world` is the receiver's. Raises WorldError at the first of another one.
         """
         plan, pending = self._plan(), dict[TrajectoryKey, Trajectory]()
         there = set(self.keys)
-        messages = self._trajectories(vocabulary)
+        messages = self._trajectories(world)
         for key, version in plan:
             while key in there and key not in pending:
                 trajectory = next(messages, None)
@@ -167,8 +167,8 @@ class Experience:
             raise ForeignBagError(f"bag: {self._bag.path}: expected transitions, got none")
         return list(keys)
 
-    def _trajectories(self, vocabulary: Vocabulary) -> Iterator[Trajectory]:
-        decode = partial(codec.decode_trajectory, vocabulary=vocabulary)
+    def _trajectories(self, world: World) -> Iterator[Trajectory]:
+        decode = partial(codec.decode_trajectory, world=world)
         for recorded in self._bag.messages([self._topic]):
             yield self._bag.through(recorded, decode)
 
@@ -181,17 +181,17 @@ def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
     ]
 
 
-def vocabulary_of(bag: Bag, namespace: str | None = None) -> Vocabulary:
-    """The words of a recording. ProvenanceError if no learner and no arena tells them."""
+def recorded_world(bag: Bag, namespace: str | None = None) -> World:
+    """The world of a recording. ProvenanceError if no learner and no arena tells them."""
     for arena in arenas_of(bag, namespace):
-        return Vocabulary.of(shape=arena.shapes, color=arena.colors)
+        return arena.world
     for recorded in _of_type(bag, PROVENANCE, namespace):
         origin = bag.through(recorded, codec.decode_provenance)
-        if origin.shapes:
-            return Vocabulary.of(shape=origin.shapes, color=origin.colors)
+        if origin.world is not None:
+            return origin.world
     raise ProvenanceError(
         f"bag: {bag.path}: expected an arena's description or a learner's provenance, got none: "
-        "nothing says which words programs are made of"
+        "nothing says what objects and programs are made of"
     )
 
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.arena.designs import Kind
+from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Block, Episode
 from pa_ros.arena.render import render, top_view
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
-from pa_ros.core.experience import COLORS, SHAPES
+from pa_ros.core.experience import Float32
 from pa_ros.language import parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import ArenaDescription
@@ -35,11 +35,12 @@ class Stage:
         config = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
         self.task = ReachTask(config, design_named(arena.design), arena.seed)
         first = episode.rows[0]
-        kinds = [_kind(first, i) for i in range(len(first.objects)) if i != first.hand_index]
+        design = self.task.design
+        kinds = [_kind(row, design) for i, row in enumerate(first.objects) if i != first.hand_index]
         blocks = tuple(Block(kind, 0.0, 0.0, 0.0) for kind in kinds)
         start: Any = tuple(first.joint_position)
-        self._vocabulary = self.task.design.vocabulary
-        word = next(kind.color for kind in kinds if _known(kind, arena))
+        self._vocabulary = design.vocabulary
+        word = next(word for kind in kinds for word in kind.words & design.vocabulary.row.keys())
         anything = parse(f"{self._vocabulary.relations[0]}(HAND, {word})", self._vocabulary)
         self.task.reset_to(Episode(episode.number, "train", blocks, start, anything))
         self._shown = ""
@@ -110,11 +111,14 @@ def _pictures(
         yield draw()
 
 
-def _kind(row: Row, index: int) -> Kind:
-    hots = row.objects[index, 7:]
-    shape = SHAPES[int(np.argmax(hots[: len(SHAPES)]))]
-    return Kind(COLORS[int(np.argmax(hots[len(SHAPES) :]))], shape)
-
-
-def _known(kind: Kind, arena: ArenaDescription) -> bool:
-    return kind.color in arena.colors
+def _kind(features: Float32, design: Design) -> Kind:
+    """What a recorded object is; BagError if the design's schema has no such value."""
+    if features.shape != (design.schema.width,):
+        raise BagError(
+            f"film: expected objects of {design.schema.width} features, got {len(features)}"
+        )
+    has = dict(zip(design.schema.slices, design.schema.has(features), strict=True))
+    if not all(one.any() for one in has.values()):
+        raise BagError(f"film: expected an object of the design's, got {features.tolist()}")
+    values = {g: design.schema[g].features.values[int(has[g].argmax())] for g in design.values}
+    return Kind(**values)

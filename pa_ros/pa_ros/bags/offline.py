@@ -47,7 +47,7 @@ def learn(
         found.unseen = "; ".join(filter(None, (found.unseen, experience.unseen)))
         if len({key[:2] for key in experience.keys}) > 1:  # of one agent the order is its own
             found.unheard += experience.unheard
-        for lesson in experience.lessons(learner.network.vocabulary):
+        for lesson in experience.lessons(learner.network.world):
             if lesson.trajectory is None:
                 found.missing += 1
             elif followed and lesson.version is None:

@@ -47,7 +47,7 @@ class Reenactment:
         self._stands = None
         if trajectory.program != self._task.program:
             observation, verdict = self._task.set_program(trajectory.program)
-        cause = _compare(trajectory, 0, observation, None)
+        cause = self._compare(trajectory, 0, observation, None)
         if cause is not None:
             return _named(trajectory, 0, cause)
         for t in range(len(trajectory)):
@@ -55,31 +55,33 @@ class Reenactment:
                 trajectory.actions[t].astype(np.float64) * self._speeds
             )
             self.checked += 1
-            cause = _compare(trajectory, t + 1, observation, verdict)
+            cause = self._compare(trajectory, t + 1, observation, verdict)
             if cause is not None:
                 return _named(trajectory, t, cause)
         self._observed = (observation, verdict)
         self._stands = (trajectory.episode, observation.step)
         return None
 
-
-def _compare(
-    trajectory: Trajectory, row: int, observation: Observation, verdict: Verdict | None
-) -> str | None:
-    """What differs in a row; None if nothing does."""
-    pairs = [
-        ("objects", trajectory.objects[row], observation.objects),
-        ("arm", trajectory.arm[row], observation.arm),
-    ]
-    for name, recorded, given in pairs:
-        if recorded.shape != given.shape:
-            return f"{name} of shape {recorded.shape} recorded, the arena gives {given.shape}"
-        if not np.array_equal(recorded, given):
-            where = tuple(int(i) for i in np.argwhere(recorded != given)[0])
-            return f"{name}{list(where)} recorded {recorded[where]}, the arena gives {given[where]}"
-    if verdict is not None and trajectory.rewards[row - 1] != np.float32(verdict.reward):
-        return f"reward {trajectory.rewards[row - 1]} recorded, the arena gives {verdict.reward}"
-    return None
+    def _compare(
+        self, trajectory: Trajectory, row: int, observation: Observation, verdict: Verdict | None
+    ) -> str | None:
+        """What differs in a row; None if nothing does."""
+        pairs = [
+            ("objects", trajectory.objects[row], observation.objects),
+            ("arm", trajectory.arm[row], self._task.world.arm(observation)),
+        ]
+        for name, recorded, given in pairs:
+            if recorded.shape != given.shape:
+                return f"{name} of shape {recorded.shape} recorded, the arena gives {given.shape}"
+            if not np.array_equal(recorded, given):
+                where = tuple(int(i) for i in np.argwhere(recorded != given)[0])
+                found = f"recorded {recorded[where]}, the arena gives {given[where]}"
+                return f"{name}{list(where)} {found}"
+        if verdict is not None and trajectory.rewards[row - 1] != np.float32(verdict.reward):
+            return (
+                f"reward {trajectory.rewards[row - 1]} recorded, the arena gives {verdict.reward}"
+            )
+        return None
 
 
 def _named(trajectory: Trajectory, t: int, cause: str) -> str:

@@ -81,7 +81,7 @@ def verify(
     learner = learner_of(experience)
     reenactment = _reenactment(experience, found) if arena else None
     _compare(experience, learner, found)
-    for lesson in experience.lessons(learner.network.vocabulary):
+    for lesson in experience.lessons(learner.network.world):
         if lesson.trajectory is None:
             found.incomplete = (
                 f"trajectory {lesson.key.sequence} of {lesson.key.agent_id}, which led to "

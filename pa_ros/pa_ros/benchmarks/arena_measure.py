@@ -33,7 +33,7 @@ def references(episodes: int) -> Iterable[str]:
     """Both references on every preset and design."""
     yield "| preset | design | random | scripted |\n|---|---|---|---|"
     for preset, config in PRESETS.items():
-        for design in DESIGNS.values():
+        for design in map(design_named, DESIGNS):
             task = ReachTask(config, design, seed=0)
             low = mean_reward(task, random_policy(0), episodes)
             high = mean_reward(task, scripted_action, episodes)

@@ -8,27 +8,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pa_ros.core.experience import (
-    ARM_FEATURES,
-    COLORS,
-    JOINTS,
-    OBJECT_FEATURES,
-    SHAPES,
-    AgentKey,
-    Observation,
-    PolicySnapshot,
-    Verdict,
-)
+from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot, Verdict
 from pa_ros.core.published import PublishedPolicy
-from pa_ros.language import Vocabulary, parse
+from pa_ros.language import parse
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Command
 from pa_ros.wire.signing import KEY_BYTES, Checker, Signer
 from pa_ros.world import Trajectory
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
-JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, JOINTS + 1))
-_WORDS = Vocabulary.of(shape=SHAPES, color=COLORS)
+_WORLD = World(PAPER, PAPER.vocabulary)
+JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, _WORLD.joints + 1))
 _OBJECTS = 5
 _TRANSITIONS = 100
 _WEIGHTS = {"message.0.weight": (150, 68), "message.1.weight": (150, 150), "all.else": (40_000,)}
@@ -57,7 +49,7 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
         "encode_command_us": (lambda: codec.encode_command(command), calls),
         "decode_command_us": (lambda: codec.decode_command(messages[1]), calls),
         "encode_trajectory_us": (lambda: codec.encode_trajectory(trajectory), calls // 10),
-        "decode_trajectory_us": (lambda: codec.decode_trajectory(messages[2], _WORDS), calls // 10),
+        "decode_trajectory_us": (lambda: codec.decode_trajectory(messages[2], _WORLD), calls // 10),
         "encode_weights_us": (lambda: codec.encode_weights(policy), calls // 100),
         "decode_weights_us": (lambda: codec.decode_weights(messages[3]), calls // 100),
     }
@@ -87,11 +79,12 @@ def _signing(
 def sample_step(seed: int = 0) -> tuple[Observation, Verdict, Command]:
     """The content of one control step, of the sizes that the arena has."""
     rng = np.random.default_rng(seed)
-    objects = rng.normal(size=(_OBJECTS, OBJECT_FEATURES)).astype(np.float32)
-    joints = rng.normal(size=(2, JOINTS))
-    observation = Observation(3, 7, 10**9, objects, joints[0], joints[1], 0, "generated-3")
+    objects = rng.normal(size=(_OBJECTS, _WORLD.object_features)).astype(np.float32)
+    joints = rng.normal(size=(2, _WORLD.joints))
+    pose = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])
+    observation = Observation(3, 7, 10**9, objects, joints[0], joints[1], 0, "generated-3", pose)
     verdict = Verdict(3, 7, 10**9, "generated-3", -1.0, False, 0.4, False)
-    action = rng.uniform(-1, 1, JOINTS).astype(np.float32)
+    action = rng.uniform(-1, 1, _WORLD.actions).astype(np.float32)
     return observation, verdict, Command(3, 7, 10**9, "agent", 1, action)
 
 
@@ -103,15 +96,15 @@ def _trajectory(rng: np.random.Generator) -> Trajectory:
         policy_version=0,
         episode=0,
         first_step=0,
-        program=parse("NEAR(HAND, AND(RED, CUBE))", _WORDS),
+        program=parse("NEAR(HAND, AND(RED, CUBE))", _WORLD.vocabulary),
         hand_index=0,
-        objects=rng.normal(size=(rows, _OBJECTS, OBJECT_FEATURES)).astype(np.float32),
-        arm=rng.normal(size=(rows, ARM_FEATURES)).astype(np.float32),
-        actions=rng.uniform(-1, 1, (_TRANSITIONS, JOINTS)).astype(np.float32),
+        objects=rng.normal(size=(rows, _OBJECTS, _WORLD.object_features)).astype(np.float32),
+        arm=rng.normal(size=(rows, _WORLD.arm_features)).astype(np.float32),
+        actions=rng.uniform(-1, 1, (_TRANSITIONS, _WORLD.actions)).astype(np.float32),
         rewards=np.ones(_TRANSITIONS, dtype=np.float32),
         ends_episode=True,
         terminated=False,
-        vocabulary_digest=_WORDS.digest,
+        world_digest=_WORLD.digest,
     )
 
 

@@ -11,7 +11,6 @@ from functools import singledispatch
 from math import prod
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import Canonical, Family, Programmable
 from pa_ros.networks.parameters import Shapes, actor_shapes, critic_shapes
@@ -74,7 +73,7 @@ def floor_us(cost: Cost, rates: Rates) -> float:
 
 def update_cost(network: NetworkConfig, sizes: Sizes) -> Cost:
     """One update: targets, both gradients, Adam (docs/DESIGN.md, "Learning")."""
-    return _parts(network.family, network, sizes) + _adam(network) + _batch(sizes)
+    return _parts(network.family, network, sizes) + _adam(network) + _batch(network, sizes)
 
 
 @singledispatch
@@ -86,24 +85,24 @@ def _parts(family: Family, network: NetworkConfig, z: Sizes) -> Cost:
 @_parts.register
 def _(family: Programmable, network: NetworkConfig, z: Sizes) -> Cost:
     """Forward four times, backward twice; the critic's head once more, at π(s)."""
-    words = len(network.vocabulary.words)
+    words, actions = len(network.vocabulary.words), network.world.actions
     rows, total = z.transitions * z.programs, Cost()
     for critic in (False, True):
         detectors = words if family.detects(critic) else 0
         total += _trunk(network, z, detectors) * 2 + _trunk_backward(network, z, detectors)
-    actor_head = Cost(flops=rows * 2 * network.hidden * JOINTS, tanhs=rows * network.hidden)
+    actor_head = Cost(flops=rows * 2 * network.hidden * actions, tanhs=rows * network.hidden)
     critic_head = actor_head + Cost(flops=rows * 2 * network.hidden)
-    squash = Cost(tanhs=rows * JOINTS)
-    backward = Cost(flops=rows * network.hidden * (4 * JOINTS + 2))
+    squash = Cost(tanhs=rows * actions)
+    backward = Cost(flops=rows * network.hidden * (4 * actions + 2))
     heads = (actor_head + squash) * 2 + critic_head * 3 + backward * 2
-    return total + heads + Cost(flops=rows * 2 * network.hidden * JOINTS)  # ∂Q/∂a
+    return total + heads + Cost(flops=rows * 2 * network.hidden * actions)  # ∂Q/∂a
 
 
 def _trunk(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
     """From Ω to h: first layers, pairs, weighted sums, second layers."""
     b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
     a, pairs = network.attention, z.transitions * z.objects**2
-    first = 2 * b * _first_columns(network, detectors) * (n * OBJECT_FEATURES + ARM_FEATURES)
+    first = 2 * b * _first_columns(network, detectors) * _scene(network, n)
     sums = 2 * b * k * h * (n + n * n) + 2 * pairs * a  # Σ p f, Σ p α r and w·tanh
     second = 2 * b * k * 2 * h * h
     return Cost(
@@ -118,12 +117,17 @@ def _trunk_backward(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
     """From ∂/∂h to the parameters' gradients; inputs need none."""
     b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
     pairs = b * n * n
-    first = 2 * b * _first_columns(network, detectors) * (n * OBJECT_FEATURES + ARM_FEATURES)
+    first = 2 * b * _first_columns(network, detectors) * _scene(network, n)
     second = 2 * 2 * b * k * 2 * h * h
     messages = pairs * h * (4 * k + 5)  # both factors of each product; 1 − t², two sums
     local = b * n * h * (4 * k + 3)
     attention = pairs * network.attention * 7
     return Cost(flops=first + second + messages + local + attention)
+
+
+def _scene(network: NetworkConfig, objects: int) -> int:
+    """Numbers that describe a state."""
+    return objects * network.world.object_features + network.world.arm_features
 
 
 def _first_columns(network: NetworkConfig, detectors: int) -> int:
@@ -135,13 +139,15 @@ def _first_columns(network: NetworkConfig, detectors: int) -> int:
 def _(family: Canonical, network: NetworkConfig, z: Sizes) -> Cost:
     """MLPs: three layers; the critic's first is shared by Q(s, a) and Q(s, π(s))."""
     rows, h = z.transitions * z.programs, network.canonical_hidden
-    inputs = canonical_inputs(network.vocabulary)
+    inputs = canonical_inputs(network.world)
     first = Cost(flops=2 * rows * inputs * h, tanhs=rows * h)
     second = Cost(flops=2 * rows * h * h, tanhs=rows * h)
-    enters = Cost(flops=2 * rows * JOINTS * h)  # the action of a hidden layer, or the reverse
+    enters = Cost(
+        flops=2 * rows * network.world.actions * h
+    )  # the action of a hidden layer, or the reverse
     output = Cost(flops=2 * rows * h)
     forward = first * 4 + second * 5 + enters * 3 + enters * 2 + output * 3
-    squash = Cost(tanhs=2 * rows * JOINTS)
+    squash = Cost(tanhs=2 * rows * network.world.actions)
     weights = first.flops + 2 * second.flops + 6 * rows * h  # also ∂/∂first; 1 − t², twice
     backward = Cost(flops=2 * weights + 3 * enters.flops + 2 * output.flops)
     return forward + squash + backward + enters + output  # ∂Q/∂a
@@ -154,9 +160,9 @@ def _adam(network: NetworkConfig) -> Cost:
     return Cost(flops=ADAM_FLOPS * parameters, bytes=FLOAT_BYTES * moved * parameters)
 
 
-def _batch(z: Sizes) -> Cost:
-    scene = z.objects * OBJECT_FEATURES + ARM_FEATURES
-    floats = z.transitions * (2 * scene + JOINTS + 1 + 2 * z.programs)
+def _batch(network: NetworkConfig, z: Sizes) -> Cost:
+    scene = _scene(network, z.objects)
+    floats = z.transitions * (2 * scene + network.world.actions + 1 + 2 * z.programs)
     return Cost(bytes=FLOAT_BYTES * floats)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
-from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.arena.gym_env import ENV_ID
 from pa_ros.benchmarks.growth import bench_growth, markdown_table
 from pa_ros.benchmarks.growth_figure import growth_figure
@@ -51,7 +51,7 @@ def bench_loop(kind: str) -> Report:
     """`pa_ros bench train`: arena, actor and learner in one process, as `pa_ros train` has them."""
     design, arena, protocol = design_named(DESIGN), preset_named("fast"), protocol_named("ours")
     report = bench_train(
-        protocol.network_config(design.vocabulary, kind),
+        protocol.network_config(world_of(arena, design), kind),
         protocol.learner,
         training_programs(design),
         ReachTask(arena, design, seed=0),
@@ -65,7 +65,7 @@ def bench_graph_loop(kind: str) -> Report:
     from pa_ros.benchmarks.graph_learning import bench_learning_graph
 
     design, protocol = design_named(DESIGN), protocol_named("ours")
-    network = protocol.network_config(design.vocabulary, kind)
+    network = protocol.network_config(world_of(preset_named("fast"), design), kind)
     bare = bare_updates(network, protocol.learner, training_programs(design))
 
     def updates_per_s() -> float:
@@ -78,7 +78,7 @@ def bench_graph_loop(kind: str) -> Report:
 
 def _setting(kind: str) -> tuple[NetworkConfig, LearnerConfig, tuple[Program, ...]]:
     design, protocol = design_named(DESIGN), protocol_named("ours")
-    network = protocol.network_config(design.vocabulary, kind)
+    network = protocol.network_config(world_of(preset_named("fast"), design), kind)
     config = protocol.learner.changed(**{"relabeling.programs_per_transition": 1})
     return network, config, training_programs(design)
 

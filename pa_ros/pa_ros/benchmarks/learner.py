@@ -14,7 +14,7 @@ from pa_ros.benchmarks.cost import Rates, Sizes, floor_us, update_cost
 from pa_ros.benchmarks.machine import measure_rates
 from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
-from pa_ros.core.experience import COLORS, JOINTS, SHAPES, Float32, Observation
+from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.report import Report
 from pa_ros.core.update import Batch, Engine, UpdateValues
 from pa_ros.language import Program
@@ -28,6 +28,7 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world import Trajectory
+from pa_ros.world.schema import ObjectSchema
 
 log = logging.getLogger(__name__)
 Update = Callable[[Batch, UpdateValues], None]
@@ -158,8 +159,10 @@ def _actors(learner: Learner, program: Program) -> list[Contender]:
     actor.load(snapshot)
     plain = TorchActor(network, snapshot.tensors)
     objects = learner.replay.arrays["objects"][0].copy()
-    joints = np.random.default_rng(0).normal(size=JOINTS)
-    observation = Observation(0, 0, 0, objects, joints, joints, 0, "0.0")
+    joints = np.random.default_rng(0).normal(size=network.world.joints)
+    pose = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])
+    observation = Observation(0, 0, 0, objects, joints, joints, 0, "0.0", pose)
+    arm = network.world.arm(observation)
 
     def fused(calls: int) -> None:
         for _ in range(calls):
@@ -167,7 +170,7 @@ def _actors(learner: Learner, program: Program) -> list[Contender]:
 
     def reference(calls: int) -> None:
         for _ in range(calls):
-            plain.act(observation.objects, observation.arm, program, 0)
+            plain.act(observation.objects, arm, program, 0)
 
     return [Contender(ACT, fused), Contender(ACT_TORCH, reference)]
 
@@ -230,14 +233,16 @@ def _ratios(report: Report) -> dict[str, float]:
     return ratios
 
 
-def random_scenes(rng: np.random.Generator, count: int, objects: int) -> Float32:
-    """Ω of one scene seen `count` times, [count, N, 16]: a hand, then blocks of any kind."""
-    scenes = np.zeros((count, objects, 16), np.float32)
+def random_scenes(
+    rng: np.random.Generator, schema: ObjectSchema, count: int, objects: int
+) -> Float32:
+    """Ω of one scene seen `count` times, [count, N, F]: a hand, then blocks of any kind."""
+    scenes = np.zeros((count, objects, schema.width), np.float32)
     scenes[..., :3] = rng.normal(0, 0.3, (count, objects, 3))
     scenes[..., 3:7] = rng.normal(0, 0.5, (count, objects, 4))
-    blocks = np.arange(objects)
-    scenes[:, blocks, 7 + blocks % len(SHAPES)] = 1.0
-    scenes[:, blocks, 11 + blocks % len(COLORS)] = 1.0
+    for i in range(objects):
+        values = {g.name: g.features.values[i % len(g.features.values)] for g in schema}
+        scenes[:, i, schema.properties] = schema.features(values)[schema.properties]
     scenes[:, 0] = 0.0
     scenes[:, 0, 6] = 1.0
     return scenes
@@ -259,11 +264,11 @@ def _trajectory(
         first_step=0,
         program=programs[sequence % len(programs)],
         hand_index=0,
-        objects=random_scenes(rng, steps + 1, objects),
-        arm=rng.normal(size=(steps + 1, 18)).astype(np.float32),
-        actions=rng.uniform(-1, 1, (steps, JOINTS)).astype(np.float32),
+        objects=random_scenes(rng, network.world.schema, steps + 1, objects),
+        arm=rng.normal(size=(steps + 1, network.world.arm_features)).astype(np.float32),
+        actions=rng.uniform(-1, 1, (steps, network.world.actions)).astype(np.float32),
         rewards=rng.choice([-1.0, 1.0], steps).astype(np.float32),
         ends_episode=True,
         terminated=False,
-        vocabulary_digest=network.vocabulary.digest,
+        world_digest=network.world.digest,
     )

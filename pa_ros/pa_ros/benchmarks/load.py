@@ -135,8 +135,8 @@ def recorded(episodes: int = RECORDED) -> list[Trajectory]:
     design, arena = design_named(DESIGN), preset_named(PRESET)
     task, limits = ReachTask(arena, design, seed=0), np.array(arena.joint_speed_limits)
     policy, found = random_policy(0), []
-    steps, digest = arena.episode_steps, design.vocabulary.digest
-    builder = TrajectoryBuilder(AgentKey("recorded", 1), "", steps, digest)
+    key, steps = AgentKey("recorded", 1), arena.episode_steps
+    builder = TrajectoryBuilder(key, "", steps, task.world)
     for index in range(episodes):
         observation, verdict = task.reset(index)
         while (trajectory := builder.observe(observation, verdict, task.program)) is None:

@@ -17,7 +17,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
 from pa_ros.language import Program, degree
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -26,14 +25,12 @@ from pa_ros.world.programs import ProgramTable
 
 Named = dict[str, Tensor]
 
-GEOMETRY = [*range(7), *range(16, 34)]  # what is no property in ω: position, orientation, arm
-
 
 class Scenes(NamedTuple):
     """B scenes, each under K programs."""
 
-    objects: Tensor  # [B, N, 16]
-    arm: Tensor  # [B, 18]
+    objects: Tensor  # [B, N, F]
+    arm: Tensor  # [B, A]
     programs: Sequence[Program]
     row: Tensor  # [B, K], of `programs`
     hand_index: int = HAND_INDEX
@@ -53,24 +50,35 @@ def mlp(named: Named, name: str, x: Tensor) -> Tensor:
 
 
 def columns(network: NetworkConfig, seen: Scenes) -> Tensor:
-    """ω, [B, N, 34]: positions scaled, the arm's features appended (appendix)."""
+    """ω, [B, N, F + A]: scaled, the arm's features appended (appendix)."""
     arms = seen.arm[:, None].expand(-1, seen.objects.shape[1], -1)
-    positions = seen.objects[..., :3] * network.position_scale
-    return torch.cat([positions, seen.objects[..., 3:], arms], -1)
+    scaled = [seen.objects[..., :3] * network.position_scale, seen.objects[..., 3:7]]
+    for group in network.world.schema:
+        scaled.append(_of_group(network, seen, group.name) * group.features.scale)
+    return torch.cat([*scaled, arms], -1)
+
+
+def _of_group(network: NetworkConfig, seen: Scenes, group: str) -> Tensor:
+    return seen.objects[..., network.world.schema.slices[group]]
 
 
 def properties(network: NetworkConfig, named: Named, seen: Scenes) -> Named:
-    """Φ by word, each [B, N]: one softmax per group of detectors, or the one-hots of Ω."""
+    """Φ by word, each [B, N]: one softmax per group of detectors, or the true one."""
     words = network.vocabulary.words
     if "detectors.weight" not in named:
-        true = dict(zip(SHAPES + COLORS, seen.objects[..., 7:].unbind(-1), strict=True))
-        return {word: true.get(word, torch.zeros_like(seen.objects[..., 0])) for word in words}
+        true: Named = {word: torch.zeros_like(seen.objects[..., 0]) for word in words}
+        for one in network.world.schema:
+            for value in set(one.features.values) & set(network.vocabulary[one.name]):
+                like = torch.tensor(one.features.prototypes[value])
+                square = (_of_group(network, seen, one.name) - like).square().sum(-1)
+                true[value] = (square <= one.features.tolerance**2).to(seen.objects)
+        return true
     logits = linear(named, "detectors", columns(network, seen)).unbind(-1)
     exponentials = dict(zip(words, map(torch.exp, logits), strict=True))
     phi: Named = {}
-    for group in (network.vocabulary["shape"], network.vocabulary["color"]):
-        total = torch.stack([exponentials[word] for word in group]).sum(0)
-        phi |= {word: exponentials[word] / total for word in group}
+    for group in network.vocabulary.groups:
+        total = torch.stack([exponentials[word] for word in group.words]).sum(0)
+        phi |= {word: exponentials[word] / total for word in group.words}
     return phi
 
 
@@ -131,6 +139,7 @@ class StraightforwardEngine:
         critic: Mapping[str, NDArray[Any]],
     ) -> None:
         self.network, self._config, self._table = network, config, table
+        self._geometry = network.world.geometry
         self._dtype: torch.dtype = getattr(torch, config.engine.dtype)
         self.networks = {
             name: parameters(tensors, self._dtype)
@@ -203,7 +212,7 @@ class StraightforwardEngine:
         root = torch.sqrt(v / values.correction2) + config.optimizer.epsilon
         x.copy_(kept * x - rate * (m / values.correction1) / root)
         if weighs:
-            x[:, GEOMETRY] *= 1 - values.geometry_decay
+            x[:, self._geometry] *= 1 - values.geometry_decay
 
     def _scenes(self, objects: NDArray[Any], arm: NDArray[Any], batch: Batch) -> Scenes:
         programs = self._table.programs

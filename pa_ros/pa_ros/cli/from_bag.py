@@ -8,7 +8,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from pa_ros.arena import ArenaChoice, training_programs
+from pa_ros.arena import ArenaChoice, training_programs, world_of
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.offline import Lessons, learn
@@ -76,7 +76,7 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
     protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
     seed = options.seed or 0
     learner = Learner(
-        protocol.network_config(design.vocabulary, options.network),
+        protocol.network_config(world_of(arena, design), options.network),
         protocol.learner,
         training_programs(design),
         seed,

@@ -11,6 +11,7 @@ from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import refuse_occupied, signals_noted, start_nodes, watch
 from pa_ros.tools.launch_params import (
     chosen,
+    extended,
     fleet,
     learning_into,
     load_parameters,
@@ -56,6 +57,7 @@ def run(options: argparse.Namespace) -> int:
     wanted = load_parameters(chosen(options.params))
     if options.arenas is not None:
         wanted = fleet(wanted, options.arenas)
+    wanted = extended(wanted, options.extension)
     folder = options.out or new_folder("launch")
     parameters = learning_into(folder, wanted)
     figures = GraphFigures()

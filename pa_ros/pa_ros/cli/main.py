@@ -57,11 +57,13 @@ def add_extension(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def load_extensions(arguments: Sequence[str]) -> None:
-    """Import them before the command's options are made, whose choices they add to."""
+def load_extensions(arguments: Sequence[str]) -> list[str]:
+    """Import them before the command's options are made, whose choices they add to; their names."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     add_extension(parser)
-    extensions.load(parser.parse_known_args(arguments)[0].extension)
+    given: list[str] = parser.parse_known_args(arguments)[0].extension
+    extensions.load(given)
+    return given
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -69,8 +71,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = next((a for a in arguments if a in COMMANDS), None)
     try:
-        load_extensions(arguments)
+        given = load_extensions(arguments)
         options = build_parser(chosen).parse_args(arguments)
+        options.extension = given  # those before the command, too
         status = int(importlib.import_module(COMMANDS[options.command][0]).run(options))
         sys.stdout.flush()
         return status

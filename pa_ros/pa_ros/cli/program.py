@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 
-from pa_ros.core.experience import COLORS, SHAPES
 from pa_ros.language.parser import parse
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relations import RELATIONS
+from pa_ros.world.schema import PAPER
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def vocabulary(design: str | None) -> Vocabulary:
     """The vocabulary of a design, or the arena's own words and all relations."""
     if design is None:
-        return Vocabulary.of(shape=SHAPES, color=COLORS).asking(*RELATIONS)
+        return PAPER.vocabulary.asking(*RELATIONS)
     from pa_ros.arena.designs import design_named
 
     return design_named(design).vocabulary

@@ -16,6 +16,7 @@ from pa_ros.arena import (
     Design,
     ReachTask,
     training_programs,
+    world_of,
 )
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
@@ -69,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     with _run_log(options, arena, design, seed, programs) as run_log:
         train(
             config,
-            protocol.network_config(design.vocabulary, options.network),
+            protocol.network_config(world_of(arena, design), options.network),
             protocol.learner,
             ReachTask(arena, design, seed, reward=reward_from(config.reward)),
             np.array(arena.joint_speed_limits),

@@ -11,23 +11,6 @@ from numpy.typing import NDArray
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-JOINTS = 6
-ARM_FEATURES = 3 * JOINTS
-SHAPES = ("CUBE", "SPHERE", "CYLINDER", "CAPSULE")
-COLORS = ("RED", "GREEN", "BLUE", "YELLOW", "MAGENTA")
-OBJECT_FEATURE_NAMES = (
-    *("x", "y", "z"),  # metres, hand frame
-    *("qx", "qy", "qz", "qw"),  # orientation in the hand frame, qw >= 0
-    *(f"shape_{name.lower()}" for name in SHAPES),  # one-hot; all zero for the hand
-    *(f"color_{name.lower()}" for name in COLORS),
-)
-OBJECT_FEATURES = len(OBJECT_FEATURE_NAMES)  # 16
-
-
-def arm_features(position: Float64, velocity: Float64) -> Float32:
-    """Arm part of Ω: sin, cos (of rad) and velocity (rad/s) of the 6 joints, [18] float32."""
-    return np.concatenate([np.sin(position), np.cos(position), velocity]).astype(np.float32)
-
 
 @dataclass(frozen=True, slots=True)
 class Observation:
@@ -36,16 +19,12 @@ class Observation:
     episode: int
     step: int  # 0 is the observation a reset returns
     stamp_ns: int  # simulation time; never goes back, not even at a reset
-    objects: Float32  # [N, 16], OBJECT_FEATURE_NAMES; the hand is one of the N
-    joint_position: Float64  # [6] rad
-    joint_velocity: Float64  # [6] rad/s
+    objects: Float32  # [N, F], `world.schema.ObjectSchema`; the hand is one of the N
+    joint_position: Float64  # [J] rad
+    joint_velocity: Float64  # [J] rad/s
     hand_index: int
     program_id: str  # the program the verifier scores this step under
-
-    @property
-    def arm(self) -> Float32:
-        """Arm features, [18]."""
-        return arm_features(self.joint_position, self.joint_velocity)
+    hand_pose: Float64  # [7], x y z (m) and quaternion xyzw (qw >= 0) in the arm's base frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,5 +85,5 @@ class PolicySnapshot:
 
     version: int
     architecture: str  # canonical JSON of the network's configuration
-    vocabulary_digest: str
+    world_digest: str
     tensors: dict[str, Float32]  # state-dict names; float32, C-contiguous

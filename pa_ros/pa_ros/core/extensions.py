@@ -14,8 +14,28 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
+
+from pydantic import Field, model_validator
 
 from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.settings import Settings
+
+
+class Extensible(Settings):
+    """Settings of a node, whose other values may be names that extensions register."""
+
+    extensions: tuple[str, ...] = Field(
+        (), description="modules or files.py to import, for the arms, designs, … of your own"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _load(cls, values: Any) -> Any:
+        named = values.get("extensions", ()) if isinstance(values, dict) else ()
+        if isinstance(named, (list, tuple)) and all(isinstance(name, str) for name in named):
+            load(named)
+        return values
 
 
 def load(extensions: Iterable[str]) -> tuple[ModuleType, ...]:

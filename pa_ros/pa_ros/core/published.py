@@ -15,7 +15,7 @@ class LearnerInfo:
     run_id: str  # kept when a run resumes
     learner_id: str  # new at every start
     first_version: int  # newest version of the weights at this start; 0: from scratch
-    vocabulary_digest: str
+    world_digest: str
     architecture: str  # canonical JSON of the actor's configuration
     trajectory_steps: int  # transitions after which a trajectory is sent at the latest
     policy_lag: int  # trajectories

@@ -17,11 +17,11 @@ HAND_INDEX = 0  # of every batch: the replay stores the hand first, whatever its
 class Batch:
     """B transitions × K programs. Arrays are C-contiguous; the hand is object 0."""
 
-    objects: Float32  # [B, N, 16]
-    arm: Float32  # [B, 18]
-    action: Float32  # [B, 6]
-    next_objects: Float32  # [B, N, 16]
-    next_arm: Float32  # [B, 18]
+    objects: Float32  # [B, N, F]
+    arm: Float32  # [B, A]
+    action: Float32  # [B, J]
+    next_objects: Float32  # [B, N, F]
+    next_arm: Float32  # [B, A]
     program: NDArray[np.int32]  # [B, K], rows of the ProgramTable
     reward: Float32  # [B, K]
     discount: Float32  # [B]; γ, or 0 after a true termination
@@ -37,7 +37,7 @@ class UpdateValues:
     correction2: float  # what Adam's second moment is divided by, 1 − β₂ᵗ
     action_l2: float  # weight of ½|a|², taken from Q in the actor's objective
     detector_decay: float  # of the detectors' weights per unit of their rate, as AdamW's
-    geometry_decay: float  # share of their weights of all but the one-hots that is taken away
+    geometry_decay: float  # share of their weights of all but properties that is taken away
     discount: float  # γ
     reward_scale: float  # of rewards; keeps the bounds of Q, whatever γ is
     property_dropout: float  # of transitions where a block's properties are hidden

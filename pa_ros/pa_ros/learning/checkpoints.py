@@ -29,9 +29,9 @@ from pa_ros.learning.checksums import SUMS, check_files, checksums
 from pa_ros.learning.edition2 import scoring_of
 from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.learner import Counters, Learner
-from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.config import NetworkConfig, actor_config
 
-FORMAT = 2
+FORMAT = 3
 LATEST = "LATEST"
 METADATA = "metadata.json"
 DPG = "dpg"  # the algorithm of checkpoints that name none
@@ -85,16 +85,19 @@ def _remove_unfinished(root: Path, name: str) -> None:
 def read_metadata(path: Path) -> dict[str, Any]:
     """metadata.json of a checkpoint, or of the latest one under a root; `extra` is in it.
 
-    Version 0.1's is brought to today's names.
+    Those of versions 0.1 and 0.2 are brought to today's names.
     """
     directory = find_checkpoint(path)
     try:
         values = read_json((directory / METADATA).read_text())
         if values["format"] == edition1.FORMAT:
             values = edition1.read(values)
-        elif values["format"] != FORMAT:
+        if values["format"] == edition1.FORMAT + 1:  # 0.2's, which knew the paper's world alone
+            architecture = actor_config(values["architecture"]).architecture
+            values |= {"format": FORMAT, "architecture": architecture}
+        if values["format"] != FORMAT:
             raise CheckpointError(
-                f"checkpoint: {directory}: expected format {FORMAT} or {edition1.FORMAT}, "
+                f"checkpoint: {directory}: expected format {edition1.FORMAT} to {FORMAT}, "
                 f"got {values['format']!r}"
             )
     except (OSError, ConfigError, ValueError, KeyError, TypeError) as error:
@@ -256,7 +259,7 @@ def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapsh
             PolicySnapshot(
                 version=version,
                 architecture=values["architecture"],
-                vocabulary_digest=network.vocabulary.digest,
+                world_digest=network.world.digest,
                 tensors={
                     name.partition("/")[2]: tensor
                     for name, tensor in arrays.items()

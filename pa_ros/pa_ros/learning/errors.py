@@ -17,10 +17,10 @@ class TrajectorySizeError(TrajectoryError):
     code = "learning.size"
 
 
-class TrajectoryVocabularyError(TrajectoryError):
-    """A trajectory of an agent that speaks another vocabulary."""
+class TrajectoryWorldError(TrajectoryError):
+    """A trajectory of another world than the learner's."""
 
-    code = "learning.vocabulary"
+    code = "learning.world"
 
 
 class SupersededAgentError(TrajectoryError):

@@ -80,13 +80,15 @@ class Learner:
             self._row(program)
         self._relabeler = None
         if config.relabeling.rule == "all-goals":
-            self._relabeler = Relabeler(training_programs, network.vocabulary, self.scoring)
+            self._relabeler = Relabeler(training_programs, network.world, self.scoring)
         self._dropout = None
         if config.relabeling.property_dropout and network.family.evaluates_programs:
-            self._dropout = PropertyDropout(self.table, config.relabeling.property_dropout)
+            self._dropout = PropertyDropout(
+                self.table, network.world, config.relabeling.property_dropout
+            )
         goals = self._relabeler.rewards_kept if self._relabeler else 0
         self.replay = ReplayBuffer(
-            config.replay.capacity_frames, network.vocabulary.digest, n_objects, goals
+            config.replay.capacity_frames, network.world, n_objects, goals
         )
         algorithm = ALGORITHMS[config.ALGORITHM]
         self.engine = algorithm.make_engine(network, config, self.table, self.rng)
@@ -200,7 +202,7 @@ class Learner:
         return PolicySnapshot(
             version=version,
             architecture=self.network.architecture,
-            vocabulary_digest=self.network.vocabulary.digest,
+            world_digest=self.network.world.digest,
             tensors={k: np.ascontiguousarray(v) for k, v in self.engine.actor_tensors().items()},
         )
 

@@ -12,11 +12,12 @@ from pydantic import Field
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings
-from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import FAMILIES
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 
@@ -48,9 +49,9 @@ class Protocol:
         """The learner's settings; ConfigError for a value that they refuse."""
         return ALGORITHMS[self.algorithm].config().changed(**self.of("learner"))
 
-    def network_config(self, vocabulary: Vocabulary, kind: str = "programmable") -> NetworkConfig:
-        """The network's settings for a vocabulary; ConfigError likewise."""
-        default = NetworkConfig(vocabulary=vocabulary, kind=kind)  # type: ignore[arg-type]
+    def network_config(self, world: World, kind: str = "programmable") -> NetworkConfig:
+        """The network's settings for a world; ConfigError likewise."""
+        default = NetworkConfig(world=world, kind=kind)  # type: ignore[arg-type]
         return default.changed(**self.of("network"))
 
     def of(self, room: str) -> dict[str, Any]:
@@ -69,7 +70,7 @@ class Protocol:
         """
         given = dict(map(self._split, options))
         changed = Protocol(self.name, {**self.values, **given}, self.algorithm)
-        changed.network_config(Vocabulary.of(shape=("ANY",), color=("COLOR",)))
+        changed.network_config(World(PAPER, PAPER.vocabulary))
         _ = changed.learner
         return changed
 

@@ -93,7 +93,7 @@ def _announcement(learner: Learner, control_period_s: float, run_id: str) -> Lea
         run_id=run_id,
         learner_id=uuid4().hex,
         first_version=learner.counters.version,
-        vocabulary_digest=network.vocabulary.digest,
+        world_digest=network.world.digest,
         architecture=network.architecture,
         trajectory_steps=acting.schedule.trajectory_steps,
         policy_lag=acting.schedule.policy_lag,

@@ -10,20 +10,34 @@ from numpy.typing import NDArray
 
 MAX_WORDS: int = 128
 
+MAX_SLOTS: int = 32
+
+MAX_GROUPS: int = 8
+
+MAX_FEATURES: int = 256
+
+MAX_ACTIONS: int = 16
+
+MAX_NUMBERS: int = 4096
+
+MAX_PROGRAMS: int = 64
+
 LARGEST_PART: float = 43.599998474121094
 
 class Network:
     """What the engine is told of an actor or a critic."""
 
     @staticmethod
-    def trunk(*, hidden: int, attention: int, group_sizes: Sequence[int], truth: Sequence[int], detectors: bool, hide_properties: bool, critic: bool, position_scale: float, self_weight: float) -> Network:
+    def trunk(*, hidden: int, attention: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], detectors: bool, hide_properties: bool, critic: bool, self_weight: float) -> Network:
         """
-        A programmable one. `truth`: the object feature that is each word's true property, or -1.
+        A programmable one. `scale`: of each feature of an object. `words`: the first feature of each one's value, its numbers as scaled, and how near is near; no numbers: true of nothing.
         """
 
     @staticmethod
-    def canonical(*, hidden: int, words: int, slots: Sequence[tuple[int, int]], critic: bool, position_scale: float) -> Network:
-        """An MLP. `slots`: the two object features of the block that fills each."""
+    def canonical(*, hidden: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], slots: Sequence[Sequence[int]], critic: bool) -> Network:
+        """
+        An MLP. `slots`: the words, one of each group, of the block that fills each.
+        """
 
     @property
     def hidden(self) -> int: ...
@@ -33,6 +47,12 @@ class Network:
 
     @property
     def words(self) -> int: ...
+
+    @property
+    def object_features(self) -> int: ...
+
+    @property
+    def actions(self) -> int: ...
 
     @property
     def detectors(self) -> bool: ...
@@ -51,6 +71,9 @@ class Layout:
 
     @property
     def columns(self) -> int: ...
+
+    @property
+    def rows(self) -> int: ...
 
     @property
     def local(self) -> int: ...
@@ -151,7 +174,7 @@ class Engine:
 
     def set_targets(self, words: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
         """
-        The same for canonical networks: two words of each target, [P, 2] int32.
+        The same for canonical networks: each target's words, [P, groups] int32.
         """
 
     def update(self, *, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], action: Annotated[NDArray, dict(device='cpu', writable=False)], next_objects: Annotated[NDArray, dict(device='cpu', writable=False)], next_arm: Annotated[NDArray, dict(device='cpu', writable=False)], program: Annotated[NDArray, dict(device='cpu', writable=False)], reward: Annotated[NDArray, dict(device='cpu', writable=False)], discount: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, values: UpdateValues) -> Metrics: ...
@@ -166,11 +189,11 @@ class Actor:
 
     def act_on_program(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
         """
-        Objects [N, 16], arm [18], a flat program, each [1, L]; writes the action, [6].
+        Objects [N, F], arm [A], a flat program, each [1, L]; writes the action, [J].
         """
 
     def act_on_target(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, words: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
-        """The same for canonical networks: the target's two words, [1, 2]."""
+        """The same for canonical networks: the target's words, [1, groups]."""
 
 def level() -> str:
     """The instruction set in use."""

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.experience import JOINTS, Float32
+from pa_ros.core.experience import Float32
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
 from pa_ros.language import Program
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -23,7 +23,6 @@ from pa_ros.native.library import why_not_network
 from pa_ros.native.tensors import FlatNetwork
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
-    GEOMETRY,
     Shapes,
     Tensors,
     actor_shapes,
@@ -41,8 +40,15 @@ log = logging.getLogger(__name__)
 class _Trained:
     """One network's flat buffers, which the library owns, and how many updates they had."""
 
-    def __init__(self, flat: FlatNetwork, buffers: _fused.Trained, tensors: Tensors) -> None:
-        self.flat = flat
+    def __init__(
+        self,
+        flat: FlatNetwork,
+        buffers: _fused.Trained,
+        tensors: Tensors,
+        geometry: NDArray[np.intp],
+    ) -> None:
+        """`geometry`: features of ω that are no properties."""
+        self.flat, self._geometry = flat, geometry
         self.parameters, self.target = buffers.parameters, buffers.target
         self.gradient = buffers.gradient
         self.moments = buffers.first_moment, buffers.second_moment
@@ -55,9 +61,9 @@ class _Trained:
         self.target[:] = self.parameters
 
     def forget_geometry(self, share: float) -> None:
-        """Take away a share of what the detectors make of all but the one-hots."""
+        """Take away a share of what the detectors make of all but properties."""
         for weight in self._detectors:
-            weight[:, GEOMETRY] *= np.float32(1.0 - share)
+            weight[:, self._geometry] *= np.float32(1.0 - share)
 
     def named_buffers(self, name: str) -> dict[str, Float32]:
         """Buffers by the prefixes of `Engine.tensors`."""
@@ -101,9 +107,10 @@ class FusedEngine:
             detector_gain=config.detectors.gain,
             threads=config.engine.threads,
         )
+        geometry = network.world.geometry
         self._trained = {
-            "actor": _Trained(FlatNetwork(actor_network), self._engine.actor, actor),
-            "critic": _Trained(FlatNetwork(critic_network), self._engine.critic, critic),
+            "actor": _Trained(FlatNetwork(actor_network), self._engine.actor, actor, geometry),
+            "critic": _Trained(FlatNetwork(critic_network), self._engine.critic, critic, geometry),
         }
         self._programs = _Programs(network, table, self._engine)
         self._metrics: _fused.Metrics | None = None
@@ -211,9 +218,9 @@ class FusedActor:
         FlatNetwork(described).write(self._actor.parameters, tensors)
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [6], for objects [N, 16] and arm [18]."""
+        """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
         objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
-        action = np.empty(JOINTS, np.float32)
+        action = np.empty(self._config.world.actions, np.float32)
         self._family.act(self._actor, self._config, (objects, arm, hand_index), program, action)
         return action
 

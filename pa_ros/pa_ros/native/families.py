@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,8 @@ from pa_ros.language import Program
 from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import Canonical, Family, Programmable, codes_of
-from pa_ros.networks.slots import slot_matrices
+from pa_ros.networks.slots import slot_values
 from pa_ros.world.programs import Int32, ProgramTable
-from pa_ros.world.properties import truth_matrix
 
 
 class FusedFamily(ABC):
@@ -37,19 +37,36 @@ class FusedFamily(ABC):
         """Write the action for objects, arm and hand index."""
 
 
+def _world(network: NetworkConfig) -> dict[str, Any]:
+    """What the library is told of the world, with inputs as networks see them."""
+    world, words = network.world, []
+    scales = world.schema.scales
+    scales[:3] = network.position_scale
+    for group in world.schema:
+        known, by = group.features.prototypes, group.features.scale
+        for word in world.vocabulary[group.name]:
+            numbers = [by * number for number in known.get(word, ())]
+            at = world.schema.slices[group.name].start if numbers else 0
+            words.append((at, numbers, by * group.features.tolerance))
+    return {
+        "arm_features": world.arm_features,
+        "actions": world.actions,
+        "scale": scales.tolist(),
+        "group_sizes": list(world.vocabulary.group_sizes),
+        "words": words,
+    }
+
+
 class _Trunk(FusedFamily):
     def describe(self, network: NetworkConfig, critic: bool) -> _fused.Network:
-        truth = truth_matrix(network.vocabulary)  # [16, V]
         return _fused.Network.trunk(
             hidden=network.hidden,
             attention=network.attention,
-            group_sizes=list(network.vocabulary.group_sizes),
-            truth=np.where(truth.any(0), truth.argmax(0), -1).tolist(),
             detectors=network.family.detects(critic),
             hide_properties=not network.relations_see_properties,
             critic=critic,
-            position_scale=network.position_scale,
             self_weight=network.self_weight,
+            **_world(network),
         )
 
     def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
@@ -64,13 +81,17 @@ class _Trunk(FusedFamily):
 
 class _Mlp(FusedFamily):
     def describe(self, network: NetworkConfig, critic: bool) -> _fused.Network:
-        shapes, colors = (matrix.argmax(0).tolist() for matrix in slot_matrices(network.vocabulary))
+        world = network.world
+        rows = [
+            [world.vocabulary.row.get(value, -1) for value in group.features.values]
+            for group in world.schema
+        ]
+        slots = slot_values(world).tolist()
         return _fused.Network.canonical(
             hidden=network.canonical_hidden,
-            words=len(network.vocabulary.words),
-            slots=list(zip(shapes, colors, strict=True)),
+            slots=[[of[i] for of, i in zip(rows, slot, strict=True)] for slot in slots],
             critic=critic,
-            position_scale=network.position_scale,
+            **_world(network),
         )
 
     def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
@@ -101,5 +122,5 @@ def _target(program: Program, network: NetworkConfig) -> Int32:
 
 
 def _words(one_hots: NDArray[np.generic]) -> Int32:
-    """The two words of each target, [P, 2]."""
+    """The words of each target, [P, groups]."""
     return np.stack([np.flatnonzero(row) for row in one_hots]).astype(np.int32)

@@ -7,6 +7,7 @@ from types import ModuleType
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import Canonical, Programmable
+from pa_ros.networks.slots import slot_values
 
 
 def library() -> ModuleType:
@@ -33,11 +34,11 @@ def why_not_network(network: NetworkConfig) -> str:
     FusedError as `level` has it: a level that was asked for is never passed over in silence.
     """
     try:
-        limit = library().MAX_WORDS
+        limit = library().MAX_SLOTS
     except FusedError as error:
         return str(error)
     level()
     if type(network.family) not in (Programmable, Canonical):
         return f"it knows no networks of the family {network.family.name!r}"
-    words = len(network.vocabulary.words)
-    return f"it takes {limit} words, not {words}" if words > limit else ""
+    slots = len(slot_values(network.world)) if type(network.family) is Canonical else 0
+    return f"it takes {limit} slots, not {slots}" if slots > limit else ""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, Float32
+from pa_ros.core.experience import Float32
 from pa_ros.native import _fused
-from pa_ros.networks.parameters import COLUMN_FEATURES, Tensors
+from pa_ros.networks.parameters import Tensors
 
 
 class FlatNetwork:
@@ -55,12 +55,11 @@ class FlatNetwork:
         self, buffer: Float32, name: str, column: int, size: int
     ) -> dict[str, list[Float32]]:
         at = self._layout
-        rows = OBJECT_FEATURES + ARM_FEATURES + 1
-        matrix = buffer[at.first :][: rows * at.columns].reshape(rows, at.columns)
+        matrix = buffer[at.first :][: at.rows * at.columns].reshape(at.rows, at.columns)
         columns = matrix[:, column : column + size]
         return {
-            f"{name}.weight": [columns[:COLUMN_FEATURES].T],
-            f"{name}.bias": [columns[COLUMN_FEATURES]],
+            f"{name}.weight": [columns[:-1].T],
+            f"{name}.bias": [columns[-1]],
         }
 
     def _second(self, buffer: Float32, name: str, index: int) -> dict[str, list[Float32]]:
@@ -76,8 +75,8 @@ class FlatNetwork:
         weights = [_rows(buffer, at.second, at)[:size, :size].T]
         bias = _rows(buffer, at.second_bias, at)[0, :size]
         if critic:  # the action enters beside the hidden units, and brings the layer's bias
-            action = _rows(buffer, at.action, at)[: JOINTS + 1, :size]
-            weights, bias = [*weights, action[:JOINTS].T], action[JOINTS]
+            action = _rows(buffer, at.action, at)[: self.network.actions + 1, :size]
+            weights, bias = [*weights, action[:-1].T], action[-1]
         return {
             "layers.0.weight": [first[:inputs].T],
             "layers.0.bias": [first[inputs]],
@@ -87,11 +86,11 @@ class FlatNetwork:
 
     def _head(self, buffer: Float32) -> dict[str, list[Float32]]:
         at, size, critic = self._layout, self.network.hidden, self.network.critic
-        outputs = 1 if critic else JOINTS
+        outputs = 1 if critic else self.network.actions
         views: dict[str, list[Float32]] = {}
         if critic and not self.network.is_canonical:
-            rows = _rows(buffer, at.action, at)[: JOINTS + 1, :size]
-            views |= {"action.weight": [rows[:JOINTS].T], "action.bias": [rows[JOINTS]]}
+            rows = _rows(buffer, at.action, at)[: self.network.actions + 1, :size]
+            views |= {"action.weight": [rows[:-1].T], "action.bias": [rows[-1]]}
         views["output.weight"] = [_rows(buffer, at.output, at)[:outputs, :size]]
         views["output.bias"] = [buffer[at.output_bias :][:outputs]]
         return views

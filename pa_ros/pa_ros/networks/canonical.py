@@ -2,10 +2,10 @@
 
 Paper, appendix "Training parameters": 400 tanh units in each hidden layer, Lillicrap's initial
 weights, objects with the same properties always at the same place of the flattened vector. So the
-vector has a slot for the hand, then one for each (shape, color) of the vocabulary that exists in
-the world, filled with that block's 16 features or zeros, then the arm, then the target's shape
-and color as one-hots over the vocabulary. Only programs NEAR(HAND, AND(color, shape)) have such a
-target. As in Lillicrap et al., the action enters the critic at its second hidden layer.
+vector has a slot for the hand, then one for each kind of object that the vocabulary has words for,
+filled with that block's features or zeros, then the arm, then the target's properties as one-hots
+over the vocabulary. Only programs such as NEAR(HAND, AND(color, shape)) have such a target. As in
+Lillicrap et al., the action enters the critic at its second hidden layer.
 """
 
 from __future__ import annotations
@@ -13,33 +13,30 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.slots import canonical_inputs, slot_matrices
+from pa_ros.networks.properties import TrueProperties, input_scales
+from pa_ros.networks.slots import canonical_inputs, slot_values
 
 
 class FlattenedInput(nn.Module):
     """From Ω and the target's one-hots to the flattened vector, [B, K, D]."""
 
-    shapes: Tensor  # [16, S]
-    colors: Tensor  # [16, S]
-    position_scale: Tensor  # [16]
+    slots: Tensor  # [S, groups]: which value of each group
+    scales: Tensor  # [F]
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        for name, matrix in zip(
-            ("shapes", "colors"), slot_matrices(config.vocabulary), strict=True
-        ):
-            self.register_buffer(name, torch.from_numpy(matrix), persistent=False)
-        scale = torch.ones(self.shapes.shape[0])
-        scale[:3] = config.position_scale
-        self.register_buffer("position_scale", scale, persistent=False)
+        self.true = TrueProperties(config.world)
+        slots = torch.from_numpy(slot_values(config.world))
+        self.register_buffer("slots", slots, persistent=False)
+        self.register_buffer("scales", input_scales(config), persistent=False)
 
     def forward(self, objects: Tensor, arm: Tensor, target: Tensor, hand_index: int) -> Tensor:
-        """Flatten objects [B, N, 16], arm [B, 18] and target one-hots [B, K, V]."""
-        fills = (objects @ self.shapes) * (objects @ self.colors)  # [B, N, S]
-        scaled = objects * self.position_scale
-        slots = fills.transpose(1, 2) @ scaled  # [B, S, 16]
+        """Flatten objects [B, N, F], arm [B, A] and target one-hots [B, K, V]."""
+        has = zip(self.true.has(objects), self.slots.T, strict=True)
+        fills = torch.stack([group[..., value] for group, value in has]).all(0)  # [B, N, S]
+        scaled = objects * self.scales
+        slots = fills.to(scaled).transpose(1, 2) @ scaled  # [B, S, F]
         scene = torch.cat([scaled[:, hand_index], slots.flatten(1), arm], -1)
         scenes = scene[:, None].expand(-1, target.shape[1], -1)
         return torch.cat([scenes, target], -1)
@@ -52,12 +49,12 @@ class CanonicalActor(nn.Module):
         super().__init__()
         hidden = config.canonical_hidden
         self.flatten = FlattenedInput(config)
-        inputs = canonical_inputs(config.vocabulary)
+        inputs = canonical_inputs(config.world)
         self.layers = nn.ModuleList([nn.Linear(inputs, hidden), nn.Linear(hidden, hidden)])
-        self.output = nn.Linear(hidden, JOINTS)
+        self.output = nn.Linear(hidden, config.world.actions)
 
     def forward(self, objects: Tensor, arm: Tensor, target: Tensor, hand_index: int = 0) -> Tensor:
-        """Actions in [-1, 1], [B, K, 6], for target one-hots [B, K, V]."""
+        """Actions in [-1, 1], [B, K, J], for target one-hots [B, K, V]."""
         x = self.flatten(objects, arm, target, hand_index)
         for layer in self.layers:
             x = torch.tanh(layer(x))
@@ -71,8 +68,9 @@ class CanonicalCritic(nn.Module):
         super().__init__()
         hidden = config.canonical_hidden
         self.flatten = FlattenedInput(config)
-        inputs = canonical_inputs(config.vocabulary)
-        self.layers = nn.ModuleList([nn.Linear(inputs, hidden), nn.Linear(hidden + JOINTS, hidden)])
+        inputs = canonical_inputs(config.world)
+        second = hidden + config.world.actions
+        self.layers = nn.ModuleList([nn.Linear(inputs, hidden), nn.Linear(second, hidden)])
         self.output = nn.Linear(hidden, 1)
 
     def trunk(self, objects: Tensor, arm: Tensor, target: Tensor, hand_index: int) -> Tensor:
@@ -80,7 +78,7 @@ class CanonicalCritic(nn.Module):
         return torch.tanh(self.layers[0](self.flatten(objects, arm, target, hand_index)))
 
     def head(self, h: Tensor, action: Tensor) -> Tensor:
-        """Q, [B, K], of `trunk`'s answer and an action per scene [B, 6] or program [B, K, 6]."""
+        """Q, [B, K], of `trunk`'s answer and an action per scene [B, J] or program [B, K, J]."""
         if action.dim() == 2:
             action = action[:, None].expand(-1, h.shape[1], -1)
         x = torch.tanh(self.layers[1](torch.cat([h, action], -1)))

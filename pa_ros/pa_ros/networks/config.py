@@ -8,10 +8,11 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
 from pa_ros.core.settings import OneOf, Settings, canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.networks.edition2 import with_world
 from pa_ros.networks.families import FAMILIES, Family, family_named
+from pa_ros.world.world import World
 
 
 class NetworkConfig(Settings):
@@ -25,7 +26,7 @@ class NetworkConfig(Settings):
     - "canonical": MLPs on the flattened Ω; see `pa_ros.networks.canonical`.
 
     With `relations_see_properties` false, f, r and the neighbourhood attention have zero weights
-    for the one-hots of shape and color, and keep them: what an object is reaches the action only
+    for an object's properties, and keep them: what an object is reaches the action only
     through p, so nothing else can come to rely on the properties seen in training. The paper gives
     f and r the whole of ω.
 
@@ -44,7 +45,7 @@ class NetworkConfig(Settings):
 
     SECTION: ClassVar[str] = "network"
 
-    vocabulary: Vocabulary
+    world: World
     kind: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
         "programmable", description="family of actor and critic"
     )
@@ -62,11 +63,16 @@ class NetworkConfig(Settings):
         1.0, ge=0, description="initial weights: of the detectors', as a factor"
     )
     relations_see_properties: bool = Field(
-        True, description="whether f, r and the attention see the one-hots (paper)"
+        True, description="whether f, r and the attention see the properties (paper)"
     )
     self_weight: float = Field(
         1.0, ge=0, description="of an object's attention to itself; the paper's formula has 1"
     )
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The world's words."""
+        return self.world.vocabulary
 
     @property
     def family(self) -> Family:
@@ -80,30 +86,22 @@ class NetworkConfig(Settings):
             {
                 **self.family.sizes(self),
                 "actor": self.family.actor,
-                "shapes": list(self.vocabulary["shape"]),
-                "colors": list(self.vocabulary["color"]),
                 "position_scale": float(self.position_scale),
-                "object_features": OBJECT_FEATURES,
-                "arm_features": ARM_FEATURES,
-                "actions": JOINTS,
+                "world": self.world.to_data(),
             }
         )
 
     def to_json(self) -> str:
-        """Canonical JSON of every setting, the vocabulary's words among them."""
-        values = self.model_dump(mode="json", exclude={"vocabulary"})
-        words = {"shapes": self.vocabulary["shape"], "colors": self.vocabulary["color"]}
-        return canonical_json({**values, **words})
+        """Canonical JSON of every setting, the world among them."""
+        values = self.model_dump(mode="json", exclude={"world"})
+        return canonical_json({**values, "world": self.world.to_data()})
 
     @classmethod
     def from_json(cls, text: str) -> NetworkConfig:
-        """The inverse of `to_json`; ConfigError when the text is not such a description."""
+        """The inverse of `to_json`, version 0.2's too; ConfigError for any other text."""
         try:
-            values = read_json(text)
-            vocabulary = Vocabulary.of(
-                shape=tuple(values.pop("shapes")), color=tuple(values.pop("colors"))
-            )
-            return cls(vocabulary=vocabulary, **values)
+            values = with_world(read_json(text))
+            return cls(world=World.from_data(values.pop("world")), **values)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise ConfigError(f"network description: {error}: got {text[:200]!r}") from error
 
@@ -111,19 +109,21 @@ class NetworkConfig(Settings):
 def actor_config(architecture: str) -> NetworkConfig:
     """The configuration of an actor whose `architecture` text came with its weights.
 
-    What the text does not hold (initial weights, the critic) keeps its default.
+    What the text does not hold (initial weights, the critic) keeps its default; a text of version
+    0.2 is of the paper's world.
     Raises ConfigError if this version builds no such actor.
     """
     try:
-        values = read_json(architecture)
+        values = with_world(read_json(architecture))
         config = NetworkConfig(
-            vocabulary=Vocabulary.of(shape=tuple(values["shapes"]), color=tuple(values["colors"])),
+            world=World.from_data(values["world"]),
             kind=values["actor"],
             position_scale=values["position_scale"],
             **family_named(values["actor"]).fields(values),
         )
+        text = canonical_json(values)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ConfigError(f"architecture: {error}: got {architecture[:200]!r}") from error
-    if config.architecture != architecture:
-        raise ConfigError(f"architecture: expected {config.architecture}, got {architecture[:500]}")
+    if config.architecture != text:
+        raise ConfigError(f"architecture: expected {config.architecture}, got {text[:500]}")
     return config

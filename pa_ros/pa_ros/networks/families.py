@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import JOINTS, Float32
+from pa_ros.core.experience import Float32
 from pa_ros.language import Program, Vocabulary
-from pa_ros.networks.parameters import COLUMN_FEATURES, LILLICRAP_OUTPUT_SCALE, Shapes, linear
+from pa_ros.networks.parameters import LILLICRAP_OUTPUT_SCALE, Shapes, linear
 from pa_ros.networks.slots import canonical_inputs, target_one_hots
 from pa_ros.world.programs import Int32, ProgramTable
 
@@ -99,18 +99,19 @@ class Programmable(Family):
 
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
         hidden, attention = config.hidden, config.attention
+        columns, actions = config.world.columns, config.world.actions
         shapes: Shapes = {}
         if self.detects(critic):
-            shapes |= linear("detectors", len(config.vocabulary.words), COLUMN_FEATURES)
-        shapes |= linear("query", attention, COLUMN_FEATURES)
-        shapes |= linear("context", attention, COLUMN_FEATURES)
+            shapes |= linear("detectors", len(config.vocabulary.words), columns)
+        shapes |= linear("query", attention, columns)
+        shapes |= linear("context", attention, columns)
         shapes |= {"attention.weight": (attention,)}
-        shapes |= linear("local.0", hidden, COLUMN_FEATURES) | linear("local.1", hidden, hidden)
-        shapes |= linear("message.0", hidden, 2 * COLUMN_FEATURES)
+        shapes |= linear("local.0", hidden, columns) | linear("local.1", hidden, hidden)
+        shapes |= linear("message.0", hidden, 2 * columns)
         shapes |= linear("message.1", hidden, hidden)
         if not critic:
-            return shapes | linear("output", JOINTS, hidden)
-        return shapes | linear("action", hidden, JOINTS) | linear("output", 1, hidden)
+            return shapes | linear("output", actions, hidden)
+        return shapes | linear("action", hidden, actions) | linear("output", 1, hidden)
 
     def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
         return None if critic else config.actor_output_scale
@@ -149,10 +150,11 @@ class Canonical(Family):
 
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
         hidden = config.canonical_hidden
-        actions = JOINTS if critic else 0  # the action enters at the second hidden layer
-        shapes = linear("layers.0", hidden, canonical_inputs(config.vocabulary))
-        shapes |= linear("layers.1", hidden, hidden + actions)
-        return shapes | linear("output", 1 if critic else JOINTS, hidden)
+        actions = config.world.actions
+        enters = actions if critic else 0  # at the second hidden layer
+        shapes = linear("layers.0", hidden, canonical_inputs(config.world))
+        shapes |= linear("layers.1", hidden, hidden + enters)
+        return shapes | linear("output", 1 if critic else actions, hidden)
 
     def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
         return LILLICRAP_OUTPUT_SCALE

@@ -19,7 +19,7 @@ class Inference(Protocol):
     """Actions of one set of weights."""
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [6], for objects [N, 16] and arm [18]."""
+        """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
 
 
 class TorchActor:
@@ -33,7 +33,7 @@ class TorchActor:
 
     @torch.inference_mode()
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [6]; UnsupportedProgramError for what the network cannot be told."""
+        """Action in [-1, 1], [J]; UnsupportedProgramError for what the network cannot be told."""
         goals = _goals(program, self._config)
         action = self._module(_scene(objects), _scene(arm), goals, hand_index)
         return np.asarray(action[0, 0].numpy())

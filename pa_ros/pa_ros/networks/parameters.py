@@ -13,14 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import ARM_FEATURES, OBJECT_FEATURES, Float32
-from pa_ros.world.properties import PROPERTIES
+from pa_ros.core.experience import Float32
 
 if TYPE_CHECKING:
     from pa_ros.networks.config import NetworkConfig
 
-COLUMN_FEATURES = OBJECT_FEATURES + ARM_FEATURES  # 34, one column ω of Ω (paper, appendix)
-GEOMETRY = np.delete(np.arange(COLUMN_FEATURES), PROPERTIES)  # the rest of ω
 RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
@@ -98,5 +95,6 @@ def _initial(
         tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
         hidden = layer in RELATIONS and not config.relations_see_properties
         if hidden and name.endswith(".weight"):
-            tensors[name].reshape(shape[0], -1, COLUMN_FEATURES)[..., PROPERTIES] = 0.0
+            columns = tensors[name].reshape(shape[0], -1, config.world.columns)
+            columns[..., config.world.schema.properties] = 0.0
     return tensors

@@ -14,11 +14,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from pa_ros.core.experience import JOINTS
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import COLUMN_FEATURES, NOTHING
+from pa_ros.networks.parameters import NOTHING
+from pa_ros.networks.properties import TrueProperties, input_scales
 from pa_ros.networks.relevance import relevant_objects
-from pa_ros.world.properties import PROPERTIES, truth_matrix
 
 
 @dataclass(frozen=True)
@@ -45,52 +44,48 @@ class Attention(nn.Module):
 class Trunk(nn.Module):
     """From Ω and programs to h = Σ p_i ω'_i; actor and critic each have their own.
 
-    With `learned_detectors` Φ is computed by detectors, else it is the true one of the one-hots.
+    With `learned_detectors` Φ is computed by detectors, else it is the true one.
     """
 
-    position_scale: Tensor  # [16]
-    truth: Tensor  # [16, V]
-    seen: Tensor  # [34]: 1 for what f, r and α see of a column, else 0
+    scales: Tensor  # [F]
+    seen: Tensor  # [F + A]: 1 for what f, r and α see of a column, else 0
 
     def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
         super().__init__()
         self._group_sizes = config.vocabulary.group_sizes
+        columns = config.world.columns
         self._learned = learned_detectors
         self._self_weight = config.self_weight
         if learned_detectors:
-            self.detectors = nn.Linear(COLUMN_FEATURES, len(config.vocabulary.words))
-        self.query = nn.Linear(COLUMN_FEATURES, config.attention)
-        self.context = nn.Linear(COLUMN_FEATURES, config.attention)
+            self.detectors = nn.Linear(columns, len(config.vocabulary.words))
+        self.query = nn.Linear(columns, config.attention)
+        self.context = nn.Linear(columns, config.attention)
         self.attention = Attention(config.attention)
         hidden = config.hidden
-        self.local = nn.ModuleList([nn.Linear(COLUMN_FEATURES, hidden), nn.Linear(hidden, hidden)])
-        self.message = nn.ModuleList(
-            [nn.Linear(2 * COLUMN_FEATURES, hidden), nn.Linear(hidden, hidden)]
-        )
-        truth = torch.from_numpy(truth_matrix(config.vocabulary))
-        scale = torch.ones(truth.shape[0])
-        scale[:3] = config.position_scale
-        self.register_buffer("truth", truth, persistent=False)
-        self.register_buffer("position_scale", scale, persistent=False)
-        seen = torch.ones(COLUMN_FEATURES)
+        self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
+        self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
+        self.true = TrueProperties(config.world)
+        self.register_buffer("scales", input_scales(config), persistent=False)
+        seen = torch.ones(columns)
         if not config.relations_see_properties:
-            seen[PROPERTIES] = 0.0
+            seen[config.world.schema.properties] = 0.0
         self.register_buffer("seen", seen, persistent=False)
 
     def phi(self, objects: Tensor, arm: Tensor) -> Tensor:
-        """Φ, [B, V, N], of objects [B, N, 16] and arm [B, 18]: learned, or true."""
+        """Φ, [B, V, N], of objects [B, N, F] and arm [B, A]: learned, or true."""
         if not self._learned:
-            return (objects @ self.truth).transpose(1, 2)
+            truth: Tensor = self.true(objects).transpose(1, 2)
+            return truth
         groups = self.detectors(self._columns(objects, arm)).split(self._group_sizes, dim=-1)
         return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
 
     def _columns(self, objects: Tensor, arm: Tensor) -> Tensor:
-        """ω, [B, N, 34]: scaled objects, each with the arm."""
+        """ω, [B, N, F + A]: scaled objects, each with the arm."""
         arms = arm[:, None, :].expand(-1, objects.shape[1], -1)
-        return torch.cat([objects * self.position_scale, arms], -1)
+        return torch.cat([objects * self.scales, arms], -1)
 
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
-        """Compute h, [B, K, H], of objects [B, N, 16] and arm [B, 18] under K programs each."""
+        """Compute h, [B, K, H], of objects [B, N, F] and arm [B, A] under K programs each."""
         p = programs.relevant_objects(self.phi(objects, arm), hand_index)  # [B, K, N]
         columns = self._columns(objects, arm) * self.seen
         alpha = self._attention(columns, p)  # [B, K, N, N]
@@ -123,7 +118,7 @@ class Trunk(nn.Module):
     def _messages(self, columns: Tensor) -> Tensor:
         """First layer of r on every pair (receiver i, sender j): [B, N, N, H]."""
         first = _layers(self.message)[0]
-        receiver, sender = torch.hsplit(first.weight, 2)  # [H, 34] each
+        receiver, sender = torch.hsplit(first.weight, 2)  # [H, F + A] each
         received = F.linear(columns, receiver, first.bias)
         return torch.tanh(received[:, :, None] + F.linear(columns, sender)[:, None])
 
@@ -133,12 +128,12 @@ class ProgrammableActor(Trunk):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config, learned_detectors=config.family.detects(critic=False))
-        self.output = nn.Linear(config.hidden, JOINTS)
+        self.output = nn.Linear(config.hidden, config.world.actions)
 
     def forward(
         self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int = 0
     ) -> Tensor:
-        """Actions in [-1, 1], [B, K, 6]; see `Trunk.trunk` for the inputs."""
+        """Actions in [-1, 1], [B, K, J]; see `Trunk.trunk` for the inputs."""
         h = self.trunk(objects, arm, programs, hand_index)
         return torch.tanh(self.output(torch.tanh(h)))
 
@@ -148,11 +143,11 @@ class ProgrammableCritic(Trunk):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config, learned_detectors=config.family.detects(critic=True))
-        self.action = nn.Linear(JOINTS, config.hidden)
+        self.action = nn.Linear(config.world.actions, config.hidden)
         self.output = nn.Linear(config.hidden, 1)
 
     def head(self, h: Tensor, action: Tensor) -> Tensor:
-        """Q, [B, K], of h [B, K, H] and an action per scene [B, 6] or per program [B, K, 6]."""
+        """Q, [B, K], of h [B, K, H] and an action per scene [B, J] or per program [B, K, J]."""
         embedded = self.action(action)
         if embedded.dim() == 2:
             embedded = embedded[:, None]  # [B, 1, H]

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from pa_ros import __version__
-from pa_ros.arena import ARMS, ArenaConfig, Design
+from pa_ros.arena import ARMS, ArenaConfig, Design, world_of
 from pa_ros.arena.features import HAND_INDEX
 from pa_ros.language import Program
 from pa_ros.provenance.software import device, versions
@@ -41,15 +41,12 @@ def learner_origin(
     **of_process: Any,
 ) -> Origin:
     """A learner's account of itself, before or after it has learned something."""
-    vocabulary = learner.network.vocabulary
     parameters = {"engine": learner.engine.name, **of_process.pop("parameters", {})}
     return origin(
         node,
         instance,
         seed,
-        shapes=vocabulary["shape"],
-        colors=vocabulary["color"],
-        vocabulary_digest=vocabulary.digest,
+        world=learner.network.world,
         parameters=parameters,
         learner=LearnerOrigin(
             first_version=learner.counters.version,
@@ -77,9 +74,7 @@ def describe(
         preset=arena.preset,
         seed=seed,
         block_count=design.n_blocks,
-        shapes=design.vocabulary["shape"],
-        colors=design.vocabulary["color"],
-        vocabulary_digest=design.vocabulary.digest,
+        world=world_of(arena, design),
         training_programs=tuple(training_programs),
         joint_names=ARMS[arena.arm].joint_names,
         joint_lower=arena.joint_lower,

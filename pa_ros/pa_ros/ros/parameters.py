@@ -33,7 +33,8 @@ def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
         )
     values = {path: _from_ros(given[path].value) for path in leaves if path in given}
     settings = kind().changed(**values)
-    for path, leaf in leaves.items():
+    for leaf in kind.leaves():  # again: extensions may have brought choices
+        path = leaf.path
         if path in given:
             node.undeclare_parameter(path)
         value = to_ros(settings.value(path))

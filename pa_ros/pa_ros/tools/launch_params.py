@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +117,17 @@ def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> 
     if absent:
         raise ConfigError(f"parameters: expected nodes of {list(parameters)}, got {sorted(absent)}")
     return {name: values | dict(changes.get(name, {})) for name, values in parameters.items()}
+
+
+def extended(parameters: Parameters, extensions: Sequence[str]) -> Parameters:
+    """Parameters whose nodes all import some extensions, after those that they already do."""
+    if not extensions:
+        return parameters
+    more = [str(Path(name).resolve()) if name.endswith(".py") else name for name in extensions]
+    return merged(parameters, {
+        name: {"extensions": [*values.get("extensions", []), *more]}
+        for name, values in parameters.items()
+    })  # fmt: skip
 
 
 def new_folder(kind: str) -> Path:

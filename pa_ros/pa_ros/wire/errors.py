@@ -45,15 +45,15 @@ class StampError(WireError):
 
 
 class FeatureNamesError(WireError):
-    """Object features in another layout than `pa_ros.core.experience.OBJECT_FEATURE_NAMES`."""
+    """Object features in another layout, or of another width, than the world says."""
 
     code = "wire.feature_names"
 
 
-class VocabularyError(WireError):
-    """Another vocabulary than the receiver's: words and rows of Φ would not correspond."""
+class WorldError(WireError):
+    """Another world than the receiver's: features, words or joints would not correspond."""
 
-    code = "wire.vocabulary"
+    code = "wire.world"
 
 
 class DtypeError(WireError):

@@ -10,6 +10,7 @@ from typing import Any
 
 from pa_ros.core.experience import CommandKey, Executed, Float32
 from pa_ros.language import Program
+from pa_ros.world.world import World
 
 WIRE_VERSION = "3"  # edition of msgs_schema; changes when a receiver could misread the other
 NO_STAMP = 0
@@ -72,9 +73,7 @@ class ArenaDescription:
     preset: str
     seed: int
     block_count: int
-    shapes: tuple[str, ...]
-    colors: tuple[str, ...]
-    vocabulary_digest: str
+    world: World
     training_programs: tuple[Program, ...]
     joint_names: tuple[str, ...]
     joint_lower: tuple[float, ...]  # rad
@@ -166,9 +165,7 @@ class Origin:
     design: str = ""
     arm: str = ""
     preset: str = ""
-    shapes: tuple[str, ...] = ()
-    colors: tuple[str, ...] = ()
-    vocabulary_digest: str = ""
+    world: World | None = None  # None: not known to the sender
     stamp_ns: int = NO_STAMP  # wall time
     learner: LearnerOrigin | None = None  # None: not a learner
 

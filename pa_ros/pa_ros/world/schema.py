@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 from math import dist, inf, isfinite, prod
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 MAX_FEATURES = 256  # of an object
 MAX_GROUPS = 8
 MAX_WORDS = 128
+MAX_NUMBERS = 4096  # that say what all values look like
 MAX_KINDS = 4096  # combinations of one value of each group
 
 
@@ -134,12 +136,15 @@ class ObjectSchema:
     groups: tuple[PropertyGroup, ...]
 
     def __post_init__(self) -> None:
-        combined = prod(len(group.features.values) for group in self.groups)
+        sizes = [len(group.features.values) for group in self.groups]
+        widths = [len(group.features.names(group.name)) for group in self.groups]
+        numbers = sum(map(mul, sizes, widths))
         for what, count, most in (
             ("property groups", len(self.groups), MAX_GROUPS),
             ("features of an object", len(self.feature_names), MAX_FEATURES),
             ("words", len(self.vocabulary.words), MAX_WORDS),
-            ("combinations of values", combined, MAX_KINDS),
+            ("numbers of all values", numbers, MAX_NUMBERS),
+            ("combinations of values", prod(sizes), MAX_KINDS),
         ):
             if not 1 <= count <= most:
                 raise ConfigError(f"object schema: {what}: expected 1 to {most}, got {count}")
@@ -210,29 +215,23 @@ class ObjectSchema:
             row[self.slices[name]] = known[value]
         return row
 
-    def has(self, objects: Any) -> list[Any]:
+    def has(self, objects: Any, prototypes: Any = None) -> list[Any]:
         """Whether objects [..., F] have each value: of each group bool [..., values].
 
-        Arrays of NumPy or tensors of torch, if `prototypes` are such.
+        Tensors of torch will do, if `prototypes` are given as such.
         """
         return [
             within(objects[..., self.slices[group.name]], known, group.features.tolerance)
-            for group, known in zip(self, self.prototypes, strict=True)
+            for group, known in zip(self, prototypes or self.prototypes, strict=True)
         ]
 
-    def truth(self, objects: Float32, vocabulary: Vocabulary | None = None) -> Float32:
-        """True properties [..., N, V] of objects [..., N, F]: 1 where a word is true, else 0.
-
-        Privileged: of the verifier, relabeling and the distilled critic. Words that are no value
-        are true of nothing; V is the schema's own number unless another vocabulary is given.
-        """
-        words = vocabulary or self.vocabulary
-        truth = np.zeros((*objects.shape[:-1], len(words.words)), np.float32)
-        for group, true in zip(self, self.has(objects), strict=True):
-            for i, value in enumerate(group.features.values):
-                if value in words[group.name]:
-                    truth[..., words.row[value]] = true[..., i]
-        return truth
+    @property
+    def scales(self) -> Float32:
+        """Network units per unit of each feature, [F]; 1 for the pose."""
+        scales = np.ones(self.width, np.float32)
+        for group in self:
+            scales[self.slices[group.name]] = group.features.scale
+        return scales
 
     def to_data(self) -> list[dict[str, Any]]:
         """As JSON."""

@@ -21,15 +21,15 @@ class Trajectory:
     policy_version: int  # of the weights that acted
     episode: int
     first_step: int
-    program: Program  # over the words that the digest stands for
+    program: Program  # over the world's words
     hand_index: int
-    objects: Float32  # [T + 1, N, 16]
-    arm: Float32  # [T + 1, 18]
-    actions: Float32  # [T, 6] in [-1, 1], as the arena applied them
+    objects: Float32  # [T + 1, N, F]
+    arm: Float32  # [T + 1, A]
+    actions: Float32  # [T, J] in [-1, 1], as the arena applied them
     rewards: Float32  # [T], of row t + 1
     ends_episode: bool
     terminated: bool  # always False for the reaching tasks: their time limit is a truncation
-    vocabulary_digest: str
+    world_digest: str
     run_id: str = ""  # of the learner whose weights acted
     incarnation: int = 0  # of the agent
     held_from: int = 0  # the agent can still send this one and later ones; earlier ones it cannot

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relations import RELATIONS
@@ -61,6 +65,13 @@ class World:
         """Features of the arm: sin, cos and velocity of each joint, and maybe the hand's pose."""
         return 3 * self.joints + (POSE if self.sees_hand_pose else 0)
 
+    def arm(self, seen: Observation) -> Float32:
+        """Arm part of Ω, [A] float32: sin and cos (of rad), velocity (rad/s), `hand_pose` maybe."""
+        position, velocity = seen.joint_position, seen.joint_velocity
+        parts = [np.sin(position), np.cos(position), velocity]
+        parts += [seen.hand_pose] if self.sees_hand_pose else []
+        return np.concatenate(parts).astype(np.float32)
+
     @property
     def columns(self) -> int:
         """Features of ω, a column of Ω: an object's, then the arm's (paper, appendix)."""
@@ -70,6 +81,34 @@ class World:
     def actions(self) -> int:
         """Elements of an action: one for each joint."""
         return self.joints
+
+    @property
+    def geometry(self) -> NDArray[np.intp]:
+        """Which features of ω are no properties."""
+        return np.delete(np.arange(self.columns), self.schema.properties)
+
+    @cached_property
+    def value_words(self) -> Float32:
+        """[values, V]: 1 where a value, of all groups in order, has that word, else 0."""
+        rows = [
+            [
+                word == value and word in self.vocabulary[group.name]
+                for word in self.vocabulary.words
+            ]
+            for group in self.schema
+            for value in group.features.values
+        ]
+        return np.array(rows, np.float32)
+
+    def truth(self, objects: Float32) -> Float32:
+        """True properties [..., N, V] of objects [..., N, F]: 1 where a word is true, else 0.
+
+        Privileged: of the verifier, relabeling and the distilled critic. Words that are no value
+        are true of nothing.
+        """
+        has = np.concatenate(self.schema.has(objects), -1)
+        truth: Float32 = has.astype(np.float32) @ self.value_words
+        return truth
 
     def to_data(self) -> dict[str, Any]:
         """As JSON."""
@@ -103,6 +142,9 @@ class World:
             return cls.from_data(read_json(text))
         except ValueError as error:
             raise ConfigError(f"world: expected JSON: {error}: got {text[:200]!r}") from error
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
 
     @cached_property
     def digest(self) -> str:

@@ -17,16 +17,9 @@ from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 from PIL import Image
 
+from pa_ros.arena.appearance import look_of
+from pa_ros.arena.designs import Kind
 from pa_ros.core.errors import ConfigError
-
-PAINT = {
-    "RED": "#d62728",
-    "GREEN": "#2ca02c",
-    "BLUE": "#1f77b4",
-    "YELLOW": "#e8c51c",
-    "MAGENTA": "#d01fc8",
-}
-MARKERS = {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "d"}
 
 
 def learning_curve(
@@ -63,7 +56,7 @@ def learning_curve(
 
 def phi_picture(
     path: Path,
-    blocks: Sequence[tuple[str, str, float, float]],
+    blocks: Sequence[tuple[Kind, float, float]],
     hand: tuple[float, float],
     phi: NDArray[np.floating],
     relevance: NDArray[np.floating],
@@ -72,7 +65,7 @@ def phi_picture(
 ) -> None:
     """Arena from above beside Φ transposed and p.
 
-    `blocks`: (color, shape, x, y) in metres, table frame; `hand`: x, y; `phi` [V, N] with the
+    `blocks`: (kind, x, y) in metres, table frame; `hand`: x, y; `phi` [V, N] with the
     hand as object 0 and the blocks in the order given; `relevance` p [N]; `words`: the V rows.
     Raises ConfigError if these sizes don't fit each other.
     """
@@ -86,7 +79,7 @@ def phi_picture(
         1, 2, figsize=(10, 4), layout="constrained", width_ratios=(1, 1.6)
     )
     _top_view(left, blocks, hand)
-    heat_map(right, [(color, shape) for color, shape, _, _ in blocks], phi, relevance, words)
+    heat_map(right, [kind for kind, _, _ in blocks], phi, relevance, words)
     right.set_title("learned detectors Φᵀ and relevant objects p")
     figure.suptitle(program, family="monospace", fontsize=10)
     save(figure, path)
@@ -94,13 +87,13 @@ def phi_picture(
 
 def heat_map(
     axes: Axes,
-    blocks: Sequence[tuple[str, str]],
+    kinds: Sequence[Kind],
     phi: NDArray[np.floating],
     relevance: NDArray[np.floating],
     words: Sequence[str],
 ) -> None:
-    """Φ transposed and p as numbers on colors; `blocks` are (color, shape), the rest as above."""
-    objects = ["HAND", *(f"{color} {shape}".lower() for color, shape in blocks)]
+    """Φ transposed and p as numbers on colors; `kinds` are the blocks', the rest as above."""
+    objects = ["HAND", *(str(kind).lower() for kind in kinds)]
     table = np.concatenate([phi, relevance[None]]).T  # [N, V + 1]
     axes.imshow(table, cmap="viridis", vmin=0, vmax=1, aspect="auto")
     axes.set_xticks(range(len(words) + 1), [*words, "p"], rotation=45, ha="right")
@@ -112,16 +105,17 @@ def heat_map(
 
 
 def _top_view(
-    axes: Axes, blocks: Sequence[tuple[str, str, float, float]], hand: tuple[float, float]
+    axes: Axes, blocks: Sequence[tuple[Kind, float, float]], hand: tuple[float, float]
 ) -> None:
     """Blocks, hand and base as seen from above, in metres."""
-    reach = max([0.75, *(max(abs(x), abs(y)) + 0.1 for _, _, x, y in blocks)])
+    reach = max([0.75, *(max(abs(x), abs(y)) + 0.1 for _, x, y in blocks)])
     axes.add_patch(Rectangle((-reach, -reach), 2 * reach, 2 * reach, color="#e6e0d2"))
     axes.plot([0, hand[0]], [0, hand[1]], color="#888888", linewidth=5, solid_capstyle="round")
     axes.add_patch(Circle((0, 0), 0.05, color="#444444"))
     axes.plot(*hand, marker="o", markersize=15, color="white", markeredgecolor="black")
-    for color, shape, x, y in blocks:
-        axes.plot(x, y, marker=MARKERS[shape], markersize=12, color=PAINT[color],
+    for kind, x, y in blocks:
+        look = look_of(kind)
+        axes.plot(x, y, look.marker, markersize=12 * look.scale, color=look.rgb,
                   markeredgecolor="black")  # fmt: skip
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x (m)",
              ylabel="y (m)", title="the arena from above")  # fmt: skip

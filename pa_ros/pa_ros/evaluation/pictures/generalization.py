@@ -109,7 +109,7 @@ def _case(axes: Sequence[Axes], task: ReachTask, look: Look) -> None:
     picture.imshow(_picture(task))
     picture.set(xticks=[], yticks=[])
     picture.set_title(f"target: {named(look)}", fontsize=8)
-    kinds = [(block.kind.color, block.kind.shape) for block in look.episode.blocks]
+    kinds = [block.kind for block in look.episode.blocks]
     heat_map(table, kinds, look.phi, look.p, look.words)
     table.tick_params(labelsize=7)
     table.set_title(str(look.episode.program), fontsize=6.5, family="monospace")

@@ -25,7 +25,6 @@ KNOWN, UNSEEN = "eval", "reach-new-both"
 """Conditions of the scenes; where the second means something, it shows new shapes and colors."""
 
 EVERY = 20  # control steps between the observations of an episode that are looked at
-NEW_SHAPE, NEW_COLOR = "new shape", "new color"
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class DetectorView:
         if not network.family.evaluates_programs:
             raise ConfigError("detectors: expected a programmable agent, got a canonical one")
         self._agent = agent
-        self._vocabulary = network.vocabulary
+        self._world, self._vocabulary = network.world, network.vocabulary
         self._inference = TorchActor(network, agent.snapshot.tensors)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
@@ -84,7 +83,7 @@ class DetectorView:
 
     def _look(self, observation: Observation) -> Look:
         task, vocabulary = self._task, self._vocabulary
-        phi = self._inference.properties(observation.objects, observation.arm)
+        phi = self._inference.properties(observation.objects, self._world.arm(observation))
         p = relevance(task.program, phi.tolist(), vocabulary.row, observation.hand_index)
         hand, *blocks = [(float(x), float(y)) for x, y, _ in task.simulation.positions]
         return Look(task.episode, observation.step, task.verifier.targets, vocabulary.words, phi,
@@ -126,22 +125,19 @@ def accuracies(seed: int, design: Design, condition: str, looks: Sequence[Look])
         ]
         present = [(d, t) for d, t in zip(degrees, truths, strict=True) if t.any()]
         if present:
-            seen = word not in (NEW_SHAPE, NEW_COLOR)
+            seen = word in design.words
             rows.append(Accuracy(seed, condition, word, seen, len(present), *_judged(present)))
     return rows
 
 
 def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
     """Name, expression, and the true words of what it should be high for."""
-    found = [(word, word, frozenset({word})) for word in (*design.shapes, *design.colors)]
-    vocabulary = design.vocabulary
-    for name, known, words, new in (
-        (NEW_SHAPE, design.shapes, vocabulary["shape"], design.new_shape),
-        (NEW_COLOR, design.colors, vocabulary["color"], design.new_color),
-    ):
-        spare = tuple(word for word in words if word not in known)
-        if spare:
-            found.append((name, novel(known, spare), frozenset({new})))
+    found = [(word, word, frozenset({word})) for word in design.words]
+    for group in design.schema.slices:
+        spare, new = design.spare(group), design.novel.get(group)
+        if spare and new:
+            known = novel(design.values[group], spare)
+            found.append((f"new {group}", known, frozenset({new})))
     return found
 
 
@@ -194,8 +190,4 @@ def named(look: Look) -> str:
     """The blocks that a look's program names, for a caption."""
     kinds = [block.kind for block in look.episode.blocks]
     flags = satisfying(look.episode.program, [kind.words for kind in kinds], None)
-    return " and ".join(
-        f"{kind.color} {kind.shape}".lower()
-        for kind, flag in zip(kinds, flags, strict=True)
-        if flag
-    )
+    return " and ".join(str(kind).lower() for kind, flag in zip(kinds, flags, strict=True) if flag)

@@ -117,7 +117,7 @@ class _Comparison:
         self._agent = agent
         self._act = agent.policy
         self._limits = np.array(agent.arena.joint_speed_limits)
-        self._vocabulary = network.vocabulary
+        self._world, self._vocabulary = network.world, network.vocabulary
         self._inference = TorchActor(network, agent.snapshot.tensors)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
@@ -127,7 +127,8 @@ class _Comparison:
         task.reset(index, condition)
         (target,) = task.verifier.targets
         kind = task.episode.blocks[target - 1].kind
-        sides = law.pair(task.program.target, Word(kind.color), Word(kind.shape))
+        values = [Word(value) for value in kind.values()]
+        sides = law.pair(task.program.target, values[0], values[-1])
         left, right = map(Program, sides)
         seen, score = self._execute(left)
         _, other_score = self._execute(right)
@@ -156,7 +157,9 @@ class _Comparison:
         table = ProgramTable(self._vocabulary)
         for program in programs:
             table.add(program)
-        phi = np.stack([self._inference.properties(o.objects, o.arm) for o in seen])  # [T, V, N]
+        arms = map(self._world.arm, seen)
+        scenes = zip(seen, arms, strict=True)
+        phi = np.stack([self._inference.properties(o.objects, arm) for o, arm in scenes])
         codes = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
         p = relevant_objects(torch.from_numpy(phi), seen[0].hand_index, *codes)
         return np.asarray(p.numpy())

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report
 from pa_ros.evaluation.scoring.agents import load_agent
@@ -159,7 +159,7 @@ def _train_until(
             evaluate_every_frames=experiment.evaluate_every_frames,
             checkpoint_every_frames=min(50_000, max(experiment.frames // 4, 1)),
         ),
-        protocol.network_config(design.vocabulary, experiment.network),
+        protocol.network_config(world_of(arena, design), experiment.network),
         protocol.learner,
         ReachTask(arena, design, seed),
         np.array(arena.joint_speed_limits),
@@ -274,8 +274,7 @@ def write_table(
         **asdict(experiment),
         "learner": protocol.learner.model_dump(mode="json"),
         "network_options": protocol.of("network"),
-        "shapes": design.vocabulary["shape"],
-        "colors": design.vocabulary["color"],
+        "words": design.vocabulary.by_group,
         "seeds": sorted(curves),
         "device": device(),
         "versions": versions(),

@@ -176,8 +176,7 @@ def setting(agents: Mapping[int, TrainedAgent], episodes: int) -> dict[str, obje
         "design": design.name,
         "arm": arena.arm,
         "preset": arena.preset,
-        "shapes": design.vocabulary["shape"],  # with the spare words
-        "colors": design.vocabulary["color"],
+        "words": design.vocabulary.by_group,  # with the spare ones
         "episodes": episodes,
         "episodes_seed": EPISODES_SEED,
         "agents": {

@@ -18,8 +18,6 @@ from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
-    COLUMN_FEATURES,
-    GEOMETRY,
     Tensors,
     actor_shapes,
     check_shapes,
@@ -87,8 +85,8 @@ class TorchEngine(ABC):
             for name, module in self.networks.items()
         }
         self._adams = {name: self._adam(module) for name, module in self.networks.items()}
-        geometry = torch.zeros(COLUMN_FEATURES)
-        geometry[GEOMETRY] = 1.0
+        geometry = torch.zeros(network.world.columns)
+        geometry[network.world.geometry] = 1.0
         self._geometry = geometry.to(self.device, self.dtype)
         self._latest: tuple[Tensor, ...] | None = None
 

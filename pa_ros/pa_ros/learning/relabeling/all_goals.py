@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.language import Program, Vocabulary
+from pa_ros.language import Program
 from pa_ros.world import Scoring
 from pa_ros.world.programs import ProgramTable, crisp
-from pa_ros.world.properties import truth_matrix
+from pa_ros.world.world import World
 
 MAX_PROGRAMS = 64  # bits of a mark
 
@@ -38,22 +38,20 @@ class Marks(NamedTuple):
 class Relabeler:
     """The P training programs, in order: program j is bit j of every mark, and row j of a batch."""
 
-    def __init__(
-        self, programs: Sequence[Program], vocabulary: Vocabulary, scoring: Scoring
-    ) -> None:
+    def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
         if not 1 <= len(programs) <= MAX_PROGRAMS:
             raise ConfigError(
                 f"relabeling: expected 1 to {MAX_PROGRAMS} programs, got {len(programs)}"
             )
-        self._table = ProgramTable(vocabulary)
+        self._table = ProgramTable(world.vocabulary)
         for program in programs:
             self._table.add(program)
-        self._truth = truth_matrix(vocabulary)
+        self._world = world
         self._scoring = scoring
         asked = self._table.relations()
         self._of_relation = {
             relation: np.flatnonzero(asked == row)
-            for relation, row in vocabulary.relation_row.items()
+            for relation, row in world.vocabulary.relation_row.items()
         }
         self._bits = np.arange(len(self._table), dtype=np.uint64)
         self._values: Float64 | None = None  # of a program not satisfied, and of one that is
@@ -71,7 +69,7 @@ class Relabeler:
         `objects` is [T + 1, N, F] of one episode, where properties do not change; `hand_pose`
         [T + 1, 7] is the hand's in the base's frame, where a relation asks for it.
         """
-        named = crisp(self._table.arrays(), (objects[0] @ self._truth).T, hand_index)  # [P, N]
+        named = crisp(self._table.arrays(), self._world.truth(objects[0]).T, hand_index)  # [P, N]
         satisfied = np.zeros((len(objects), len(named)), np.bool_)  # [T + 1, P]
         earned = np.zeros(satisfied.shape)
         pose = None if hand_pose is None else hand_pose[:, None]

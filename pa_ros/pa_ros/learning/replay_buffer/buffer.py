@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES
 from pa_ros.learning.errors import (
     EmptyReplayError,
     NonFiniteError,
     OutOfBoundsError,
     TrajectorySizeError,
-    TrajectoryVocabularyError,
+    TrajectoryWorldError,
 )
 from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.ledger import Ledger
 from pa_ros.world import Trajectory
+from pa_ros.world.world import World
 
 # Of absolute values. Metres, rad/s and one-hots of any arena are far below, and an update of such
 # numbers is finite.
@@ -51,13 +51,13 @@ class ReplayBuffer:
     def __init__(
         self,
         capacity: int,
-        vocabulary_digest: str,
+        world: World,
         n_objects: int | None = None,
         goals: int = 0,
     ) -> None:
         """`goals`: relabeling programs whose rewards are kept with every row."""
         self.capacity, self._goals = capacity, goals
-        self.vocabulary_digest = vocabulary_digest
+        self.world = world
         self.ledger = Ledger()
         self.rows = 0  # filled
         self.head = 0  # next row to be written
@@ -77,10 +77,10 @@ class ReplayBuffer:
 
     def check(self, trajectory: Trajectory) -> None:
         """Raise a TrajectoryError unless the trajectory can be inserted."""
-        if trajectory.vocabulary_digest != self.vocabulary_digest:
-            raise TrajectoryVocabularyError(
-                f"trajectory: expected vocabulary {self.vocabulary_digest}, "
-                f"got {trajectory.vocabulary_digest} from {trajectory.agent_id!r}"
+        if trajectory.world_digest != self.world.digest:
+            raise TrajectoryWorldError(
+                f"trajectory: expected world {self.world.digest}, "
+                f"got {trajectory.world_digest} from {trajectory.agent_id!r}"
             )
         self.ledger.check(trajectory)
         self._check_sizes(trajectory)
@@ -159,9 +159,9 @@ class ReplayBuffer:
 
     def _allocate(self, n_objects: int) -> None:
         shapes: dict[str, tuple[tuple[int, ...], Any]] = {
-            "objects": ((n_objects, OBJECT_FEATURES), np.float32),
-            "arm": ((ARM_FEATURES,), np.float32),
-            "action": ((JOINTS,), np.float32),
+            "objects": ((n_objects, self.world.object_features), np.float32),
+            "arm": ((self.world.arm_features,), np.float32),
+            "action": ((self.world.actions,), np.float32),
             "reward": ((), np.float32),
             "program": ((), np.int32),
             "last": ((), np.bool_),  # of its trajectory: no transition starts here
@@ -188,9 +188,9 @@ class ReplayBuffer:
             )
         n_objects = self.arrays["objects"].shape[1] if self.arrays else found[1]
         expected = {
-            "objects": (steps + 1, n_objects, OBJECT_FEATURES),
-            "arm": (steps + 1, ARM_FEATURES),
-            "actions": (steps, JOINTS),
+            "objects": (steps + 1, n_objects, self.world.object_features),
+            "arm": (steps + 1, self.world.arm_features),
+            "actions": (steps, self.world.actions),
             "rewards": (steps,),
         }
         for name, shape in expected.items():

@@ -91,7 +91,7 @@ def _listed(programs: Iterable[Program]) -> str:
 
 
 def _introduce(config: DemoConfig) -> None:
-    held_out = [f"AND({kind.color}, {kind.shape})" for kind in config.design.held_out]
+    held_out = [kind.conjunction for kind in config.design.held_out]
     print(
         f"Now an agent learns design {config.design.name} from random weights: sim_node,\n"
         "agent_node and learner_node (learns from what happens), faster than real time.\n"

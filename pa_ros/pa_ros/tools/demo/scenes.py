@@ -55,14 +55,16 @@ def demo_programs(design: Design) -> list[DemoProgram]:
     if not design.held_out:
         raise ConfigError(f"demo: expected a design with held-out targets, got {design.name}")
     known, new = design.train[0], design.held_out[0]
-    other = next(kind for kind in design.train if kind.shape == known.shape and kind != known)
-    trained, held_out = f"AND({known.color}, {known.shape})", f"AND({new.color}, {new.shape})"
+    first, last = [*design.values][0], [*design.values][-1]
+    other = next(kind for kind in design.train if kind[last] == known[last] and kind != known)
+    trained, held_out = known.conjunction, new.conjunction
+    without = f"AND({', '.join([f'NOT({known[first]})', *[*other.values()][1:]])})"
     return [
         DemoProgram("trained", f"NEAR(HAND, {trained})"),
         DemoProgram("held out", f"NEAR(HAND, {held_out})"),
-        DemoProgram("color alone", f"NEAR(HAND, {known.color})"),
-        DemoProgram("shape alone", f"NEAR(HAND, {new.shape})"),
-        DemoProgram("NOT", f"NEAR(HAND, AND(NOT({known.color}), {other.shape}))"),
+        DemoProgram(f"{first} alone", f"NEAR(HAND, {known[first]})"),
+        DemoProgram(f"{last} alone", f"NEAR(HAND, {new[last]})"),
+        DemoProgram("NOT", f"NEAR(HAND, {without})"),
         DemoProgram("OR of two", f"NEAR(HAND, OR({trained}, {held_out}))", targets=2),
     ]
 
@@ -108,13 +110,15 @@ def draw_phi(path: Path, checkpoint: Path, config: ArenaConfig, design: Design, 
     network = actor_config(snapshot.architecture)
     task = ReachTask(config, design, seed=0)
     observation, _ = task.reset_to(scene.episode)
-    phi = TorchActor(network, snapshot.tensors).properties(observation.objects, observation.arm)
+    phi = TorchActor(network, snapshot.tensors).properties(
+        observation.objects, network.world.arm(observation)
+    )
     parsed = parse(program, network.vocabulary)
     p = relevance(parsed, phi.tolist(), network.vocabulary.row, observation.hand_index)
     hand, *blocks = task.simulation.positions[:, :2].tolist()
     phi_picture(
         path,
-        [(b.kind.color, b.kind.shape, x, y)
+        [(b.kind, x, y)
          for b, (x, y) in zip(scene.episode.blocks, blocks, strict=True)],
         (hand[0], hand[1]),
         phi,

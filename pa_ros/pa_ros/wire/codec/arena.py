@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import OBJECT_FEATURE_NAMES
 from pa_ros.wire import errors
 from pa_ros.wire.arrays import float64_field
 from pa_ros.wire.codec.program import read_programs
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
+from pa_ros.wire.codec.world import read_world, write_world
 from pa_ros.wire.interfaces import ArenaInfo
 from pa_ros.wire.records import WIRE_VERSION, ArenaDescription, Mode
-from pa_ros.world.world import MAX_JOINTS
+from pa_ros.world.world import World
 
 
 def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
@@ -27,11 +27,9 @@ def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
     message.preset = arena.preset
     message.seed = arena.seed
     message.block_count = arena.block_count
-    message.shapes = list(arena.shapes)
-    message.colors = list(arena.colors)
-    message.vocabulary_digest = arena.vocabulary_digest
+    write_world(message, arena.world)
     message.training_programs = list(map(str, arena.training_programs))
-    message.object_feature_names = list(OBJECT_FEATURE_NAMES)
+    message.object_feature_names = list(arena.world.schema.feature_names)
     message.hand_index = arena.hand_index
     message.joint_names = list(arena.joint_names)
     message.joint_lower = float64_field(np.asarray(arena.joint_lower))
@@ -44,8 +42,12 @@ def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
 
 
 def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
-    """Raises VersionError, FeatureNamesError, RangeError, SizeError, JointNamesError."""
-    _check(message)
+    """Raises VersionError, ConfigError, WorldError, FeatureNamesError, RangeError, SizeError,
+    JointNamesError."""
+    if message.wire_version != WIRE_VERSION:
+        raise errors.VersionError("arena_info.wire_version", WIRE_VERSION, message.wire_version)
+    world = read_world("arena_info", message)
+    _check(message, world)
     return ArenaDescription(
         mode=Mode(message.mode),
         design=message.design,
@@ -53,10 +55,8 @@ def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
         preset=message.preset,
         seed=message.seed,
         block_count=message.block_count,
-        shapes=tuple(message.shapes),
-        colors=tuple(message.colors),
-        vocabulary_digest=message.vocabulary_digest,
-        training_programs=read_programs(message),
+        world=world,
+        training_programs=read_programs(message, world),
         joint_names=tuple(message.joint_names),
         joint_lower=tuple(message.joint_lower),
         joint_upper=tuple(message.joint_upper),
@@ -71,27 +71,24 @@ def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
     )
 
 
-def _check(message: ArenaInfo) -> None:
-    if message.wire_version != WIRE_VERSION:
-        raise errors.VersionError("arena_info.wire_version", WIRE_VERSION, message.wire_version)
-    names = tuple(message.object_feature_names)
-    if names != OBJECT_FEATURE_NAMES:
-        field = "arena_info.object_feature_names"
-        raise errors.FeatureNamesError(field, OBJECT_FEATURE_NAMES, names)
+def _check(message: ArenaInfo, world: World) -> None:
+    names, field = tuple(message.object_feature_names), "arena_info.object_feature_names"
+    if names != world.schema.feature_names:
+        raise errors.FeatureNamesError(field, world.schema.feature_names, names)
     if message.mode not in tuple(Mode):
         raise errors.RangeError("arena_info.mode", [int(mode) for mode in Mode], message.mode)
     joints = tuple(message.joint_names)
-    if not 1 <= len(set(joints)) == len(joints) <= MAX_JOINTS:
-        expected = f"1 to {MAX_JOINTS} different names"
+    if not len(joints) == len(set(joints)) == world.joints:
+        expected = f"{world.joints} different names"
         raise errors.JointNamesError("arena_info.joint_names", expected, joints)
-    _check_numbers(message)
+    _check_numbers(message, world.joints)
 
 
-def _check_numbers(message: ArenaInfo) -> None:
+def _check_numbers(message: ArenaInfo, joints: int) -> None:
     for field in ("joint_lower", "joint_upper", "speed_limits"):
         size = len(getattr(message, field))
-        if size != len(message.joint_names):
-            raise errors.SizeError(f"arena_info.{field}", len(message.joint_names), size)
+        if size != joints:
+            raise errors.SizeError(f"arena_info.{field}", joints, size)
     if not all(
         low < high for low, high in zip(message.joint_lower, message.joint_upper, strict=True)
     ):

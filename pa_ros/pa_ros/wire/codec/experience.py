@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import ARM_FEATURES, JOINTS, OBJECT_FEATURES, TrajectoryKey
-from pa_ros.language import Vocabulary, parse
+from pa_ros.core.experience import TrajectoryKey
+from pa_ros.language import parse
 from pa_ros.wire import errors
 from pa_ros.wire import interfaces as types
 from pa_ros.wire.arrays import float32_field, read_float32
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.codec.step import objects_and_hand
 from pa_ros.world import Trajectory
+from pa_ros.world.world import World
 
 MAX_TRANSITIONS = 10_000
 
@@ -27,7 +28,7 @@ def encode_trajectory(trajectory: Trajectory) -> types.Trajectory:
     message.episode = trajectory.episode
     message.first_step = trajectory.first_step
     message.program = str(trajectory.program)
-    message.vocabulary_digest = trajectory.vocabulary_digest
+    message.world_digest = trajectory.world_digest
     message.hand_index = trajectory.hand_index
     message.transition_count = len(trajectory)
     message.object_count = trajectory.objects.shape[1]
@@ -45,14 +46,14 @@ def decode_trajectory_key(message: types.Trajectory) -> TrajectoryKey:
     return TrajectoryKey(message.agent_id, message.incarnation, message.sequence)
 
 
-def decode_trajectory(message: types.Trajectory, vocabulary: Vocabulary) -> Trajectory:
-    """A trajectory, refused unless it is written in the receiver's vocabulary.
+def decode_trajectory(message: types.Trajectory, world: World) -> Trajectory:
+    """A trajectory, refused unless it is of the receiver's world.
 
-    Raises VocabularyError, ProgramError, RangeError, SizeError, NonFiniteError.
+    Raises WorldError, ProgramError, RangeError, SizeError, NonFiniteError.
     """
-    if message.vocabulary_digest != vocabulary.digest:
-        field, received = "trajectory.vocabulary_digest", message.vocabulary_digest
-        raise errors.VocabularyError(field, vocabulary.digest, received)
+    if message.world_digest != world.digest:
+        field, received = "trajectory.world_digest", message.world_digest
+        raise errors.WorldError(field, world.digest, received)
     if not message.agent_id:
         raise errors.RangeError("trajectory.agent_id", "a name", repr(message.agent_id))
     if message.held_from > message.sequence:
@@ -62,26 +63,26 @@ def decode_trajectory(message: types.Trajectory, vocabulary: Vocabulary) -> Traj
     if not 1 <= length <= MAX_TRANSITIONS:
         raise errors.RangeError("trajectory.transition_count", f"1 to {MAX_TRANSITIONS}", length)
     count, hand_index = objects_and_hand("trajectory", message)
-    actions = read_float32("trajectory.actions", message.actions, (length, JOINTS))
+    actions = read_float32("trajectory.actions", message.actions, (length, world.actions))
     if np.abs(actions).max() > 1.0:
         raise errors.RangeError("trajectory.actions", "[-1, 1]", np.abs(actions).max())
     rows = length + 1
-    objects = (rows, count, OBJECT_FEATURES)
+    objects = (rows, count, world.object_features)
     return Trajectory(
         agent_id=message.agent_id,
         sequence=message.sequence,
         policy_version=message.policy_version,
         episode=message.episode,
         first_step=message.first_step,
-        program=parse(message.program, vocabulary),
+        program=parse(message.program, world.vocabulary),
         hand_index=hand_index,
         objects=read_float32("trajectory.objects", message.objects, objects),
-        arm=read_float32("trajectory.arm", message.arm, (rows, ARM_FEATURES)),
+        arm=read_float32("trajectory.arm", message.arm, (rows, world.arm_features)),
         actions=actions,
         rewards=read_float32("trajectory.rewards", message.rewards, (length,)),
         ends_episode=message.ends_episode,
         terminated=message.terminated,
-        vocabulary_digest=message.vocabulary_digest,
+        world_digest=message.world_digest,
         run_id=message.run_id,
         incarnation=message.incarnation,
         held_from=message.held_from,

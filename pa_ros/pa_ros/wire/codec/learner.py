@@ -13,7 +13,7 @@ from pa_ros.wire.records import WIRE_VERSION
 
 MAX_TRAJECTORY_STEPS = 10_000
 _SAME = (
-    *("run_id", "learner_id", "first_version", "vocabulary_digest", "architecture", "algorithm"),
+    *("run_id", "learner_id", "first_version", "world_digest", "architecture", "algorithm"),
     *("trajectory_steps", "policy_lag", "exploration", "inference", "software_version"),
     *("control_period", "near_threshold"),
 )

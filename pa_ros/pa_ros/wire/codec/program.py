@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pa_ros.language import Program as LanguageProgram
-from pa_ros.language import Vocabulary, parse
+from pa_ros.language import parse
 from pa_ros.wire import errors
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.interfaces import ArenaInfo, Program, ProgramStatus, Provenance
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest, program_id_of
+from pa_ros.world.world import World
 
 MAX_TEXT = 100_000  # characters handed on; the language's own limit is lower and is what refuses
 MAX_ID = 256
@@ -31,12 +32,9 @@ def decode_program(message: Program) -> ProgramRequest:
     )
 
 
-def read_programs(message: ArenaInfo | Provenance) -> tuple[LanguageProgram, ...]:
-    """Training programs over the message's own words. Raises ConfigError, ProgramError."""
-    if not message.training_programs:
-        return ()
-    vocabulary = Vocabulary.of(shape=tuple(message.shapes), color=tuple(message.colors))
-    return tuple(parse(text, vocabulary) for text in message.training_programs)
+def read_programs(message: ArenaInfo | Provenance, world: World) -> tuple[LanguageProgram, ...]:
+    """Training programs over a world's words. Raises ProgramError."""
+    return tuple(parse(text, world.vocabulary) for text in message.training_programs)
 
 
 def encode_program_status(judgement: ProgramJudgement) -> ProgramStatus:

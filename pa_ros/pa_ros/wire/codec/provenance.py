@@ -9,8 +9,10 @@ from pa_ros.core.settings import read_json
 from pa_ros.wire import errors
 from pa_ros.wire.codec.program import read_programs
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
+from pa_ros.wire.codec.world import read_world, write_world
 from pa_ros.wire.interfaces import Provenance
 from pa_ros.wire.records import WIRE_VERSION, LearnerOrigin, Origin
+from pa_ros.world.world import World
 
 
 def encode_provenance(origin: Origin) -> Provenance:
@@ -27,9 +29,8 @@ def encode_provenance(origin: Origin) -> Provenance:
     message.design = origin.design
     message.arm = origin.arm
     message.preset = origin.preset
-    message.shapes = list(origin.shapes)
-    message.colors = list(origin.colors)
-    message.vocabulary_digest = origin.vocabulary_digest
+    if origin.world is not None:
+        write_world(message, origin.world)
     if origin.learner is not None:
         message.first_version = origin.learner.first_version
         message.network = origin.learner.network
@@ -39,9 +40,11 @@ def encode_provenance(origin: Origin) -> Provenance:
 
 
 def decode_provenance(message: Provenance) -> Origin:
-    """Raises VersionError (another edition of the messages), RangeError (parameters)."""
+    """Raises VersionError (another edition of the messages), RangeError (parameters), ConfigError
+    and WorldError (the world)."""
     if message.wire_version != WIRE_VERSION:
         raise errors.VersionError("provenance.wire_version", WIRE_VERSION, message.wire_version)
+    world = read_world("provenance", message) if message.world else None
     return Origin(
         node=message.node,
         instance=message.instance,
@@ -52,22 +55,22 @@ def decode_provenance(message: Provenance) -> Origin:
         design=message.design,
         arm=message.arm,
         preset=message.preset,
-        shapes=tuple(message.shapes),
-        colors=tuple(message.colors),
-        vocabulary_digest=message.vocabulary_digest,
+        world=world,
         stamp_ns=read_stamp(message.stamp),
-        learner=_learner(message),
+        learner=_learner(message, world),
     )
 
 
-def _learner(message: Provenance) -> LearnerOrigin | None:
+def _learner(message: Provenance, world: World | None) -> LearnerOrigin | None:
     if not message.learner:
         return None
+    if world is None:
+        raise errors.RangeError("provenance.world", "the world that was learned about", "''")
     return LearnerOrigin(
         first_version=int(message.first_version),
         network=message.network,
         learner=message.learner,
-        training_programs=read_programs(message),
+        training_programs=read_programs(message, world),
     )
 
 

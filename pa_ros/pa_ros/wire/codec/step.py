@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from pa_ros.core.experience import (
-    OBJECT_FEATURES,
     CommandKey,
     Executed,
     Float32,
@@ -48,6 +47,10 @@ def encode_observation(
     features.hand_index = observation.hand_index
     features.object_count = len(observation.objects)
     features.features = float32_field(observation.objects)
+    x, y, z, *quaternion = observation.hand_pose.tolist()
+    at, turned = features.hand_pose.position, features.hand_pose.orientation
+    at.x, at.y, at.z = x, y, z
+    turned.x, turned.y, turned.z, turned.w = quaternion
     joints = JointState()
     write_stamp(joints.header.stamp, observation.stamp_ns)
     joints.header.frame_id = context.arena_id
@@ -86,16 +89,20 @@ def decode_executed(message: ObjectFeatures, joints: int | None = None) -> Execu
 
 
 def decode_observation(
-    features: ObjectFeatures, joints: JointState, joint_names: tuple[str, ...]
+    features: ObjectFeatures,
+    joints: JointState,
+    joint_names: tuple[str, ...],
+    width: int | None = None,
 ) -> Observation:
     """One observation from its two messages. Joints may come in any order, and more than ours.
 
-    Raises StampError, SizeError, RangeError, NonFiniteError, JointNamesError.
+    `width`: features of an object in this world. Raises StampError, SizeError, RangeError,
+    NonFiniteError, FeatureNamesError, JointNamesError.
     """
     stamp_ns = header_stamp(features)
     if header_stamp(joints) != stamp_ns:
         raise errors.StampError("joint_states.header.stamp", stamp_ns, header_stamp(joints))
-    objects, hand_index = decode_objects(features)
+    objects, hand_index = decode_objects(features, width)
     position, velocity = decode_joints(joints, joint_names)
     return Observation(
         episode=features.episode,
@@ -106,6 +113,7 @@ def decode_observation(
         joint_velocity=velocity,
         hand_index=hand_index,
         program_id=features.program_id,
+        hand_pose=_hand_pose(features),
     )
 
 
@@ -116,16 +124,28 @@ def decode_step_mark(message: ObjectFeatures | VerdictMessage) -> StepMark:
     return StepMark(message.episode, message.step, evaluation, message.program_id, text)
 
 
-def decode_objects(message: ObjectFeatures) -> tuple[Float32, int]:
-    """Features of the objects, [N, 16], and which is the hand.
+def decode_objects(message: ObjectFeatures, width: int | None = None) -> tuple[Float32, int]:
+    """Features of the objects, [N, F], and which is the hand; `width` is F where it is known.
 
-    Raises SizeError, RangeError, NonFiniteError.
+    Raises FeatureNamesError (another width), SizeError, RangeError, NonFiniteError.
     """
     count, hand_index = objects_and_hand("object_features", message)
-    shape = (count, OBJECT_FEATURES)
+    received, rest = divmod(len(message.features), count)
+    if width not in (None, received) and not rest:
+        expected = f"{width} of each of {count} objects"
+        raise errors.FeatureNamesError("object_features.features", expected, received)
+    shape = (count, width or received)
     features = read_float32("object_features.features", message.features, shape)
     _check_sane("object_features.features", features)
     return features, hand_index
+
+
+def _hand_pose(message: ObjectFeatures) -> Float64:
+    at, turned = message.hand_pose.position, message.hand_pose.orientation
+    pose = (at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w)
+    read = read_float64("object_features.hand_pose", pose, (7,))
+    _check_sane("object_features.hand_pose", read)
+    return read
 
 
 def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[int, int]:

@@ -27,7 +27,7 @@ def encode_weights(policy: PublishedPolicy) -> PolicyWeights:
     message.run_id, message.learner_id = policy.run_id, policy.learner_id
     message.version = snapshot.version
     message.architecture = snapshot.architecture
-    message.vocabulary_digest = snapshot.vocabulary_digest
+    message.world_digest = snapshot.world_digest
     message.consumed = [
         _mark(TrajectoryKey(*agent, following - 1))
         for agent, following in sorted(policy.accounted.items())
@@ -56,19 +56,19 @@ def _payload(snapshot: PolicySnapshot) -> bytes:
     return b"".join(np.ascontiguousarray(tensor, dtype="<f4").tobytes() for tensor in tensors)
 
 
-def decode_weights(message: PolicyWeights, vocabulary_digest: str | None = None) -> PublishedPolicy:
+def decode_weights(message: PolicyWeights, world_digest: str | None = None) -> PublishedPolicy:
     """A snapshot, refused unless it is of the vocabulary named (None: of any).
 
-    Raises VocabularyError, ChecksumError, TruncatedError, DtypeError, SizeError, NonFiniteError.
+    Raises WorldError, ChecksumError, TruncatedError, DtypeError, SizeError, NonFiniteError.
     """
-    if vocabulary_digest not in (None, message.vocabulary_digest):
-        field, received = "policy_weights.vocabulary_digest", message.vocabulary_digest
-        raise errors.VocabularyError(field, vocabulary_digest, received)
+    if world_digest not in (None, message.world_digest):
+        field, received = "policy_weights.world_digest", message.world_digest
+        raise errors.WorldError(field, world_digest, received)
     tensors = _read_tensors(message)
     snapshot = PolicySnapshot(
         version=message.version,
         architecture=message.architecture,
-        vocabulary_digest=message.vocabulary_digest,
+        world_digest=message.world_digest,
         tensors=tensors,
     )
     return PublishedPolicy(
