@@ -7,7 +7,7 @@ from types import ModuleType
 
 import numpy as np
 
-from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
+from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core import extensions
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import TrainConfig, train
@@ -37,7 +37,7 @@ def trained(
     protocol = protocol_named("ours", algorithm).with_options(SMALL)
     return train(
         TrainConfig(out=out, frames=frames, evaluate_every_frames=0),
-        protocol.network_config(design.vocabulary),
+        protocol.network_config(world_of(arena, design)),
         protocol.learner,
         ReachTask(arena, design, 0, reward=reward),
         np.array(arena.joint_speed_limits),

@@ -59,7 +59,7 @@ def test_what_noise_takes_beyond_the_bounds_is_clipped() -> None:
         ({"architecture": NetworkConfig(world=WORLD).architecture}, "expected architecture"),
         (
             {"world_digest": Vocabulary.of(shape=("CUBE",), color=("RED",)).digest},
-            "expected vocabulary",
+            "expected world",
         ),
         ({"tensors": {}}, "version 0: actor: tensors missing"),
     ],
@@ -86,7 +86,7 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     one.load(given)
     observation, _ = PointWorld().reset(0)
     plain = TorchActor(NETWORK, given.tensors)
-    expected = plain.act(observation.objects, observation.arm, PROGRAMS[0], 0)
+    expected = plain.act(observation.objects, WORLD.arm(observation), PROGRAMS[0], 0)
     np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
     other.load(given)
     np.testing.assert_array_equal(

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from fuzzing import explore
 from hypothesis import strategies as st
-from learner_input import ARENA, DESIGN, trajectory
-from learners import NETWORK
+from learner_input import ARENA, trajectory
+from learners import NETWORK, WORLD
 
 from pa_ros.core.errors import PaError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -26,7 +26,7 @@ SETTINGS = DPGConfig().changed(
 
 
 def learner() -> Learner:
-    network = NETWORK.changed(vocabulary=DESIGN.vocabulary)
+    network = NETWORK.changed(world=WORLD)
     return Learner(network, SETTINGS, ARENA.training_programs, 0)
 
 

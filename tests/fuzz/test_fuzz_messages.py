@@ -106,7 +106,7 @@ def trajectory(message: Any) -> None:
 
 
 def replace_words(network: NetworkConfig) -> NetworkConfig:
-    return network.changed(vocabulary=learner_input.DESIGN.vocabulary)
+    return network.changed(world=learner_input.WORLD)
 
 
 def program(message: Any) -> None:

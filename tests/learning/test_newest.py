@@ -6,8 +6,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from learner_input import ARENA, DESIGN, trajectory
-from learners import NETWORK
+from learner_input import ARENA, trajectory
+from learners import NETWORK, WORLD
 
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import LATEST, restore, save_checkpoint
@@ -19,7 +19,7 @@ FILES = ("metadata.json", "engine.safetensors", "replay.safetensors", "policies.
 
 
 def learner() -> Learner:
-    network = NETWORK.changed(vocabulary=DESIGN.vocabulary)
+    network = NETWORK.changed(world=WORLD)
     return Learner(network, DPGConfig(), ARENA.training_programs, 0)
 
 

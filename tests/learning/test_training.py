@@ -355,7 +355,7 @@ def test_no_checkpoint_and_another_format(edited, tmp_path) -> None:
         run(tmp_path / "nowhere", 20, resume=True)
     path = find_checkpoint(edited) / "metadata.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 99}))
-    with pytest.raises(CheckpointError, match="expected format 2 or 1, got 99"):
+    with pytest.raises(CheckpointError, match="expected format 1 to 3, got 99"):
         load_policy(edited)
 
 

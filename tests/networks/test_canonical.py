@@ -59,7 +59,7 @@ def test_each_block_has_its_place() -> None:
     for order in ([hand(), sphere, cube], [hand(), cube, sphere]):
         given = (torch.from_numpy(np.stack(order))[None], torch.from_numpy(arm)[None])
         x = flatten(*(t.double() for t in given), torch.from_numpy(target)[None, None].double(), 0)
-        assert x.shape == (1, 1, canonical_inputs(WORDS))
+        assert x.shape == (1, 1, canonical_inputs(WORLD))
         np.testing.assert_allclose(x[0, 0].numpy(), np.concatenate(expected), rtol=1e-6)
 
 
