@@ -84,7 +84,7 @@ def test_one_property_alone_identifies_the_target(condition: str, axis: str) -> 
     design = design_named("3-D")
     for seed in SEEDS:
         episode = draw(design, condition, seed)
-        word = getattr(target_of(episode, design), axis)
+        word = target_of(episode, design)[axis]
         assert str(episode.program) == f"NEAR(HAND, {word})"
         assert [b.kind[axis] for b in episode.blocks].count(word) == 1
         assert len(episode.blocks) == 4
@@ -103,7 +103,7 @@ def test_what_is_excluded_is_on_the_table(condition: str, axis: str) -> None:
         ]
         assert excluded  # with the target's other property: NOT decides
         other = "shape" if axis == "color" else "color"
-        assert any(getattr(kind, other) == getattr(target, other) for kind in excluded)
+        assert any(kind[other] == target[other] for kind in excluded)
 
 
 @pytest.mark.parametrize("count", range(2, 9))

@@ -74,7 +74,7 @@ def test_what_was_scored_is_not_scored_again(novice: TrainedAgent, tmp_path, mon
 
 def test_agents_of_two_settings_are_not_mixed(novice: TrainedAgent, tmp_path):
     other = TrainedAgent(novice.snapshot, novice.design, preset_named("paper"))
-    with pytest.raises(ConfigError, match=r"\('3-D', 'paper'\)"):
+    with pytest.raises(ConfigError, match=r"\('3-D', 'jaco', 'paper'\)"):
         generalize({0: novice, 1: other}, tmp_path)
     with pytest.raises(ConfigError, match="sideways"):
         generalize({0: novice}, tmp_path, 2, ("sideways",), quiet)

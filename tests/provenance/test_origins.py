@@ -22,7 +22,7 @@ def test_a_learners_account_is_of_its_own_settings_and_of_its_processs() -> None
     assert about.learner.network == NETWORK.to_json() and about.learner.first_version == 0
     assert about.learner.training_programs == tuple(PROGRAMS)
     assert (about.node, about.instance, about.seed) == ("/l", "i", 3)
-    assert about.world_digest == WORLD.digest
+    assert about.world == WORLD
 
 
 def test_an_arenas_account_is_of_its_joints_and_its_design() -> None:

@@ -115,7 +115,14 @@ def _poke(name, index, value):
 @pytest.mark.parametrize(
     ("which", "change", "error"),
     [
-        (0, _set("object_count", 4), errors.SizeError),
+        (0, _set("object_count", 4), errors.FeatureNamesError),  # 20 features each, not 16
+        (0, _set("object_count", 3), errors.SizeError),
+        (
+            0,
+            lambda message: setattr(message.hand_pose.position, "x", math.nan),
+            errors.NonFiniteError,
+        ),
+        (0, lambda message: setattr(message.hand_pose.position, "z", 1e300), errors.RangeError),
         (0, _set("object_count", 0), errors.RangeError),
         (0, _set("object_count", 2**32 - 1), errors.RangeError),
         (0, _set("hand_index", 5), errors.RangeError),
@@ -136,9 +143,15 @@ def test_malformed_observations_are_refused(which, change, error):
     messages = codec.encode_observation(observation(), NAMES)
     change(messages[which])
     with pytest.raises(error) as caught:
-        codec.decode_observation(*messages, NAMES)
+        codec.decode_observation(*messages, NAMES, 16)
     assert "expected" in str(caught.value) and "received" in str(caught.value)
     assert caught.value.code.startswith("wire.")
+
+
+def test_features_of_another_width_are_refused_with_both():
+    features, joints = codec.encode_observation(observation(), NAMES)
+    with pytest.raises(errors.FeatureNamesError, match="17 of each of 5 objects, received 16"):
+        codec.decode_observation(features, joints, NAMES, 17)
 
 
 def test_non_finite_says_where():

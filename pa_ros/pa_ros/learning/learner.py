@@ -87,9 +87,7 @@ class Learner:
                 self.table, network.world, config.relabeling.property_dropout
             )
         goals = self._relabeler.rewards_kept if self._relabeler else 0
-        self.replay = ReplayBuffer(
-            config.replay.capacity_frames, network.world, n_objects, goals
-        )
+        self.replay = ReplayBuffer(config.replay.capacity_frames, network.world, n_objects, goals)
         algorithm = ALGORITHMS[config.ALGORITHM]
         self.engine = algorithm.make_engine(network, config, self.table, self.rng)
         kept = config.schedule.versions_kept
