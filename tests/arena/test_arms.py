@@ -80,7 +80,7 @@ def test_sizes_follow_from_the_arm(arm: Arm) -> None:
     observation, _ = task.reset(0)
     count = len(arm.joints)
     assert observation.joint_position.shape == observation.joint_velocity.shape == (count,)
-    assert observation.arm.shape == (3 * count,)
+    assert task.world.arm(observation).shape == (3 * count,)
     assert task.simulation.link_positions.shape == (count + 1, 3)
     for wrong in (count - 1, count + 1):
         with pytest.raises(CommandError, match=rf"\({count},\), got \({wrong},\)"):
