@@ -148,8 +148,7 @@ def test_a_strangers_arena_and_experience_do_not_bind_a_learner_against_the_real
 def test_a_learner_waits_a_while_for_an_arena_that_it_can_go_on_in(tmp_path: Path) -> None:
     begin_run(LearnerNodeConfig(out=str(tmp_path)))
     words = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
-    strange = replace(ARENA, arena_id="strange", shapes=words["shape"], colors=words["color"],
-                      vocabulary_digest=words.digest,
+    strange = replace(ARENA, arena_id="strange", world=replace(ARENA.world, vocabulary=words),
                       training_programs=(parse("NEAR(HAND, RED)", words),))  # fmt: skip
     given = {"learner_node__out": str(tmp_path), "learner_node__resume": True}
     with graph(LearnerNode, **given) as probe:
@@ -206,7 +205,7 @@ def test_a_latched_message_kills_no_agent(name) -> None:
 
 
 def test_a_first_policy_of_another_size_does_not_shut_the_real_learner_out() -> None:
-    other = NetworkConfig(vocabulary=learners.WORDS, hidden=4, attention=2)
+    other = NetworkConfig(world=learners.WORLD, hidden=4, attention=2)
     strange = PublishedPolicy(learners.snapshot(9, other), "strange", "stranger")
     with graph(SimNode, AgentNode) as probe:
         agent = probe.nodes[1].agent

@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from pa_ros.language.parser import parse
+from pa_ros.language.syntax import NEAR
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relations import RELATIONS
 from pa_ros.world.schema import PAPER
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def vocabulary(design: str | None) -> Vocabulary:
     """The vocabulary of a design, or the arena's own words and all relations."""
     if design is None:
-        return PAPER.vocabulary.asking(*RELATIONS)
+        return PAPER.vocabulary.asking(*sorted(RELATIONS, key=lambda name: name != NEAR))
     from pa_ros.arena.designs import design_named
 
     return design_named(design).vocabulary
