@@ -41,6 +41,7 @@ class Row:
     joint_position: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad
     joint_velocity: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad/s
     action: Float32 = field(default_factory=lambda: np.empty(0, np.float32))  # [J]
+    hand_pose: Float64 = field(default_factory=lambda: np.full(7, np.nan))  # in the base frame
     policy_version: int = -1  # of the weights that chose the action
     reward: float = float("nan")  # of this row's state
     distance: float = float("nan")  # m, to the nearest object that the program names
@@ -212,6 +213,7 @@ class _Builder:
             self._open.append(newest)
         program = mark.program or self._texts.get(mark.program_id, mark.program_id)
         row = Row(mark.step, stamp_ns, *codec.decode_objects(message), program)
+        row.hand_pose = codec.decode_hand_pose(message)
         newest.rows.append(row)
         self._rows[stamp_ns] = row
 

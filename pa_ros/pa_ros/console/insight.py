@@ -47,11 +47,12 @@ class Insight:
             self._inference = TorchActor(network, snapshot.tensors)
         except TensorError as error:
             raise ConfigError(str(error)) from error
-        self._vocabulary, self._version = network.vocabulary, snapshot.version
+        self._world, self._version = network.world, snapshot.version
+        self._vocabulary = network.vocabulary
 
     def look(self, observation: Observation, program: Program | None) -> Look:
         """Raises UnknownWordError if the program is of another vocabulary."""
-        phi = self._inference.properties(observation.objects, observation.arm)
+        phi = self._inference.properties(observation.objects, self._world.arm(observation))
         words, row = self._vocabulary.words, self._vocabulary.row
         if program is None:
             return Look(self._version, words, phi, np.zeros(0), ())

@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from pa_ros.console import markup
 from pa_ros.console.history import History
-from pa_ros.console.moment import Moment, looked, vocabulary_of
+from pa_ros.console.moment import Moment, looked
 from pa_ros.console.page import Page
 from pa_ros.console.sampler import Sampler, within
 from pa_ros.console.services import ArenaServices
@@ -137,7 +137,7 @@ class LiveConsole:
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
-        self._vocabulary, self._arena = vocabulary_of(arena), arena
+        self._vocabulary, self._arena = arena.world.vocabulary, arena
 
     def _on_status(self, message: Message) -> None:
         judgement = codec.decode_program_status(message)

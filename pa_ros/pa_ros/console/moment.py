@@ -42,11 +42,6 @@ class Moment:
         )
 
 
-def vocabulary_of(arena: ArenaDescription) -> Vocabulary:
-    """The arena's words. Raises ConfigError if they are none."""
-    return Vocabulary.of(shape=arena.shapes, color=arena.colors)
-
-
 def looked(
     insight: Insight | None, observation: Observation, text: str, vocabulary: Vocabulary
 ) -> tuple[Look | None, str]:

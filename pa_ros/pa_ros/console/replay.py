@@ -17,7 +17,7 @@ from pa_ros.bags.experience import PROVENANCE, WEIGHTS, arenas_of
 from pa_ros.bags.reader import Bag
 from pa_ros.console import markup
 from pa_ros.console.insight import Insight
-from pa_ros.console.moment import Moment, looked, vocabulary_of
+from pa_ros.console.moment import Moment, looked
 from pa_ros.console.page import Page
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Observation
@@ -36,7 +36,7 @@ class Replay:
         if not arenas:
             raise ProvenanceError(f"bag: {bag.path}: expected an arena's description, got none")
         self.arena = arenas[0]
-        self._vocabulary = vocabulary_of(self.arena)
+        self._vocabulary = self.arena.world.vocabulary
         self.episodes = [episode for episode in episodes(bag, namespace) if episode.rows]
         if not self.episodes:
             raise ProvenanceError(f"bag: {bag.path}: expected control steps, got none")
@@ -167,7 +167,7 @@ def _acted(episode: RecordedEpisode, step: int) -> int:
 
 
 def _observation(episode: RecordedEpisode, row: Row) -> Observation:
-    """The row as the agent saw it; velocities that are not recorded are zero."""
+    """The row as the agent saw it; what is not recorded of velocities and the hand's pose is zero."""
     return Observation(
         episode.number,
         row.step,
@@ -177,6 +177,7 @@ def _observation(episode: RecordedEpisode, row: Row) -> Observation:
         np.nan_to_num(row.joint_velocity),
         row.hand_index,
         "",
+        np.nan_to_num(row.hand_pose),
     )
 
 

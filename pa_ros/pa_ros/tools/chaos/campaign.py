@@ -13,7 +13,6 @@ from typing import ClassVar, Final
 
 from pydantic import Field
 
-from pa_ros.arena import design_named
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
 from pa_ros.tools.chaos.cycles import Cycle, run_cycle
@@ -164,8 +163,7 @@ def _check_afterwards(
         done[-1].failures.append(f"shared memory left behind: {sorted(segments)}")
     arena = stage.observer.arena
     if stage.learns and arena is not None:
-        words = design_named(arena.design).vocabulary
-        denied, held = mis_joined(stage.bags, arena, words, agents - {""})
+        denied, held = mis_joined(stage.bags, arena, agents - {""})
         say(f"  re-enacted {held} transitions: {len(denied)} trajectories denied")
         for name, stamp_s in denied:
             _culprit(done, stamp_s).mis_joined += 1

@@ -14,16 +14,16 @@ from pa_ros.bags.reenact import Reenactment
 from pa_ros.bags.repair import repair
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
-from pa_ros.language import Vocabulary
 from pa_ros.wire import codec
 from pa_ros.wire.records import ArenaDescription
 from pa_ros.world import Trajectory
+from pa_ros.world.world import World
 
 SHARED_MEMORY = Path("/dev/shm")
 
 
 def mis_joined(
-    bags: Iterable[Path], arena: ArenaDescription, vocabulary: Vocabulary, ours: set[str]
+    bags: Iterable[Path], arena: ArenaDescription, ours: set[str]
 ) -> tuple[list[tuple[str, float]], int]:
     """Recorded trajectories of agents of ours that a fresh arena denies, and when they came, s;
     and how many transitions it was asked about.
@@ -31,35 +31,31 @@ def mis_joined(
     A recording that was killed is repaired first.
     """
     reenactment, denied = Reenactment(arena), list[tuple[str, float]]()
-    for trajectory, stamp_s in _trajectories(bags, vocabulary):
+    for trajectory, stamp_s in _trajectories(bags, arena.world):
         if trajectory.agent_id in ours:
             name = reenactment.check(trajectory)
             denied += [(name, stamp_s)] if name is not None else []
     return denied, reenactment.checked
 
 
-def _trajectories(
-    bags: Iterable[Path], vocabulary: Vocabulary
-) -> Iterable[tuple[Trajectory, float]]:
+def _trajectories(bags: Iterable[Path], world: World) -> Iterable[tuple[Trajectory, float]]:
     """Of all bags, each once, in the order recorded."""
     known: set[TrajectoryKey] = set()
     for folder in bags:
         try:
             with Bag(folder) as bag:
-                yield from _once(bag, vocabulary, known)
+                yield from _once(bag, world, known)
         except BagError:
             try:
                 repair(folder)
                 with Bag(folder) as bag:
-                    yield from _once(bag, vocabulary, known)
+                    yield from _once(bag, world, known)
             except BagError:
                 continue  # nothing was in it yet
 
 
-def _once(
-    bag: Bag, vocabulary: Vocabulary, known: set[TrajectoryKey]
-) -> Iterable[tuple[Trajectory, float]]:
-    decode = partial(codec.decode_trajectory, vocabulary=vocabulary)
+def _once(bag: Bag, world: World, known: set[TrajectoryKey]) -> Iterable[tuple[Trajectory, float]]:
+    decode = partial(codec.decode_trajectory, world=world)
     for recorded in bag.messages([bag.topic_of(TRAJECTORIES)]):
         try:
             trajectory = bag.through(recorded, decode)

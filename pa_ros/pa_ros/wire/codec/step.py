@@ -113,7 +113,7 @@ def decode_observation(
         joint_velocity=velocity,
         hand_index=hand_index,
         program_id=features.program_id,
-        hand_pose=_hand_pose(features),
+        hand_pose=decode_hand_pose(features),
     )
 
 
@@ -140,7 +140,13 @@ def decode_objects(message: ObjectFeatures, width: int | None = None) -> tuple[F
     return features, hand_index
 
 
-def _hand_pose(message: ObjectFeatures) -> Float64:
+def decode_hand_pose(message: ObjectFeatures) -> Float64:
+    """Pose of the hand in the base frame, [7]; NaN in recordings older than it.
+
+    Raises NonFiniteError, RangeError.
+    """
+    if not hasattr(message, "hand_pose"):
+        return np.full(7, np.nan)
     at, turned = message.hand_pose.position, message.hand_pose.orientation
     pose = (at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w)
     read = read_float64("object_features.hand_pose", pose, (7,))
