@@ -4,6 +4,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from pa_ros.arena import Kind
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.pictures.drawing import learning_curve, phi_picture
 
@@ -17,7 +18,8 @@ def test_learning_curve_with_gaps(tmp_path):
 
 
 def test_phi_shows_what_it_is_given(tmp_path):
-    blocks = [("RED", "CUBE", 0.3, 0.2), ("BLUE", "SPHERE", -0.4, 0.3)]
+    kinds = [Kind(color="RED", shape="CUBE"), Kind(color="BLUE", shape="SPHERE")]
+    blocks = [(kinds[0], 0.3, 0.2), (kinds[1], -0.4, 0.3)]
     words = ("CUBE", "SPHERE", "RED", "BLUE")
     pictures = []
     for value in (0.0, 1.0):

@@ -81,7 +81,7 @@ def test_agents_of_two_settings_are_not_mixed(novice: TrainedAgent, tmp_path):
     with pytest.raises(ConfigError, match="got 0"):
         Benchmark(design=novice.design, arena=novice.arena, episodes=0)
     described: dict[str, Any] = setting({4: novice}, 5)
-    assert described["preset"] == "fast" and described["colors"][-2:] == ("A", "B")
+    assert described["preset"] == "fast" and described["words"]["color"][-2:] == ("A", "B")
 
 
 def row(seed: int, episode: int, reward: float, **fields: float) -> Row:

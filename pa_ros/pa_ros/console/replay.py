@@ -167,7 +167,7 @@ def _acted(episode: RecordedEpisode, step: int) -> int:
 
 
 def _observation(episode: RecordedEpisode, row: Row) -> Observation:
-    """The row as the agent saw it; what is not recorded of velocities and the hand's pose is zero."""
+    """The row as the agent saw it; velocities and a hand's pose that are not recorded are zero."""
     return Observation(
         episode.number,
         row.step,
