@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from pa_ros.arena import design_named
 from pa_ros.ros import topics
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.chaos.faults import Fault
@@ -70,8 +69,7 @@ def _trajectory(stage: Stage) -> Trajectory:
     arena = stage.observer.arena
     if arena is None:
         raise StageError("arena_info: expected one before this fault, got none")
-    words = design_named(arena.design).vocabulary
-    return codec.decode_trajectory(stage.observer.last["trajectories"], words)
+    return codec.decode_trajectory(stage.observer.last["trajectories"], arena.world)
 
 
 def _forged(stage: Stage, trajectory: Trajectory) -> Message:
