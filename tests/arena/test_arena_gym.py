@@ -15,7 +15,15 @@ UNBOUNDED = "ignore:.*Box observation space (min|max)imum value is .*infinity"
 
 
 @pytest.mark.filterwarnings(UNBOUNDED)
-@pytest.mark.parametrize("options", [{}, {"preset": "paper", "design": "3-D", "condition": "eval"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"preset": "paper", "design": "3-D", "condition": "eval"},
+        {"observation": "structured", "design": "3-D", "condition": "depth-4"},
+        {"observation": "structured", "arm": "panda"},
+    ],
+)
 def test_gymnasium_accepts_it(options: dict[str, Any]) -> None:
     check_env(gymnasium.make(ENV_ID, **options).unwrapped)
 
@@ -62,6 +70,44 @@ def test_every_condition_runs_within_its_spaces(condition: str) -> None:
             assert env.observation_space.contains(flat)
             flat, reward, _, _, info = env.step(env.action_space.sample())
             assert reward in (-1.0, 1.0) and info["is_success"] == (reward > 0)
+
+
+@pytest.mark.parametrize("condition", conditions_for(design_named("3-D")))
+def test_the_structured_observation_is_of_one_size_under_every_condition(condition: str) -> None:
+    env = ReachEnv(design="3-D", condition=condition, observation="structured")
+    assert (
+        env.observation_space == ReachEnv(design="3-D", observation="structured").observation_space
+    )
+    for _ in range(3):
+        seen, _ = env.reset()
+        assert env.observation_space.contains(seen)
+        present = len(env.task.episode.blocks)
+        assert seen["objects"][: 1 + present, 6].all() and not seen["objects"][1 + present :].any()
+
+
+def test_the_structured_program_evaluates_to_the_programs_targets() -> None:
+    """Run as it stands, over the true properties, its last register is the verifier's targets."""
+    env = ReachEnv(design="3-D", condition="depth-5", observation="structured")
+    for _ in range(5):
+        seen, _ = env.reset()
+        words = env.design.vocabulary.words
+        kinds = [None, *(block.kind for block in env.task.episode.blocks)]
+        rows = [[kind is not None and word in kind.words for kind in kinds] for word in words]
+        registers = [np.array(row, float) for row in rows]
+        registers.append(np.array([1.0] + [0.0] * (len(kinds) - 1)))
+        for op, a, b in seen["program"].reshape(-1, 3):
+            x, y = registers[a], registers[b]
+            registers.append((1 - x, x * y, x + y - x * y, x)[op])
+        named = np.flatnonzero(registers[-1][1:]) + 1
+        assert named.tolist() == list(env.task.verifier.targets)
+
+
+def test_a_program_that_has_no_room_is_refused() -> None:
+    env = ReachEnv(design="3-D", condition="depth-6", observation="structured", program_rows=1)
+    with pytest.raises(ConfigError, match=r"program_rows: expected at least \d+ .* got 1"):
+        env.reset(seed=0)
+    with pytest.raises(ConfigError, match="flat or structured, got 'pixels'"):
+        ReachEnv(observation="pixels")  # type: ignore[arg-type]
 
 
 def test_the_script_succeeds_through_it() -> None:

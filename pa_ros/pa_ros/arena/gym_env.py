@@ -1,11 +1,12 @@
 """The reaching task as a Gymnasium environment, `pa_ros/Reach-v0`, for any RL library.
 
-One flat vector: what a standard network needs, goal included.
+Observed as one flat vector, what a standard network needs, goal included; or as it is, structured.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import Design, design_named
 from pa_ros.arena.render import top_view
+from pa_ros.arena.structured import PROGRAM_ROWS, StructuredObservation
 from pa_ros.arena.task import ReachTask, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, Verdict
@@ -24,14 +26,16 @@ ENV_ID = "pa_ros/Reach-v0"
 SEED_RANGE = 2**31 - 1
 
 
-class ReachEnv(gymnasium.Env[Float32, Float32]):
+class ReachEnv(gymnasium.Env[Any, Float32]):
     """Reach for one named block.
 
     Observation, float32 [A + F · K + V]: the arm's A features; F features for each of the K
     kinds of block in the design, always at the same place and zero if absent (paper, appendix
     "Canonical"); 1 at the V vocabulary words that describe the target. Action, [J] in [-1, 1]:
-    parts of the joint speed limits. Reward ±1, or as `reward` has it. Episodes are truncated,
-    never terminated. `info` has the program, the distance (m) and whether it is satisfied.
+    parts of the joint speed limits. With `observation="structured"` a `Dict` of objects, arm and
+    program (`pa_ros.arena.structured`), for programs of any kind. Reward ±1, or as `reward` has
+    it. Episodes are truncated, never terminated. `info` has the program, the distance (m) and
+    whether it is satisfied.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -44,7 +48,12 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
         render_mode: str | None = None,
         reward: Reward | None = None,
         arm: str = "jaco",
+        observation: Literal["flat", "structured"] = "flat",
+        program_rows: int = PROGRAM_ROWS,
     ) -> None:
+        """`program_rows`: instructions that there is room for in a structured observation."""
+        if observation not in ("flat", "structured"):
+            raise ConfigError(f"gym: observation: expected flat or structured, got {observation!r}")
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"gym: render_mode: expected None or rgb_array, got {render_mode!r}")
         self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm)
@@ -56,7 +65,13 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
         self.world = world_of(self.config, self.design)
         size = self.world.arm_features + self.world.object_features * len(self._slot)
         size += len(self.design.vocabulary.words)
+        self.observation_space: spaces.Space[Any]
         self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+        self._observed: Callable[[Observation], Any] = self._flat
+        if observation == "structured":
+            self.structured = StructuredObservation(self.world, self.design, program_rows)
+            self.observation_space = self.structured.space
+            self._observed = lambda seen: self.structured(seen, self.task.program)
         self.action_space = spaces.Box(-1.0, 1.0, (self.world.actions,), np.float32)
         self._limits = np.array(self.config.joint_speed_limits)
         self._task: ReachTask | None = None
@@ -64,7 +79,7 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Float32, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Next episode; with a seed, episode 0 of that seed."""
         super().reset(seed=seed)
         if seed is not None or self._task is None:
@@ -72,13 +87,13 @@ class ReachEnv(gymnasium.Env[Float32, Float32]):
             self._task, self._next_episode = self._new_task(drawn), 0
         observation, verdict = self._task.reset(self._next_episode, self.condition)
         self._next_episode += 1
-        return self._flat(observation), self._info(verdict)
+        return self._observed(observation), self._info(verdict)
 
-    def step(self, action: Float32) -> tuple[Float32, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Float32) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         command = np.asarray(action, dtype=np.float64) * self._limits
         observation, verdict = self.task.step(command)
-        flat, info = self._flat(observation), self._info(verdict)
-        return flat, verdict.reward, False, verdict.truncated, info
+        seen, info = self._observed(observation), self._info(verdict)
+        return seen, verdict.reward, False, verdict.truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Top view [480, 480, 3] if `render_mode` is "rgb_array"; needs no OpenGL."""
