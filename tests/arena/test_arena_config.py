@@ -55,7 +55,7 @@ def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
         ("block_radii_m", (0.0, 0.4), "(0.0, 0.4)"),
         ("start_pose", (0.0,) * 5 + (math.nan,), "nan"),
         ("timestep_s", 0.03, "0.03"),
-        ("arm", "elbow", "'jaco', 'panda'], got 'elbow'"),
+        ("arm", "elbow", "one of ['jaco', 'panda'"),
         ("arm", "panda", "expected 7 numbers, the joints of panda, got 6"),
         ("block_angles", (1.0, 1.0), "(1.0, 1.0)"),
         ("start_pose", (0.0,) * 6, "joint_2"),

@@ -182,7 +182,7 @@ def test_info_tells_of_episodes_versions_and_provenance(learned, stepped, capsys
     out = capsys.readouterr().out
     assert "3 trajectories of transitions, no gaps" in out
     assert "weights: versions 0 to 3" in out and "3 training episodes, 300 steps" in out
-    assert "2-L, fast, seed 5" in out and "from scratch" in out
+    assert "2-L, jaco, fast, seed 5" in out and "from scratch" in out
     assert main(["bag", "info", str(stepped)]) == 0
     out = capsys.readouterr().out
     assert "1 training episodes, 30 steps, reward per step" in out

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from pa_ros.core.experience import CommandKey, Executed, Observation, Verdict
 from pa_ros.wire import codec, errors
+from pa_ros.wire.interfaces import JointState
 from pa_ros.wire.records import Command, StepContext, StepMark
 
 NAMES = ("j1", "j2", "j3", "j4", "j5", "j6")
@@ -227,6 +228,19 @@ def test_malformed_commands_are_refused(action, error):
     message.action = action
     with pytest.raises(error):
         codec.decode_command(message, joints=6)
+
+
+@pytest.mark.parametrize(("joints", "sent"), [(7, 6), (4, 7)])
+def test_a_command_for_another_arm_is_refused_with_both_sizes(joints, sent):
+    message = codec.encode_command(Command(0, 0, 0, "a", 0, np.zeros(sent, np.float32)))
+    with pytest.raises(errors.SizeError, match=f"expected {joints} .*received {sent}"):
+        codec.decode_command(message, joints)
+    assert len(codec.decode_command(message).action) == sent  # of an arm that isn't known
+
+
+def test_joint_states_without_joints_are_refused():
+    with pytest.raises(errors.SizeError, match="joint_states.position"):
+        codec.decode_joints(JointState(), ())
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))

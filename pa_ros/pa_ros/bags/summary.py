@@ -82,7 +82,8 @@ def _learning(bag: Bag, namespace: str | None) -> list[str]:
     experience = Experience(bag, namespace)
     lines = []
     for origin in experience.origins:
-        what = ", ".join(filter(None, (origin.design, origin.preset, f"seed {origin.seed}")))
+        facts = (origin.design, origin.arm, origin.preset, f"seed {origin.seed}")
+        what = ", ".join(filter(None, facts))
         lines.append(f"{origin.node} ({origin.instance}): {what}; {origin.versions}")
     try:
         began = experience.learner.learner

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from itertools import product
 
 import numpy as np
 
-from pa_ros.arena.config import PRESETS, ArenaConfig
+from pa_ros.arena.arms import ARMS
+from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, design_named
 from pa_ros.arena.references import (
     Policy,
@@ -30,14 +32,14 @@ NUDGE_RAD = 1e-7  # at the hand, 0.04 µm
 
 
 def references(episodes: int) -> Iterable[str]:
-    """Both references on every preset and design."""
-    yield "| preset | design | random | scripted |\n|---|---|---|---|"
-    for preset, config in PRESETS.items():
-        for design in map(design_named, DESIGNS):
-            task = ReachTask(config, design, seed=0)
-            low = mean_reward(task, random_policy(0), episodes)
-            high = mean_reward(task, scripted_action, episodes)
-            yield f"| {preset} | {design.name} | {low:.3f} | {high:.3f} |"
+    """Both references on every arm, preset and design."""
+    yield "| arm | preset | design | random | scripted |\n|---|---|---|---|---|"
+    settings = [preset_named(preset, arm) for arm in ARMS for preset in PRESETS]
+    for config, design in product(settings, map(design_named, DESIGNS)):
+        task = ReachTask(config, design, seed=0)
+        low = mean_reward(task, random_policy(0), episodes)
+        high = mean_reward(task, scripted_action, episodes)
+        yield f"| {config.arm} | {config.preset} | {design.name} | {low:.3f} | {high:.3f} |"
 
 
 def speeds_and_thresholds(episodes: int) -> Iterable[str]:
@@ -141,7 +143,7 @@ def speed(episodes: int) -> Iterable[str]:
 
 
 def clumsy_action(task: ReachTask) -> Float64:
-    """Like the script, but aims at the block's center (rad/s, [6])."""
+    """Like the script, but aims at the block's center (rad/s, [J])."""
     return toward(task, nearest_target(task))
 
 

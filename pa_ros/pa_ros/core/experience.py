@@ -61,7 +61,7 @@ class Executed:
     """A command that was carried out exactly as given."""
 
     command: CommandKey
-    action: Float32  # [6] share of each joint's speed limit, in [-1, 1]
+    action: Float32  # [J] share of each joint's speed limit, in [-1, 1]
 
     def __eq__(self, other: object) -> bool:
         return (

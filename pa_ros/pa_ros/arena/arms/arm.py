@@ -8,12 +8,12 @@ from math import pi
 from typing import TYPE_CHECKING
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.world.world import MAX_JOINTS
 
 if TYPE_CHECKING:
     from pa_ros.arena.config import ArenaConfig
 
 Range = tuple[float, float]
-MAX_JOINTS = 16
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ MARGIN = 0.95  # of the horizontal reach: the hand does not stop exactly where i
 
 
 def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
-    """One of BLIND as joint velocities in rad/s [6]; it decides at the start of an episode."""
+    """One of BLIND as joint velocities in rad/s [J]; it decides at the start of an episode."""
     choose = {"nearest": _nearest, "any": _any, "most": _most}[name]
     goal = np.zeros(3)
 

@@ -22,7 +22,7 @@ from pa_ros.evaluation.scoring.intervals import Interval, mean_interval, normali
 from pa_ros.evaluation.scoring.rewards import EpisodeScore, rewards
 from pa_ros.language import Program
 
-# From what an agent sees, and the program, to joint velocities in rad/s [6].
+# From what an agent sees, and the program, to joint velocities in rad/s [J].
 AgentPolicy = Callable[[Observation, Program], Float64]
 REFERENCES = ("scripted", "random")
 

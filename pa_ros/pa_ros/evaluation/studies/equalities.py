@@ -134,7 +134,7 @@ class _Comparison:
         _, other_score = self._execute(right)
         p = self._relevance(seen, left, right)  # [T, 2, N]
         actions = np.array([[self._act(o, side) for side in (left, right)] for o in seen])
-        actions /= self._limits  # [T, 2, 6]
+        actions /= self._limits  # [T, 2, J]
         return (
             float(np.abs(p[:, 0] - p[:, 1]).max()),
             float(np.abs(actions[:, 0] - actions[:, 1]).max()),

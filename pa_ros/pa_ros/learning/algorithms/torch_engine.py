@@ -115,7 +115,7 @@ class TorchEngine(ABC):
         return self._table.of(torch.from_numpy(program).to(self.device))
 
     def act(self, network: Any, seen: tuple[Tensor, Tensor, Any]) -> Tensor:
-        """Actions of an actor or its target, [B, K, 6]."""
+        """Actions of an actor or its target, [B, K, J]."""
         action: Tensor = network(*seen, HAND_INDEX)
         return action
 

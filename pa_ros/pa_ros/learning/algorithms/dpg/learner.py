@@ -35,7 +35,7 @@ class TorchDPG(TorchEngine):
         h = self.features(critic, x.now)  # [B, K, H]
         q = critic.head(h, x.action)  # [B, K]
         loss = F.mse_loss(q, target)
-        action = self.act(actor, x.now)  # [B, K, 6]
+        action = self.act(actor, x.now)  # [B, K, J]
         given = action.detach().requires_grad_()
         ascent = self._ascent(critic.head(h.detach(), given), given, values.action_l2)
         self.descend("critic", values.critic_rate, values, loss)
@@ -52,7 +52,7 @@ class TorchDPG(TorchEngine):
             return bootstrapped
 
     def _ascent(self, q: Tensor, action: Tensor, action_l2: float) -> Tensor:
-        """∂/∂a of the actor's objective: ∂Q/∂a clipped, less λa, [B, K, 6]."""
+        """∂/∂a of the actor's objective: ∂Q/∂a clipped, less λa, [B, K, J]."""
         (gradient,) = torch.autograd.grad(q.sum(), action)
         ascent: Tensor = gradient.clamp(-self._clip, self._clip) - action_l2 * action.detach()
         return ascent

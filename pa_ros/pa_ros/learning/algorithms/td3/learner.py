@@ -77,7 +77,7 @@ class TorchTD3(TorchEngine):
 
     def _improve(self, x: Inputs, h: Tensor, values: UpdateValues) -> None:
         """A step of the actor up the first critic, less the price of the action."""
-        action = self.act(self.networks["actor"], x.now)  # [B, K, 6]
+        action = self.act(self.networks["actor"], x.now)  # [B, K, J]
         given = action.detach().requires_grad_()
         q = self.networks[CRITICS[0]].head(h, given)
         (gradient,) = torch.autograd.grad(q.sum(), given)

@@ -1,0 +1,130 @@
+"""An arm from outside the package: it moves, is learned with in process and over the graph."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from waiting import DEADLINE_S
+
+from pa_ros.arena import (
+    ReachTask,
+    design_named,
+    mean_reward,
+    preset_named,
+    random_policy,
+    scripted_action,
+    training_programs,
+    world_of,
+)
+from pa_ros.cli.main import main
+from pa_ros.core import extensions
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.protocols import protocol_named
+from pa_ros.ros import topics
+from pa_ros.tools.client import client_node
+from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.wire import codec
+from pa_ros.wire.records import ArenaDescription
+
+CRANE = str(Path(__file__).with_name("crane.py"))
+QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32"]
+FRAMES = 300
+DESIGN = design_named("2-L")
+ALL = {"crane": 4, "panda": 7}
+
+
+@pytest.fixture(autouse=True)
+def extended() -> None:
+    extensions.load([CRANE])
+
+
+def test_it_moves_and_its_script_scores() -> None:
+    task = ReachTask(preset_named("fast", "crane"), DESIGN, seed=0)
+    assert mean_reward(task, scripted_action, 10) > 0.7
+    assert mean_reward(task, random_policy(0), 10) < -0.8
+    observation, _ = task.reset(0)
+    assert task.world.arm(observation).shape == (12,)
+
+
+@pytest.mark.parametrize(("arm", "joints"), ALL.items())
+def test_it_is_learned_with_in_process(arm: str, joints: int, tmp_path: Path) -> None:
+    arena = preset_named("fast", arm)
+    protocol, world = protocol_named("ours").with_options(QUICK), world_of(arena, DESIGN)
+    learner = train(
+        TrainConfig(out=tmp_path, seed=1, frames=FRAMES, evaluate_every_frames=0, arm=arm),
+        protocol.network_config(world),
+        protocol.learner,
+        ReachTask(arena, DESIGN, seed=1),
+        np.array(arena.joint_speed_limits),
+        training_programs(DESIGN),
+    )
+    assert learner.engine.name == "fused" and learner.counters.updates == FRAMES - 100
+    policy = load_policy(tmp_path / "checkpoint")
+    assert policy.world_digest == world.digest
+    check(policy, joints)
+    actions = learner.replay.arrays["action"][: learner.replay.rows]
+    assert actions.shape[1] == joints and (actions.std(axis=0) > 0).all()
+
+
+def check(policy: PolicySnapshot, joints: int) -> None:
+    """An action for each joint, and what every joint's angle and speed are read by was learned."""
+    tensors = policy.tensors
+    assert tensors["output.weight"].shape[0] == tensors["output.bias"].shape[0] == joints
+    assert tensors["detectors.weight"].shape[1] == 16 + 3 * joints
+    assert np.abs(tensors["detectors.weight"]).max() > 0
+
+
+def test_the_command_line_learns_with_it_and_knows_it_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "run")
+    given = ["--extension", CRANE, "train", "--arm", "crane", "--frames", "200", "--out", out]
+    assert main([*given, "--eval-every", "0"]) == 0
+    assert main(["eval", "--checkpoint", out, "--episodes", "2"]) == 0  # it says its arm
+    other = ["train", "--arm", "panda", "--frames", "300", "--out", out, "--resume"]
+    assert main(other) == 2
+    refusal = capsys.readouterr().err
+    assert "joints=4" in refusal and "joints=7" in refusal
+
+
+def test_an_unknown_arm_is_refused_with_the_known_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["train", "--arm", "elbow", "--out", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert "--arm: expected one of ['jaco', 'panda'" in error and "got elbow" in error
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize(("arm", "joints"), ALL.items())
+def test_it_is_learned_with_over_the_graph(arm: str, joints: int, tmp_path: Path) -> None:
+    """The arena alone knows the extension; agent and learner are told of the joints."""
+    policies: list[PolicySnapshot] = []
+    arenas: list[ArenaDescription] = []
+    given = {
+        "sim_node": {"arm": arm, **({"extensions": [CRANE]} if arm == "crane" else {})},
+        "agent_node": {"learning": True, "agent_id": "agent"},
+        "learner_node": {"options": [*QUICK]},
+    }
+
+    def receive(message: object) -> None:
+        policy = codec.decode_weights(message)
+        if policy.snapshot.version >= FRAMES // 100:
+            policies.append(policy.snapshot)
+
+    with Supervisor(tmp_path) as supervisor, client_node("watch") as node:
+        topic, info = topics.POLICY_WEIGHTS, topics.ARENA_INFO
+        node.create_subscription(topic.type, topic.name, receive, topic.reader)
+        info.subscribe(node, lambda message: arenas.append(codec.decode_arena_info(message)))
+        start_nodes(supervisor, given, tmp_path)
+        assert watch(node, supervisor, lambda: None, lambda: bool(policies), DEADLINE_S)
+    config = preset_named("fast", arm)
+    assert (arenas[0].arm, len(arenas[0].joint_names)) == (arm, joints)
+    assert arenas[0].speed_limits == config.joint_speed_limits
+    assert policies[0].world_digest == world_of(config, DESIGN).digest
+    check(policies[0], joints)
