@@ -29,7 +29,7 @@ from pa_ros.benchmarks.straightforward import Scenes, parameters
 from pa_ros.benchmarks.straightforward import actor as formulas
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
-from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.language.vocabulary import Vocabulary, WordGroup
 from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
@@ -40,7 +40,7 @@ from pa_ros.native.errors import FusedError
 from pa_ros.native.library import level, why_not_network
 from pa_ros.networks.parameters import TensorError
 from pa_ros.world.programs import ProgramTable
-from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
+from pa_ros.world.schema import PAPER, ObjectSchema, OneHot, PropertyGroup, Real
 from pa_ros.world.world import World
 
 
@@ -368,3 +368,28 @@ for attempt in (level, lambda: why_not_network(setting().network), lambda: setti
         assert line.startswith("learning.fused")
         assert f"PA_ROS_FUSED_LEVEL: expected one of {known} (this machine has" in line
         assert line.endswith("got 'x86_64-v3'")
+
+
+SIZE = PropertyGroup(
+    "size", ("SMALL", "LARGE"), Real(("m",), {"SMALL": (0.04,), "LARGE": (0.08,)}, 0.01, 25.0)
+)
+SIZED = ObjectSchema((*PAPER.groups, SIZE))
+
+
+@pytest.mark.parametrize("joints", [3, 7])
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
+def test_other_worlds_are_the_formulas_too(kind: str, joints: int) -> None:
+    """A group of numbers more, another arm."""
+    words = Vocabulary((*VOCABULARY.groups, WordGroup("size", ("SMALL", "LARGE"))))
+    made = setting(kind, vocabulary=words, schema=SIZED, joints=joints, hidden=20, attention=7)
+    made.table.add(parse("NEAR(HAND, AND(SMALL, NOT(RED)))", words))
+    rng, rows = np.random.default_rng(5), len(made.table)
+    batch = make_batch(rng, 9, 4, 2, rows)
+    sizes = rng.choice(np.array([0.0, 0.04, 0.08], np.float32), (2, 9, 4, 1))
+    draw = lambda n: rng.normal(size=(9, n)).astype(np.float32)  # noqa: E731
+    check_gradients(made, replace(
+        batch,
+        objects=np.concatenate([batch.objects, sizes[0]], -1),
+        next_objects=np.concatenate([batch.next_objects, sizes[1]], -1),
+        arm=draw(3 * joints), next_arm=draw(3 * joints), action=np.tanh(draw(joints)),
+    ))  # fmt: skip
