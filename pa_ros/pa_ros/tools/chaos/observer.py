@@ -42,11 +42,13 @@ class Observer:
         # How many trajectories each agent has sent: one more than the highest number heard. Who
         # listens to a newcomer is found by it one after the other, and we may not be the first.
         self.published: dict[AgentKey, int] = {}
+        self.forgeries = 0  # trajectories that strangers sent
         self.forged: set[TrajectoryKey] = set()  # sent by strangers
         self.steps = 0  # control steps observed
         self.last: dict[str, Message] = {}  # by topic
         self.positions: deque[tuple[float, Float64]] = deque(maxlen=2000)  # rad
         self.went_back = 0  # versions lower than the one before, of one process
+        self._reached: dict[str, int] = {}  # newest version of the learner that is there
         self._prefix = node.get_namespace().rstrip("/") + "/"
         self._health: dict[str, tuple[Health, float]] = {}
         self._seen: list[tuple[float, str]] = []  # when, and what nodes said of trouble
@@ -117,7 +119,8 @@ class Observer:
             taken = min(account.accounted.get(agent, 0), sent)
             accounted += taken
             dead += sent - taken if agent.agent_id != living else 0
-        told = self.value("learner_node", "rejected_trajectories")
+        refused = self.value("learner_node", "rejected_trajectories")
+        told = max(0.0, refused - self.forgeries)  # of ours
         told += self.value("learner_node", "lost_trajectories")
         return accounted - account.version - int(told) + dead
 
@@ -166,8 +169,9 @@ class Observer:
         if self.learner is None or policy.learner_id != self.learner.learner_id:
             return
         version = policy.snapshot.version
-        if version < self.account.version and version >= self.learner.first_version:
-            self.went_back += self.account.version > self.learner.first_version
+        if version < self._reached.get(policy.learner_id, 0):
+            self.went_back += version >= self.learner.first_version
+        self._reached = {policy.learner_id: version}
         self.account = Account(version, dict(policy.accounted))
         self.last["policy_weights"] = message
 

@@ -151,7 +151,8 @@ class Stage:
             return [*command, "--namespace", namespace]
         path = self.folder / f"{name}-{self._starts}.yaml"
         if name == LAUNCHER:
-            self.bags.append(self.folder / f"bag-{len(self.bags)}")
+            if not beside:
+                self.bags.append(self.folder / f"bag-{len(self.bags)}")
             write_parameters(path, {n: self._values(n) for n in self.nodes})
             into = ["--out", str(self.folder / f"launch-{self._starts}")]
             into += ["--record", str(self.bags[-1]), "--namespace", namespace]

@@ -74,6 +74,7 @@ def _trajectory(stage: Stage) -> Trajectory:
 
 def _forged(stage: Stage, trajectory: Trajectory) -> Message:
     stage.observer.forged.add(trajectory.key)
+    stage.observer.forgeries += 1
     return Message(codec.encode_trajectory(trajectory))
 
 
