@@ -9,6 +9,7 @@ from typing import Literal
 import pytest
 from pydantic import Field
 
+from pa_ros.cli.main import main
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Settings
@@ -66,3 +67,37 @@ def test_a_refusal_names_the_option(
     with pytest.raises(ConfigError) as refusal:
         parser.parse_args(["--out", "x", *given])
     assert str(refusal.value) == message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["eval", "--policy", "scripted", "--json", "{file}/x.json"], "expected a folder at"),
+        (["eval", "--policy", "scripted", "--json", "{folder}"], "got a folder"),
+        (["experiment", "programmable-2L", "--results", "{file}/x"], "expected a folder at"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_the_work(tmp_path, capsys, arguments, said):
+    (tmp_path / "file").touch()
+    places = {"file": tmp_path / "file", "folder": tmp_path}
+    assert main([argument.format(**places) for argument in arguments]) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err and captured.out == ""
+
+
+def test_an_opengl_that_is_not_there_is_one_line(monkeypatch, capsys):
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+
+    def broken(name):
+        raise AttributeError("no attribute 'glGetError'")
+
+    monkeypatch.setattr("pa_ros.cli.main.importlib.import_module", broken)
+    assert main(["eval", "--policy", "scripted"]) == 2
+    assert "MUJOCO_GL=osmesa: expected an OpenGL" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", ["999", "abc", "-1"])
+def test_a_ros_domain_without_ports_is_one_line(monkeypatch, capsys, number):
+    monkeypatch.setenv("ROS_DOMAIN_ID", number)
+    assert main(["send", "NEAR(HAND, RED)"]) == 2
+    assert f"ROS_DOMAIN_ID: expected 0 to 232, got '{number}'" in capsys.readouterr().err

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
 
+from pa_ros.cli.options import file_to_write
 from pa_ros.core.report import Report, write_report
 from pa_ros.provenance.software import device, versions
 
@@ -13,7 +13,7 @@ from pa_ros.provenance.software import device, versions
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros bench`."""
     parser.add_argument("what", choices=sorted(BENCHMARKS))
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
     parser.add_argument(
         "--network", default="programmable", help="learner, train: kind of networks (%(default)s)"
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pa_ros.arena import ArenaConfig, Design
-from pa_ros.cli.options import add_setting, add_settings, settings_from
+from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, write_report
 from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "`all` for all of them (%(default)s)",
     )
     add_settings(parser, EvaluationConfig, "episodes", "seed")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pa_ros.cli.options import add_setting, add_settings
+from pa_ros.cli.options import add_setting, add_settings, file_to_write, folder_to_write
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import write_report
 
@@ -44,14 +44,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tag", default="", help="names what --set changed, in the tables' names")
     parser.add_argument("--runs", type=Path, default=Path("runs/experiments"), help="raw runs")
     add_results(parser, "runs/experiments/results")
-    parser.add_argument("--json", type=Path, help="summary: also write the figures to this file")
+    parser.add_argument(
+        "--json", type=file_to_write, help="summary: also write the figures to this file"
+    )
 
 
 def add_results(parser: argparse.ArgumentParser, default: str) -> None:
     """Declare where tables lie: never among the published ones, unless that is asked for."""
     group = parser.add_mutually_exclusive_group()
     group.add_argument(
-        "--results", type=Path, default=Path(default), help="folder of the tables (%(default)s)"
+        "--results",
+        type=folder_to_write,
+        default=Path(default),
+        help="folder of the tables (%(default)s)",
     )
     group.add_argument(
         "--publish", dest="results", action="store_const", const=PUBLISHED,

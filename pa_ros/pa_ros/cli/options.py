@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any, TypeVar, get_origin
 
@@ -56,6 +57,31 @@ def settings_from(options: argparse.Namespace, kind: type[Kind], **values: Any) 
     """The settings that were asked for; `values` are those that no option gives."""
     asked = {name: getattr(options, name, None) for name in kind.model_fields}
     return kind(**{name: value for name, value in asked.items() if value is not None} | values)
+
+
+def file_to_write(text: str) -> Path:
+    """An option's file. ConfigError, before any work is done for it, if it can't be written."""
+    path = Path(text)
+    if path.is_dir():
+        raise ConfigError(f"{path}: expected a file to write, got a folder")
+    _check_folder(path.parent, path)
+    if path.exists() and not os.access(path, os.W_OK):
+        raise ConfigError(f"{path}: expected a file that may be written")
+    return path
+
+
+def folder_to_write(text: str) -> Path:
+    """An option's folder. ConfigError, before any work is done, if it can't be made or written."""
+    _check_folder(Path(text), Path(text))
+    return Path(text)
+
+
+def _check_folder(folder: Path, asked: Path) -> None:
+    there = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    if not there.is_dir():
+        raise ConfigError(f"{asked}: expected a folder at {there}, got a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ConfigError(f"{asked}: expected a folder that may be written, got {there}")
 
 
 def _reader(kind: type[Settings], path: str, flag: str) -> Any:

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from pa_ros.bags.reader import Bag
-from pa_ros.cli.options import add_setting, add_settings, settings_from
+from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.report import write_report
 from pa_ros.provenance.software import device, versions
 from pa_ros.tools.playback import PlaybackOptions, Played, Player
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, PlaybackOptions, "rate", "topics", "loop", "clock")
     for name in ("start", "duration", "wait"):
         add_setting(parser, PlaybackOptions, f"{name}_s", f"--{name}", metavar="S")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
 
 
 def run(options: argparse.Namespace) -> int:

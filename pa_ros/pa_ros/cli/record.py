@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from pa_ros.bags.repair import repair
-from pa_ros.cli.options import add_setting, add_settings, settings_from
+from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.report import write_report
 from pa_ros.tools.record import BAG_TOPICS, Recorder, RecordingOptions, topics_named
 
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_settings(parser, RecordingOptions, "topics", "namespace", "storage", "split_mb", "split_s")
     add_setting(parser, RecordingOptions, "duration_s", "--duration")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
     parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if the disk was full"
 
 

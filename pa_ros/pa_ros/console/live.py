@@ -17,7 +17,7 @@ from pa_ros.console import markup
 from pa_ros.console.history import History
 from pa_ros.console.moment import Moment, looked
 from pa_ros.console.page import Page
-from pa_ros.console.sampler import Sampler, within
+from pa_ros.console.sampler import DEPTH, Sampler, within
 from pa_ros.console.services import ArenaServices
 from pa_ros.console.weights import AgentWeights
 from pa_ros.core.errors import PaError
@@ -27,11 +27,13 @@ from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, ProgramRequest
+from pa_ros.wire.records import ArenaDescription, Mode, ProgramRequest
 
 REMEMBERED = 256  # programs by id
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0
+LOCKSTEP_S = 0.5  # learning takes every core: its steps are sampled
+LOCKSTEP_DEPTH = 4
 EXAMPLES = 12
 
 
@@ -46,7 +48,7 @@ class LiveConsole:
         self.figures, self.history = GraphFigures(), History()
         watch_diagnostics(node, self.figures)
         self._serial, self._began = count(), time.monotonic()
-        self._surveyed = self._plotted = -SURVEY_S
+        self._surveyed = self._plotted = self._looked = -SURVEY_S
         self._arenas: tuple[str, ...] = ()
         self._sampler: Sampler | None = None
         self._examples: tuple[str, ...] = ()
@@ -87,8 +89,13 @@ class LiveConsole:
         if not pages and not self.history.pending:
             self._rest()
             return
+        lockstep = self._arena is not None and self._arena.mode is Mode.LOCKSTEP
+        if lockstep and now - self._looked < LOCKSTEP_S:
+            return
+        self._looked = now
         if self._sampler is None:
-            self._sampler = Sampler(self._sampled, self._namespace)
+            depth = LOCKSTEP_DEPTH if lockstep else DEPTH
+            self._sampler = Sampler(self._sampled, self._namespace, depth)
         self._weights.attend()
         self._look(self._sampler.take())
         self._page.say("History", self.history.html() + self._services.html())
@@ -137,6 +144,8 @@ class LiveConsole:
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
+        if self._arena is None or self._arena.mode is not arena.mode:
+            self._rest()
         self._vocabulary, self._arena = arena.world.vocabulary, arena
 
     def _on_status(self, message: Message) -> None:

@@ -18,19 +18,20 @@ from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 
 DEPTH = 20  # steps that may pass between two looks, none lost: real time up to 20 times
-_READER = QoSProfile(
-    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=DEPTH
-)
 PARTS = {"features": OBJECT_FEATURES, "joints": JOINT_STATES, "verdict": VERDICT}
 
 
 class Sampler:
     """Steps of the arena in a namespace. `node` must not be served by an executor."""
 
-    def __init__(self, node: Node, namespace: str) -> None:
-        self._node = node
+    def __init__(self, node: Node, namespace: str, depth: int = DEPTH) -> None:
+        """`depth`: so many steps are kept between two looks."""
+        self._node, self._depth = node, depth
+        profile = QoSProfile(
+            reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth
+        )
         self._readers = {
-            part: replace(topic, name=within(namespace, topic), reader=_READER).subscribe(
+            part: replace(topic, name=within(namespace, topic), reader=profile).subscribe(
                 node, lambda _: None
             )
             for part, topic in PARTS.items()
@@ -40,7 +41,7 @@ class Sampler:
     def take(self) -> list[dict[str, Message]]:
         """Whole steps that have come since the last look, as their parts' messages, in order."""
         for part, reader in self._readers.items():
-            for message in _taken(reader):
+            for message in _taken(reader, self._depth):
                 self._open.setdefault(codec.header_stamp(message), {})[part] = message
         stamps = sorted(stamp for stamp, parts in self._open.items() if len(parts) == len(PARTS))
         steps = [self._open[stamp] for stamp in stamps]
@@ -63,9 +64,9 @@ def within(namespace: str, topic: Topic) -> str:
     )  # fmt: skip
 
 
-def _taken(reader: Any) -> Iterator[Message]:
+def _taken(reader: Any, depth: int) -> Iterator[Message]:
     """What waits at a reader, as an executor would take it."""
-    for _ in range(DEPTH):
+    for _ in range(depth):
         with reader.handle:
             found = reader.handle.take_message(reader.msg_type, False)
         if found is None:

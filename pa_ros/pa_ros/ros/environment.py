@@ -7,6 +7,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+from pa_ros.core.errors import ConfigError
+
+LAST_DOMAIN = 232  # beyond it, ports would be above 65535
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 # Any of these says that the user has decided who may see the graph.
 NETWORK_CHOICES = (
@@ -31,3 +34,10 @@ def prepare_environment() -> None:
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "pa_ros-log")
     if not any(os.environ.get(name) for name in NETWORK_CHOICES):
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)
+
+
+def check_domain() -> None:
+    """Raise ConfigError for a ROS_DOMAIN_ID that DDS has no ports for: rclpy would not say so."""
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (text.isascii() and text.isdecimal() and int(text) <= LAST_DOMAIN):
+        raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {text!r}")

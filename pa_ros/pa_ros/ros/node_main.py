@@ -15,7 +15,7 @@ from typing import Protocol
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
-from pa_ros.ros.environment import prepare_environment
+from pa_ros.ros.environment import check_domain, prepare_environment
 from pa_ros.ros.process import die_with_parent
 
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does
@@ -61,6 +61,7 @@ def run_node(
         try:
             if own:
                 raise ConfigError(f"arguments: expected --ros-args or --help, got {own[0]!r}")
+            check_domain()
             try:
                 rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
             except RuntimeError as error:  # an unreadable --params-file, a bad remap rule

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from rclpy.node import Node
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.environment import prepare_environment
+from pa_ros.ros.environment import check_domain, prepare_environment
 
 __all__ = ["Node", "client_node"]
 
@@ -21,6 +21,7 @@ def client_node(name: str, namespace: str = "") -> Iterator[Node]:
     One at a time in a process. Raises ConfigError for a namespace that ROS refuses.
     """
     prepare_environment()
+    check_domain()
     import rclpy
     from rclpy.exceptions import InvalidNamespaceException
     from rclpy.signals import SignalHandlerOptions
