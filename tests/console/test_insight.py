@@ -46,7 +46,7 @@ def test_without_a_program_there_is_phi_alone():
 
 
 def test_networks_without_detectors_are_refused():
-    network = protocol_named("ours").network_config(VOCABULARY, "canonical")
+    network = protocol_named("ours").network_config(TASK.world, "canonical")
     tensors = initial_actor(network, np.random.default_rng(0))
     snapshot = PolicySnapshot(0, network.architecture, VOCABULARY.digest, tensors)
     with pytest.raises(ConfigError, match="canonical"):
