@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -61,16 +62,19 @@ def setting(
     vocabulary: Vocabulary = VOCABULARY,
     schema: ObjectSchema = PAPER,
     joints: int = 6,
+    relations: tuple[str, ...] = ("NEAR",),
     **sizes: float,
 ) -> Setting:
-    """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1."""
+    """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1. The programs
+    ask for `relations` in turn."""
+    vocabulary = vocabulary.asking(*relations)
     network = NetworkConfig(
         world=World(schema, vocabulary, joints), kind=kind, actor_output_scale=0.3, **sizes
     )  # type: ignore[arg-type]
     table = ProgramTable(vocabulary)
     words = set(vocabulary.words)
-    for text in PROGRAMS:
-        program = parse(text, VOCABULARY)
+    for text, relation in zip(PROGRAMS, cycle(relations)):  # noqa: B905 - without end
+        program = replace(parse(text, VOCABULARY), relation=relation)
         if words.issuperset(program.words):
             table.add(program)
     rng = np.random.default_rng(1)
@@ -93,7 +97,7 @@ def setting(
 
 
 def make_batch(
-    rng: np.random.Generator, size: int, objects: int, programs: int, rows: int
+    rng: np.random.Generator, size: int, objects: int, programs: int, rows: int, arm: int = 18
 ) -> Batch:
     """Random observations of the right kind: a hand and blocks with one shape and one color."""
 
@@ -114,10 +118,10 @@ def make_batch(
     discount = np.where(rng.random(size) < 0.1, 0, 0.99).astype(np.float32)
     return Batch(
         objects=scene(),
-        arm=normal(size, 18),
+        arm=normal(size, arm),
         action=rng.uniform(-1, 1, (size, 6)).astype(np.float32),
         next_objects=scene(),
-        next_arm=normal(size, 18),
+        next_arm=normal(size, arm),
         program=rng.integers(0, rows, (size, programs)).astype(np.int32),
         reward=rng.choice([-1.0, 1.0], (size, programs)).astype(np.float32),
         discount=discount,

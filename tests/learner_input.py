@@ -17,7 +17,7 @@ ARENA = ArenaDescription(
     world=WORLD,
     training_programs=training_programs(DESIGN), joint_names=tuple("abcdef"),
     joint_lower=(-1.0,) * 6, joint_upper=(1.0,) * 6, speed_limits=(1.0,) * 6,
-    control_period=0.1, near_threshold=0.2, episode_steps=100,
+    control_period=0.1, thresholds=(0.2,), episode_steps=100,
 )  # fmt: skip
 
 

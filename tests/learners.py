@@ -16,7 +16,7 @@ from pa_ros.networks.parameters import initial_actor
 
 DESIGN, ARENA = design_named("2-L"), preset_named("fast")
 WORDS, WORLD = DESIGN.vocabulary, world_of(ARENA, DESIGN)
-FACTS = ArenaFacts(WORLD.digest, ARENA.control_period_s, 0.20)
+FACTS = ArenaFacts(WORLD.digest, ARENA.control_period_s, (0.20,))
 NETWORK = NetworkConfig(world=WORLD, hidden=8, attention=4)
 ME, YOU = AgentKey("me", 5), AgentKey("you", 5)
 
@@ -31,7 +31,7 @@ LEARNER = LearnerInfo(
     exploration=ExplorationConfig().to_json(),
     inference="auto",
     control_period=FACTS.control_period,
-    near_threshold=FACTS.near_threshold,
+    thresholds=FACTS.thresholds,
     stamp_ns=1,
 )
 

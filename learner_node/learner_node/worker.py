@@ -14,7 +14,6 @@ from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
-from pa_ros.language.syntax import NEAR
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import (
     CheckpointError,
@@ -218,6 +217,6 @@ class LearnerWorker:
 def _make_learner(config: LearnerNodeConfig, arena: ArenaDescription) -> Learner:
     settings = config.settings()
     network = settings.network_config(arena.world, config.network)
-    scoring = Scoring({NEAR: arena.near_threshold})
+    scoring = Scoring.of(arena.world.relations, arena.thresholds)
     programs, n_objects = arena.training_programs, arena.block_count + 1
     return Learner(network, settings.learner, programs, config.seed, scoring, n_objects)

@@ -99,9 +99,10 @@ Network make_network(int arm_features, int actions, const std::vector<float>& sc
 Network make_trunk(int hidden, int attention, int arm_features, int actions,
                    const std::vector<float>& scale, const std::vector<int>& group_sizes,
                    const std::vector<Value>& words, bool detectors, bool hide_properties,
-                   bool critic, float self_weight) {
+                   bool critic, float self_weight, int relations) {
     Network n = make_network(arm_features, actions, scale, group_sizes, words);
     n.hidden = hidden, n.attention = attention, n.self_weight = self_weight;
+    n.relations = relations;
     n.detectors = detectors, n.hide_properties = hide_properties, n.critic = critic;
     check(n);
     return n;
@@ -148,11 +149,13 @@ Batch make_batch(const Network& network, const Array& objects, const Array& arm,
     return made;
 }
 
-Programs make_programs(const Array& op, const Array& a, const Array& b) {
+Programs make_programs(const Network& network, const Array& op, const Array& a, const Array& b,
+                       const Array& relation) {
     const Shape shape = shape_of(op);
     if (shape.size() != 2) throw Error("op: expected [P, L], got " + text_of(shape));
     return {shape[0], shape[1], read<int32_t>("op", op, shape), read<int32_t>("a", a, shape),
-            read<int32_t>("b", b, shape)};
+            read<int32_t>("b", b, shape),
+            read<int32_t>("relation", relation, {network.relations ? shape[0] : 0})};
 }
 
 Targets make_targets(const Network& network, const Array& words) {
@@ -199,16 +202,17 @@ void bind_network(nb::module_& m) {
     nb::class_<Network>(m, "Network", "What the engine is told of an actor or a critic.")
         .def_static("trunk", make_trunk, nb::kw_only(), "hidden"_a, "attention"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "detectors"_a,
-                    "hide_properties"_a, "critic"_a, "self_weight"_a,
+                    "hide_properties"_a, "critic"_a, "self_weight"_a, "relations"_a = 0,
                     "A programmable one. `scale`: of each feature of an object. `words`: the first "
                     "feature of each one's value, its numbers as scaled, and how near is near; no "
-                    "numbers: true of nothing.")
+                    "numbers: true of nothing. `relations`: 0 where programs ask for one alone.")
         .def_static("canonical", make_canonical, nb::kw_only(), "hidden"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "slots"_a, "critic"_a,
                     "An MLP. `slots`: the words, one of each group, of the block that fills each.")
         .def_ro("hidden", &Network::hidden)
         .def_ro("attention", &Network::attention)
         .def_ro("words", &Network::words)
+        .def_ro("relations", &Network::relations)
         .def_ro("object_features", &Network::object_features)
         .def_ro("actions", &Network::actions)
         .def_prop_ro("detectors", [](const Network& n) { return n.detectors != 0; })
@@ -226,6 +230,7 @@ void bind_network(nb::module_& m) {
         .def_ro("detectors", &Layout::detectors)
         .def_ro("first", &Layout::first)
         .def_ro("attention_weight", &Layout::attention_weight)
+        .def_ro("relation", &Layout::relation)
         .def_ro("second", &Layout::second)
         .def_ro("second_bias", &Layout::second_bias)
         .def_ro("action", &Layout::action)
@@ -280,10 +285,13 @@ void bind_engine(nb::module_& m) {
         .def_prop_ro("critic", &Engine::critic, nb::rv_policy::reference_internal)
         .def(
             "set_programs",
-            [](Engine& engine, const Array& op, const Array& a, const Array& b) {
-                engine.set_programs(make_programs(op, a, b));
+            [](Engine& engine, const Array& op, const Array& a, const Array& b,
+               const Array& relation) {
+                engine.set_programs(make_programs(engine.actor().shape, op, a, b, relation));
             },
-            "op"_a, "a"_a, "b"_a, "What rows of batches mean: flat programs, each [P, L] int32.")
+            "op"_a, "a"_a, "b"_a, "relation"_a,
+            "What rows of batches mean: flat programs, each [P, L] int32, and the relation that "
+            "each asks for, [P], where there are several, else [0].")
         .def(
             "set_targets",
             [](Engine& engine, const Array& words) { engine.set_targets(make_targets(engine.actor().shape, words)); },
@@ -314,12 +322,15 @@ void bind_actor(nb::module_& m) {
         .def(
             "act_on_program",
             [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
-               const Array& op, const Array& a, const Array& b, const Writable& out) {
+               const Array& op, const Array& a, const Array& b, const Array& relation,
+               const Writable& out) {
                 act(actor, make_observation(actor.shape(), objects, arm, hand_index),
-                    make_programs(op, a, b), out);
+                    make_programs(actor.shape(), op, a, b, relation), out);
             },
-            "objects"_a, "arm"_a, "hand_index"_a, "op"_a, "a"_a, "b"_a, "out"_a,
-            "Objects [N, F], arm [A], a flat program, each [1, L]; writes the action, [J].")
+            "objects"_a, "arm"_a, "hand_index"_a, "op"_a, "a"_a, "b"_a, "relation"_a,
+            "out"_a,
+            "Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0]; writes "
+            "the action, [J].")
         .def(
             "act_on_target",
             [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
@@ -356,6 +367,7 @@ NB_MODULE(_fused, m) {
     m.attr("MAX_ACTIONS") = kMaxActions;
     m.attr("MAX_NUMBERS") = kMaxNumbers;
     m.attr("MAX_PROGRAMS") = kMaxPrograms;
+    m.attr("MAX_RELATIONS") = kMaxRelations;
     m.attr("LARGEST_PART") = kLargestPart;
     bind_network(m);
     bind_engine(m);

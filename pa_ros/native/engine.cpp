@@ -22,6 +22,7 @@ void check_pair(const Network& actor, const Network& critic) {
     check_range("critic's kind", critic.canonical, actor.canonical, actor.canonical);
     check_range("critic's hidden", critic.hidden, actor.hidden, actor.hidden);
     check_range("critic's attention", critic.attention, actor.attention, actor.attention);
+    check_range("critic's relations", critic.relations, actor.relations, actor.relations);
     check_range("critic's words", critic.words, actor.words, actor.words);
     check_range("critic's groups", critic.groups, actor.groups, actor.groups);
     check_range("critic's actions", critic.actions, actor.actions, actor.actions);
@@ -59,6 +60,8 @@ void check(const Programs& p, const Network& network) {
             check_range("register a of a program", p.a[i], 0, last);
             check_range("register b of a program", p.b[i], 0, last);
         }
+    for (int64_t row = 0; network.relations && row < p.rows; row++)
+        check_range("relation of a program", p.relation[row], 0, network.relations - 1);
 }
 
 void check(const Targets& t, const Network& network) {
@@ -91,6 +94,7 @@ void Engine::set_programs(const Programs& p) {
     pa::check(p, actor_.shape);
     const int64_t size = p.rows * p.length;
     op_.assign(p.op, p.op + size), a_.assign(p.a, p.a + size), b_.assign(p.b, p.b + size);
+    relation_.assign(p.relation, p.relation + (actor_.shape.relations ? p.rows : 0));
     rows_ = p.rows, length_ = p.length;
 }
 
@@ -105,7 +109,8 @@ Metrics Engine::update(Batch batch) {
     const std::lock_guard<std::mutex> turn(turn_);
     check(batch);
     fit(batch);
-    batch.table = {(int32_t)length_, op_.data(), a_.data(), b_.data(), target_.data()};
+    batch.table = {(int32_t)length_, op_.data(), a_.data(), b_.data(), target_.data(),
+                   relation_.data()};
     auto gradients = [&](int part) { learner_->gradients(batch, part); };
     auto apply = [&](int part) { learner_->apply(batch, part); };
     team_.run(gradients);
@@ -145,13 +150,14 @@ Actor::Actor(const Network& network, const Level& used)
 void Actor::act(const Observation& seen, const Programs& program, float* action) {
     check_range("programs to act on", program.rows, 1, 1);
     check(program, shape_);
-    act(seen, Table{(int32_t)program.length, program.op, program.a, program.b, nullptr}, action);
+    act(seen, Table{(int32_t)program.length, program.op, program.a, program.b, nullptr,
+                    program.relation}, action);
 }
 
 void Actor::act(const Observation& seen, const Targets& target, float* action) {
     check_range("targets to act on", target.rows, 1, 1);
     check(target, shape_);
-    act(seen, Table{1, nullptr, nullptr, nullptr, target.words}, action);
+    act(seen, Table{1, nullptr, nullptr, nullptr, target.words, nullptr}, action);
 }
 
 void Actor::act(const Observation& seen, const Table& table, float* action) {

@@ -23,10 +23,11 @@ struct Trained {
     Buffer parameters, target, gradient, first_moment, second_moment;
 };
 
-// Programs as the caller has them: `op`, `a` and `b` are [rows, length].
+// Programs as the caller has them: `op`, `a` and `b` are [rows, length], `relation` is [rows] where
+// the network knows several.
 struct Programs {
     int64_t rows, length;
-    const int32_t *op, *a, *b;
+    const int32_t *op, *a, *b, *relation;
 };
 
 struct Targets {  // a word of each group, [rows, groups]
@@ -60,7 +61,7 @@ class Engine {
     Trained actor_, critic_;
     const Settings settings_;
     const Kernel* kernel_;
-    std::vector<int32_t> op_, a_, b_, target_;
+    std::vector<int32_t> op_, a_, b_, target_, relation_;
     int64_t rows_ = 0, length_ = 1;
     Sizes sizes_{};
     std::unique_ptr<LearnerKernel> learner_;

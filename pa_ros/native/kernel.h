@@ -26,6 +26,7 @@ struct Table {
     int32_t length;
     const int32_t *op, *a, *b;
     const int32_t* target;
+    const int32_t* relation;  // of each program, where a network knows several
 };
 
 // B transitions of N objects × K programs, which are rows of the table (see docs/DESIGN.md).

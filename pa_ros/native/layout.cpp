@@ -35,7 +35,8 @@ Layout layout_of(const Network& n) {
     l.columns = l.detectors + (n.detectors ? padded(n.words) : 0);
     l.first = 0, l.rows = n.object_features + n.arm_features + 1;
     l.attention_weight = l.first + l.rows * l.columns;
-    l.second = l.attention_weight + a;
+    l.relation = l.attention_weight + a;
+    l.second = l.relation + n.relations * h;
     l.second_bias = l.second + 2 * h * h;
     lay_out_heads(l, n, l.second_bias + 2 * h);
     return l;
@@ -54,6 +55,7 @@ void check(const Network& n) {
         check_range("feature of a word", word.at, 0, n.object_features - word.width);
         check_range("numbers of all words", word.numbers, 0, kMaxNumbers - word.width);
     }
+    check_range("relations", n.relations, 0, n.canonical ? 0 : kMaxRelations);
     if (n.canonical) {
         check_range("slots", n.slots, 1, kMaxSlots);
         for (int i = 0; i < n.slots * n.groups; i++)

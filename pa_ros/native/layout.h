@@ -18,6 +18,7 @@ constexpr int kMaxSlots = 32;
 constexpr int kMaxObjects = 64;
 constexpr int kMaxPrograms = 64;                                   // per transition
 constexpr int kMaxThreads = 64;
+constexpr int kMaxRelations = 16;
 constexpr int kMaxLength = 1024;                                   // instructions of a program
 constexpr int kMaxTransitions = 1 << 20;                           // of a batch
 constexpr float kLargestPart = 43.6f;                              // see simd.h
@@ -45,6 +46,7 @@ struct Network {
     float number[kMaxNumbers];
     float scale[kMaxFeatures];
     float self_weight;  // multiplies exp α̃_ii
+    int32_t relations;  // that programs may ask for; 0 where there is one alone, which adds nothing
     int32_t canonical;  // 1: an MLP of the flattened Ω; attention and detectors are 0
     int32_t slots;      // of that: slot i is of the objects of which these words are true
     int32_t slot_word[kMaxSlots][kMaxGroups];
@@ -55,6 +57,7 @@ struct Network {
 //                                message.0 of the receiver (with its bias), message.0 of the sender
 //                                (bias always 0), query, context, detectors, each padded
 //   attention    [A]
+//   relation     [R][H]          what each adds to message.0, where there are several
 //   second       [2H][H]         local.1, then message.1
 //   second_bias  [2][H]          local.1, then message.1
 //   action       [J + 1][H]      critic: J inputs, then the bias
@@ -68,7 +71,7 @@ struct Network {
 struct Layout {
     int64_t hidden, attention, columns, rows;
     int64_t local, receiver, sender, query, context, detectors;  // first columns within `first`
-    int64_t first, attention_weight, second, second_bias, action, output, output_bias, size;
+    int64_t first, attention_weight, relation, second, second_bias, action, output, output_bias, size;
     int64_t inputs;  // canonical: of the flattened Ω without the target
 };
 

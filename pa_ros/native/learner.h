@@ -57,7 +57,7 @@ inline int64_t carve_learner(Learner& g, float* base) {
     Arena arena{base, 0};
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     WorkSize size{g.chunk, g.block, g.objects, g.programs, g.length, g.actor_shape.words,
-                  g.actor_shape.object_features, g.actor_shape.arm_features,
+                  g.actor_shape.object_features, g.actor_shape.arm_features, g.actor_shape.relations,
                   actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden,
                   actor.inputs};
     const int64_t square = second_rows(actor) * actor.hidden, rows = (int64_t)g.batch * g.programs;

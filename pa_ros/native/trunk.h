@@ -5,6 +5,7 @@
 #pragma once
 #include "gemm.h"
 #include "program.h"
+#include "relations.h"
 #include "work.h"
 
 namespace pa::PA_LEVEL {
@@ -152,7 +153,8 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
             run_program(net, w, s, sk, programs[sk]);
             weigh(w, s, sk);
         }
-        pool_sample(net, w, s);
+        if (net.shape->relations) pool_relations(net, w, programs, s);
+        else pool_sample(net, w, s);
     }
 }
 
@@ -161,6 +163,7 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
 inline void trunk_forward(const Net& net, Work& w, const int32_t* programs, int count, bool keep) {
     const Layout& l = net.l;
     w.ring = keep ? w.samples : w.block;
+    relation_factors(net, w);
     for (int from = 0; from < count; from += w.block)
         forward_block(net, w, programs, from, count - from < w.block ? count - from : w.block);
     const int64_t pairs = (int64_t)count * w.programs, h = l.hidden;

@@ -122,7 +122,8 @@ inline void sample_backward(const Net& net, Work& w, const int32_t* programs, in
                             float* gradient) {
     const Layout& l = net.l;
     const int words = net.shape->words, n = w.objects;
-    pool_backward_for(w.programs)(net, w, s);
+    if (net.shape->relations) pool_relations_backward(net, w, programs, s, gradient);
+    else pool_backward_for(w.programs)(net, w, s);
     for (int i = 0; i < n * w.lanes; i++) w.dscore[i] = 0.0f;
     for (int64_t i = 0; i < (words + 1 + w.length) * w.lanes; i++) w.dregister[i] = 0.0f;
     for (int64_t k = 0; k < w.programs; k++) {

@@ -45,11 +45,13 @@ struct Work {
     float *sums, *dregister, *dscore, *row;  // of one sample
     vf* dots;                // [K, N² + N + 1] or [N²]
     float *hand, *mask;      // [lanes]: HAND; 1 for the objects there are
+    float* factor;           // [R, H]: e^2e of what each relation adds
     float* largest;          // [W]: largest |x| that met in pairs since it was set to 0
 
     int hand_index;
     const int32_t *op, *a, *b;  // the program table, rows of `length`
     const int32_t* target;      // of canonical networks instead: rows of two words
+    const int32_t* relation;    // of each program
     int64_t length, capacity;   // instructions a program has now, and at most
 
     float* first_of(int64_t s, int64_t columns) const {
@@ -59,7 +61,7 @@ struct Work {
 };
 
 struct WorkSize {
-    int samples, block, objects, programs, length, words, object_features, arm_features;
+    int samples, block, objects, programs, length, words, object_features, arm_features, relations;
     int64_t columns, hidden, inputs;  // inputs: 0 unless canonical
 };
 
@@ -99,6 +101,7 @@ inline void carve(Work& w, Arena& arena, const WorkSize& z) {
     w.sums = arena.take(dots + 2 * lanes), w.dots = (vf*)arena.take((dots + n) * W);
     w.dregister = arena.take((z.words + 1 + z.length) * lanes);
     w.dscore = arena.take(n * lanes), w.row = arena.take(z.hidden);
+    w.factor = arena.take(z.relations * z.hidden);
 }
 
 inline void set_objects(Work& w, int hand_index) {
@@ -108,7 +111,7 @@ inline void set_objects(Work& w, int hand_index) {
 
 inline void set_table(Work& w, const Table& table) {
     w.op = table.op, w.a = table.a, w.b = table.b, w.length = table.length;
-    w.target = table.target;
+    w.target = table.target, w.relation = table.relation;
 }
 
 // Whether a word is true of an object whose features, scaled, are x.

@@ -321,7 +321,7 @@ def test_the_learner_that_came_last_is_followed() -> None:
     [
         ("world_digest", "0" * 16, "world_digest: expected .*arena's, got '0000"),
         ("control_period", 0.2, "control_period: expected 0.1, as this arena's, got 0.2"),
-        ("near_threshold", 0.1, "near_threshold: expected 0.2, as this arena's, got 0.1"),
+        ("thresholds", (0.1,), r"thresholds: expected \(0.2,\), as this arena's, got \(0.1,\)"),
         ("inference", "tpu", "inference: expected one of .* got 'tpu'"),
         ("architecture", "{}", "learner_info.architecture: "),
         ("exploration", '{"process":"white"}', "learner_info.exploration: .*process"),
@@ -356,8 +356,8 @@ def test_an_arena_of_other_facts_stops_an_agent_that_acted(arm) -> None:
 
 def test_a_newcomer_that_cannot_be_followed_changes_nothing(arm) -> None:
     arm.reset(0)
-    with pytest.raises(LearnerRequestError, match="near_threshold"):
-        arm.agent.follow(again(FAR_BEHIND, 0, near_threshold=9.0), FACTS)
+    with pytest.raises(LearnerRequestError, match="thresholds"):
+        arm.agent.follow(again(FAR_BEHIND, 0, thresholds=(9.0,)), FACTS)
     arm.run(10)
     assert arm.spans == [(0, 0, 10)]
 

@@ -38,7 +38,7 @@ def test_episodes_ask_for_every_relation_and_are_the_same_again() -> None:
     for index in range(40):
         task.reset(index)
         asked.append(str(task.program))
-    assert {text.partition("(")[0] for text in asked} == set(RELATIONS)
+    assert {text.partition("(")[0] for text in asked} == set(SIX.vocabulary.relations)
     task.reset(7)
     assert str(task.program) == asked[7]
     assert len(training_programs(SIX)) == 6 * len(training_programs(TWO_L))

@@ -6,6 +6,7 @@ import gc
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +36,12 @@ def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fu
     return _fused.Engine(make(), make(critic=True), **settings, threads=threads)
 
 
-def program(*rows: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`op`, `a`, `b`, [1, L], of instructions."""
+def program(
+    *rows: tuple[int, int, int], relation: tuple[int, ...] = ()
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`op`, `a`, `b`, [1, L], of instructions, and the relation, [1] or [0]."""
     op, a, b = (np.array([column], np.int32) for column in zip(*rows, strict=True))
-    return op, a, b
+    return op, a, b, np.array(relation, np.int32)
 
 
 def batch(transitions: int = 4, objects: int = 3, programs: int = 2) -> dict[str, object]:
@@ -113,6 +116,28 @@ def test_programs_that_would_read_what_is_not_there(
         engine().set_programs(*program(*rows))
     with pytest.raises(FusedError, match=message):
         _fused.Actor(trunk()).act_on_program(*seen, *program(*rows), np.zeros(6, np.float32))
+
+
+@pytest.mark.parametrize(
+    ("relation", "message"),
+    [
+        ((2,), "relation of a program: expected 0 … 1, got 2"),
+        ((-1,), "relation of a program: .*got -1"),
+        ((), r"relation: expected contiguous int32 \(1,\), got int32 \(0,\)"),
+        ((0, 1), r"relation: expected contiguous int32 \(1,\), got int32 \(2,\)"),
+    ],
+)
+def test_relations_that_are_not_there(relation: tuple[int, ...], message: str) -> None:
+    several = partial(trunk, relations=2)
+    seen = np.zeros((2, 16), np.float32), np.zeros(18, np.float32), 0
+    out = np.zeros(6, np.float32)
+    code = program((3, 0, 0), relation=relation)
+    with pytest.raises(FusedError, match=message):
+        engine(several).set_programs(*code)
+    with pytest.raises(FusedError, match=message):
+        _fused.Actor(several()).act_on_program(*seen, *code, out)
+    with pytest.raises(FusedError, match="relations: expected 0 … 16, got 17"):
+        trunk(relations=17)
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,10 @@ from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
 from pa_ros.native.errors import FusedError
 from pa_ros.native.library import level, why_not_network
+from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import TensorError
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.relations import RELATIONS
 from pa_ros.world.schema import PAPER, ObjectSchema, OneHot, PropertyGroup, Real
 from pa_ros.world.world import World
 
@@ -80,6 +82,37 @@ def test_gradients_of_little_attention_to_oneself(
 ) -> None:
     made = setting(kind, self_weight=weight)
     check_gradients(made, make_batch(np.random.default_rng(objects), 8, objects, programs, 6))
+
+
+MIXTURES = [("NEAR", "ABOVE"), ("ABOVE", "NEAR", "LEFT_OF"), tuple(RELATIONS)]
+
+
+@pytest.mark.parametrize("relations", MIXTURES, ids=len)
+@pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
+@pytest.mark.parametrize(("objects", "programs"), [(2, 1), (5, 2), (9, 5), (4, 11)])
+def test_gradients_where_programs_ask_for_different_relations(
+    relations: tuple[str, ...], kind: str, objects: int, programs: int
+) -> None:
+    made = setting(kind, relations=relations, hidden=33)
+    arm = made.network.world.arm_features
+    assert "relation.weight" in made.actor and arm == 25
+    rng = np.random.default_rng(objects)
+    check_gradients(made, make_batch(rng, 13, objects, programs, len(made.table), arm))
+    many = make_batch(rng, 70, objects, programs, len(made.table), arm)
+    check_gradients(made, many, engine__threads=2)
+
+
+def test_the_actor_follows_the_relation_that_is_asked_for() -> None:
+    made = setting(relations=("NEAR", "ABOVE", "LEFT_OF"))
+    actor, reference = FusedActor(made.network, made.actor), TorchActor(made.network, made.actor)
+    batch = make_batch(np.random.default_rng(0), 1, 5, 1, 6, 25)
+    seen = batch.objects[0], batch.arm[0]
+    actions = []
+    for relation in made.network.vocabulary.relations:
+        program = replace(parse(PROGRAMS[1], VOCABULARY), relation=relation)
+        actions.append(actor.act(*seen, program, 0))
+        np.testing.assert_allclose(actions[-1], reference.act(*seen, program, 0), atol=2e-6)
+    assert np.abs(np.diff(actions, axis=0)).min() > 1e-6
 
 
 @pytest.mark.parametrize("row", range(len(PROGRAMS)))

@@ -128,7 +128,7 @@ def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms():
 
 
 MISFITS: list[tuple[dict[str, object], str]] = [
-    ({"near_threshold": 0.1}, "learner_info.near_threshold: expected 0.2, as this"),
+    ({"thresholds": (0.1,)}, "learner_info.thresholds: expected (0.2,), as this"),
     ({"control_period": 0.5}, "learner_info.control_period: expected 0.1, as this"),
     ({"world_digest": "f" * 16}, "learner_info.world_digest: expected "),
     ({"architecture": '{"kind":"deep"}'}, "learner_info.architecture: "),

@@ -127,7 +127,7 @@ def test_a_second_arena_is_an_alarm_and_its_steps_are_not_joined_with_the_firsts
 
 
 def test_a_strangers_arena_and_experience_do_not_bind_a_learner_against_the_real_ones() -> None:
-    strange = replace(ARENA, arena_id="strange", near_threshold=0.5, control_period=0.7)
+    strange = replace(ARENA, arena_id="strange", thresholds=(0.5,), control_period=0.7)
     wide = trajectory(0, "stranger")
     wide = replace(wide, objects=np.repeat(wide.objects, 13, axis=1)[:, :64])
     with graph(LearnerNode, agent_node__learning=True) as probe:

@@ -42,7 +42,7 @@ def test_a_description_alone_takes_no_arenas_place(clock) -> None:
     arenas.announce(ONE)
     arenas.step("one")
     assert not arenas.announce(OTHER) and arenas.current is ONE
-    again = replace(ONE, near_threshold=0.5)
+    again = replace(ONE, thresholds=(0.5,))
     assert arenas.announce(again) and arenas.current is again
     for name in ("other", "never described"):
         with pytest.raises(OtherArenaError, match=f"'one', whose steps come, got .* '{name}"):

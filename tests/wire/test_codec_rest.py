@@ -43,7 +43,7 @@ ARENA = ArenaDescription(
     joint_upper=(math.inf, 1.0, 1.0, 1.0, 1.0, 1.0),
     speed_limits=(1.0,) * 6,
     control_period=0.1,
-    near_threshold=0.2,
+    thresholds=(0.2,),
     episode_steps=100,
     hand_index=0,
     stamp_ns=1_500_000_000,
@@ -68,7 +68,8 @@ def test_arena_survives_the_wire():
         ("joint_upper", [math.nan] * 6, errors.RangeError),
         ("speed_limits", [0.0] * 6, errors.RangeError),
         ("control_period", math.nan, errors.RangeError),
-        ("near_threshold", -0.1, errors.RangeError),
+        ("thresholds", (-0.1,), errors.RangeError),
+        ("thresholds", (0.2, 0.3), errors.SizeError),
         ("episode_steps", 0, errors.RangeError),
     ],
 )

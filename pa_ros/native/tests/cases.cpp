@@ -61,12 +61,15 @@ std::vector<Case> cases(int hidden, int attention, int actions) {
                          trunk(hidden, attention, actions, critic, hides, true)};
     };
     const auto both = of(true, true, false), hides = of(true, true, true);
+    auto several = hides;
+    several.first.relations = several.second.relations = 3;
     const auto distilled = of(true, false, false), truth = of(false, false, false);
     return {{"programmable", both.first, both.second},
             {"hidden properties", hides.first, hides.second},
             {"distilled critic", distilled.first, distilled.second},
             {"true properties", truth.first, truth.second},
-            {"canonical", canonical(hidden, actions, false), canonical(hidden, actions, true)}};
+            {"canonical", canonical(hidden, actions, false), canonical(hidden, actions, true)},
+            {"several relations", several.first, several.second}};
 }
 
 std::vector<bool> weights_of(const Network& n) {
@@ -85,6 +88,7 @@ std::vector<bool> weights_of(const Network& n) {
         for (int64_t at : {l.query, l.context}) mark(at, l.rows, n.attention, l.columns);
         if (n.detectors) mark(l.detectors, l.rows, n.words, l.columns);
         mark(l.attention_weight, 1, n.attention, l.attention);
+        mark(l.relation, n.relations, n.hidden, l.hidden);
         for (int64_t at : {l.second, l.second + l.hidden * l.hidden})
             mark(at, n.hidden, n.hidden, l.hidden);
         mark(l.second_bias, 2, n.hidden, l.hidden);
@@ -108,7 +112,7 @@ void fill(Trained& trained, std::mt19937& rng) {
 
 Codes::Codes(const Network& network, int length) : rows(3), length(length) {
     canonical = network.canonical;
-    target = {0, 4, 1, 8, 3, 5};
+    target = {0, 4, 1, 8, 3, 5}, relation = {2, 0, 2};
     for (int i = 0; i < rows * length; i++) {
         const int k = i % length, last = kWords + k;  // registers: words, the hand, results
         op.push_back((i + i / length) % 4);

@@ -105,7 +105,7 @@ void refused(const std::string& what, const std::function<void()>& attempt) {
 }
 
 void test_refusals() {
-    const Case made = cases(8, 4)[0], flat = cases(8, 4)[4];
+    const Case made = cases(8, 4)[0], flat = cases(8, 4)[4], mixed = cases(8, 4)[5];
     const Settings settings{0.9, 0.999, 1e-8, 1.0, 1.0};
     std::mt19937 rng(3);
     const Transitions given(4, 3, 2, 3, 6, rng);
@@ -125,6 +125,14 @@ void test_refusals() {
         targets.target[1] = wrong;
         refused("a target's word that is not there", [&] { targets.tell(other); });
     }
+    Engine several(mixed.actor, mixed.critic, settings, 1);
+    for (int wrong : {-1, 3}) {
+        Codes bad = table;
+        bad.relation[1] = wrong;
+        refused("a relation that is not there", [&] { bad.tell(several); });
+        bad.tell(engine);  // which asks for none
+    }
+    table.tell(engine);
     refused("targets for a trunk", [&] { engine.set_targets(targets.targets()); });
     const std::function<void(Batch&)> changes[] = {
         [](Batch& b) { b.hand_index = 3; }, [](Batch& b) { b.hand_index = -1; },
@@ -141,6 +149,12 @@ void test_refusals() {
     Network network = made.actor;
     network.group_size[1] = 6;
     refused("groups of more than the words", [&] { Actor actor(network); });
+    network = mixed.actor;
+    network.relations = 17;
+    refused("more relations than there can be", [&] { Actor actor(network); });
+    network = mixed.critic;
+    network.relations = 2;
+    refused("other relations", [&] { Engine e(mixed.actor, network, settings, 1); });
     refused("networks that differ", [&] { Engine e(made.actor, flat.critic, settings, 1); });
     refused("no threads", [&] { Engine e(made.actor, made.critic, settings, 0); });
     refused("a level that is not known", [] { find_level("x86-64-v5"); });

@@ -18,7 +18,7 @@ class ArenaFacts(NamedTuple):
 
     world_digest: str
     control_period: float  # s
-    near_threshold: float  # m
+    thresholds: tuple[float, ...]  # of the world's relations
 
 
 def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:

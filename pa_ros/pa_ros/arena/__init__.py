@@ -9,7 +9,7 @@ from pa_ros.arena.episodes import Block, Episode, generate
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError, RenderError
 from pa_ros.arena.gym_env import ENV_ID, ReachEnv, register
 from pa_ros.arena.references import mean_reward, random_policy, scripted_action
-from pa_ros.arena.task import ReachTask, world_of
+from pa_ros.arena.task import ReachTask, scoring_of, world_of
 
 __all__ = [
     "ARMS",
@@ -38,6 +38,7 @@ __all__ = [
     "mean_reward",
     "preset_named",
     "random_policy",
+    "scoring_of",
     "scripted_action",
     "training_programs",
     "world_of",

@@ -23,6 +23,11 @@ def world_of(config: ArenaConfig, design: Design) -> World:
     return World(design.schema, design.vocabulary, joints=config.joints)
 
 
+def scoring_of(config: ArenaConfig, design: Design, reward: Reward | None = None) -> Scoring:
+    """The rule of an arena's rewards; the paper's ±1 unless another reward is given."""
+    return Scoring.of(design.vocabulary.relations, config.thresholds, reward)
+
+
 class ReachTask:
     """Reach for what the program names (paper, section "Programmable reaching environment").
 
@@ -42,7 +47,7 @@ class ReachTask:
         """`seed` and an episode's index fix it; `n_blocks` replaces the design's number, `reward`
         the paper's ±1."""
         self.config = config
-        self.scoring = Scoring.of(design.vocabulary.relations, config.thresholds, reward)
+        self.scoring = scoring_of(config, design, reward)
         self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)
         self.seed = seed
         self.simulation = Simulation(config, self.design.schema)

@@ -10,7 +10,6 @@ from typing import Final
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.experience import AgentKey, TrajectoryKey
-from pa_ros.language.syntax import NEAR
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
@@ -82,13 +81,13 @@ class Experience:
     @property
     def scoring(self) -> Scoring:
         """The arenas' rule, by which the learner relabeled. ProvenanceError if nothing tells it."""
-        thresholds = {arena.near_threshold for arena in self.arenas}
-        if len(thresholds) != 1:
+        rules = {(arena.world.relations, arena.thresholds) for arena in self.arenas}
+        if len(rules) != 1:
             raise ProvenanceError(
-                f"bag: {self._bag.path}: expected one near_threshold in the arenas' descriptions, "
-                f"got {sorted(thresholds)}: nothing says what was rewarded"
+                f"bag: {self._bag.path}: expected the same thresholds in the arenas' descriptions, "
+                f"got {sorted(rules)}: nothing says what was rewarded"
             )
-        return Scoring({NEAR: thresholds.pop()})
+        return Scoring.of(*rules.pop())
 
     @property
     def unheard(self) -> int:

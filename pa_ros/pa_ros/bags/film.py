@@ -33,7 +33,8 @@ class Stage:
         if not episode.rows or not len(episode.rows[0].joint_position):
             raise BagError(f"film: episode {episode.number}: its joint positions are not recorded")
         config = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
-        self.task = ReachTask(config, design_named(arena.design), arena.seed)
+        design = design_named(arena.design).with_relations(*arena.world.relations)
+        self.task = ReachTask(config, design, arena.seed)
         first = episode.rows[0]
         design = self.task.design
         kinds = [_kind(row, design) for i, row in enumerate(first.objects) if i != first.hand_index]

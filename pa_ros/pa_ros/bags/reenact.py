@@ -22,8 +22,10 @@ class Reenactment:
 
         Raises ConfigError for a design, arm or preset that is not known here.
         """
-        preset = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
-        design = design_named(arena.design)
+        preset = preset_named(arena.preset, arena.arm).changed(
+            episode_steps=arena.episode_steps, thresholds=arena.thresholds
+        )
+        design = design_named(arena.design).with_relations(*arena.world.relations)
         count = arena.block_count if blocks is None else blocks or design.n_blocks
         design = replace(design, n_blocks=count)
         self.checked = 0  # transitions

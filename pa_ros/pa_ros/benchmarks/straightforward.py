@@ -108,10 +108,20 @@ def trunk(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
     heard = p[:, :, None] * (torch.exp(scores @ named["attention.weight"]) * own)[:, None]
     total = heard.sum(-1, keepdim=True)  # [B, K, N, 1]
     alpha = torch.where(total > 0, heard / total.clamp_min(1e-30), 0.0)
-    r = mlp(named, "message", torch.cat([receivers, senders], -1))  # [B, N, N, H]
+    first = linear(named, "message.0", torch.cat([receivers, senders], -1))[:, None]
+    if "relation.weight" in named:
+        first = first + added(network, named, seen)[:, :, None, None]
+    r = linear(named, "message.1", torch.tanh(first))  # [B, K or 1, N, N, H]
     nothing = (total == 0) * named["message.1.bias"]
-    told = torch.einsum("bkij,bijh->bkih", alpha, r) + nothing
+    told = (alpha[..., None] * r).sum(3) + nothing
     return torch.einsum("bki,bkih->bkh", p, mlp(named, "local", w)[:, None] + told)
+
+
+def added(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
+    """What the relation of each program adds to r's first layer, [B, K, H]."""
+    rows = network.vocabulary.relation_row
+    asked = torch.tensor([rows[program.relation] for program in seen.programs])
+    return named["relation.weight"].T[asked[seen.row]]
 
 
 def actor(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:

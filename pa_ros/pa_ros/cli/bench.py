@@ -84,6 +84,12 @@ def _console(_: argparse.Namespace) -> Report:
     return bench_console()
 
 
+def _relations(_: argparse.Namespace) -> Report:
+    from pa_ros.benchmarks.relations import bench_relations
+
+    return bench_relations()
+
+
 BENCHMARKS = {
     "codec": _codec,
     "console": _console,
@@ -92,6 +98,7 @@ BENCHMARKS = {
     "graph": _graph,
     "learner": _learner,
     "load": _load,
+    "relations": _relations,
     "train": _train,
 }
 

@@ -21,7 +21,6 @@ from pa_ros.console.moment import Moment, looked
 from pa_ros.console.page import Page
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Observation
-from pa_ros.language.syntax import NEAR
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.wire import codec
 from pa_ros.wire.records import ArenaDescription
@@ -182,6 +181,7 @@ def _observation(episode: RecordedEpisode, row: Row) -> Observation:
 
 
 def _satisfied(arena: ArenaDescription, row: Row) -> bool | None:
-    """Of NEAR the arena's description says when it holds; of others it isn't recorded."""
-    near = row.program.startswith(f"{NEAR}(") and not np.isnan(row.distance)
-    return row.distance <= arena.near_threshold if near else None
+    """As the arena's description says of the program's relation; None where nothing is recorded."""
+    thresholds = dict(zip(arena.world.relations, arena.thresholds, strict=True))
+    threshold = thresholds.get(row.program.partition("(")[0])
+    return None if threshold is None or np.isnan(row.distance) else row.distance <= threshold

@@ -37,7 +37,7 @@ class Verdict:
     program_id: str
     reward: float  # pa_ros.world.Scoring's; in the paper +1 satisfied, -1 not
     satisfied: bool
-    distance: float  # metres, hand to the nearest object the program names; inf if there is none
+    distance: float  # least measure of the relation among what the program names; inf if it is none
     truncated: bool  # the episode's time limit was reached (not a termination)
 
 

@@ -101,6 +101,12 @@ class Vocabulary:
         """Number of each relation."""
         return {relation: i for i, relation in enumerate(self.relations)}
 
+    @property
+    def relation_inputs(self) -> int:
+        """Relations that networks are told apart: none where programs ask for one alone."""
+        several = len(self.relations)
+        return several if several > 1 else 0
+
     @cached_property
     def digest(self) -> str:
         """16 hexadecimal digits that stand for the words in their groups, whatever the groups'

@@ -9,7 +9,6 @@ from pa_ros import __version__
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.language.syntax import NEAR
 from pa_ros.learning.errors import AheadError, DivergedError, TrajectorySizeError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
@@ -100,7 +99,7 @@ def _announcement(learner: Learner, control_period_s: float, run_id: str) -> Lea
         exploration=acting.exploration.to_json(),
         inference=acting.inference,
         control_period=control_period_s,
-        near_threshold=learner.scoring.threshold(NEAR),
+        thresholds=tuple(learner.scoring.thresholds.values()),
         algorithm=learner.config.ALGORITHM,
         software_version=__version__,
         stamp_ns=time.time_ns(),

@@ -22,15 +22,17 @@ MAX_NUMBERS: int = 4096
 
 MAX_PROGRAMS: int = 64
 
+MAX_RELATIONS: int = 16
+
 LARGEST_PART: float = 43.599998474121094
 
 class Network:
     """What the engine is told of an actor or a critic."""
 
     @staticmethod
-    def trunk(*, hidden: int, attention: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], detectors: bool, hide_properties: bool, critic: bool, self_weight: float) -> Network:
+    def trunk(*, hidden: int, attention: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], detectors: bool, hide_properties: bool, critic: bool, self_weight: float, relations: int = 0) -> Network:
         """
-        A programmable one. `scale`: of each feature of an object. `words`: the first feature of each one's value, its numbers as scaled, and how near is near; no numbers: true of nothing.
+        A programmable one. `scale`: of each feature of an object. `words`: the first feature of each one's value, its numbers as scaled, and how near is near; no numbers: true of nothing. `relations`: 0 where programs ask for one alone.
         """
 
     @staticmethod
@@ -47,6 +49,9 @@ class Network:
 
     @property
     def words(self) -> int: ...
+
+    @property
+    def relations(self) -> int: ...
 
     @property
     def object_features(self) -> int: ...
@@ -98,6 +103,9 @@ class Layout:
 
     @property
     def attention_weight(self) -> int: ...
+
+    @property
+    def relation(self) -> int: ...
 
     @property
     def second(self) -> int: ...
@@ -169,8 +177,10 @@ class Engine:
     @property
     def critic(self) -> Trained: ...
 
-    def set_programs(self, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
-        """What rows of batches mean: flat programs, each [P, L] int32."""
+    def set_programs(self, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
+        """
+        What rows of batches mean: flat programs, each [P, L] int32, and the relation that each asks for, [P], where there are several, else [0].
+        """
 
     def set_targets(self, words: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
         """
@@ -187,9 +197,9 @@ class Actor:
     @property
     def parameters(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
 
-    def act_on_program(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
+    def act_on_program(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
         """
-        Objects [N, F], arm [A], a flat program, each [1, L]; writes the action, [J].
+        Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0]; writes the action, [J].
         """
 
     def act_on_target(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, words: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:

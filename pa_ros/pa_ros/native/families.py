@@ -13,7 +13,7 @@ from pa_ros.core.experience import Float32
 from pa_ros.language import Program
 from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import Canonical, Family, Programmable, codes_of
+from pa_ros.networks.families import Canonical, Codes, Family, Programmable, codes_of
 from pa_ros.networks.slots import slot_values
 from pa_ros.world.programs import Int32, ProgramTable
 
@@ -66,11 +66,12 @@ class _Trunk(FusedFamily):
             hide_properties=not network.relations_see_properties,
             critic=critic,
             self_weight=network.self_weight,
+            relations=network.relation_inputs,
             **_world(network),
         )
 
     def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
-        engine.set_programs(*table.arrays())
+        engine.set_programs(*_with_relation(network.family.codes(table)))
 
     def act(
         self, actor: _fused.Actor, network: NetworkConfig,
@@ -109,10 +110,15 @@ FUSED: dict[type[Family], FusedFamily] = {Programmable: _Trunk(), Canonical: _Ml
 
 
 @lru_cache(maxsize=1024)
-def _flat(program: Program, network: NetworkConfig) -> tuple[Int32, Int32, Int32]:
-    """`op`, `a` and `b` of the flat form, each [1, L]."""
-    op, a, b = (code.astype(np.int32, copy=False) for code in codes_of(program, network))
-    return op, a, b
+def _flat(program: Program, network: NetworkConfig) -> tuple[Int32, Int32, Int32, Int32]:
+    """`op`, `a` and `b` of the flat form, each [1, L], and the relation, [1] or [0]."""
+    return _with_relation(codes_of(program, network))
+
+
+def _with_relation(codes: Codes) -> tuple[Int32, Int32, Int32, Int32]:
+    """`op`, `a`, `b` and what relations the programs ask for: none, where there is one alone."""
+    op, a, b, *relation = (code.astype(np.int32, copy=False) for code in codes)
+    return op, a, b, relation[0] if relation else np.zeros(0, np.int32)
 
 
 @lru_cache(maxsize=1024)

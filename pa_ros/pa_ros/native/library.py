@@ -40,5 +40,7 @@ def why_not_network(network: NetworkConfig) -> str:
     level()
     if type(network.family) not in (Programmable, Canonical):
         return f"it knows no networks of the family {network.family.name!r}"
+    if type(network.family) is Canonical and network.relation_inputs:
+        return "it tells no relations apart in canonical networks"
     slots = len(slot_values(network.world)) if type(network.family) is Canonical else 0
     return f"it takes {limit} slots, not {slots}" if slots > limit else ""

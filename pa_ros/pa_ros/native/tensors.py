@@ -49,6 +49,9 @@ class FlatNetwork:
         views |= self._first(buffer, "message.0", at.receiver, n.hidden)
         views["message.0.weight"] += self._first(buffer, "", at.sender, n.hidden)[".weight"]
         views |= self._second(buffer, "message.1", 1)
+        if n.relations:
+            added = _rows(buffer, at.relation, at)[: n.relations, : n.hidden]
+            views["relation.weight"] = [added.T]
         return views | self._head(buffer)
 
     def _first(

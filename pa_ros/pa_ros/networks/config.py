@@ -75,6 +75,11 @@ class NetworkConfig(Settings):
         return self.world.vocabulary
 
     @property
+    def relation_inputs(self) -> int:
+        """As `Vocabulary.relation_inputs`."""
+        return self.vocabulary.relation_inputs
+
+    @property
     def family(self) -> Family:
         """What depends on the kind."""
         return family_named(self.kind)

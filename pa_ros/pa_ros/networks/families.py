@@ -109,6 +109,8 @@ class Programmable(Family):
         shapes |= linear("local.0", hidden, columns) | linear("local.1", hidden, hidden)
         shapes |= linear("message.0", hidden, 2 * columns)
         shapes |= linear("message.1", hidden, hidden)
+        if several := config.relation_inputs:
+            shapes["relation.weight"] = (hidden, several)
         if not critic:
             return shapes | linear("output", actions, hidden)
         return shapes | linear("action", hidden, actions) | linear("output", 1, hidden)
@@ -122,7 +124,8 @@ class Programmable(Family):
         return ProgrammableActor, ProgrammableCritic
 
     def codes(self, table: ProgramTable) -> Codes:
-        return table.arrays()
+        several = table.vocabulary.relation_inputs
+        return (*table.arrays(), table.relations()) if several else table.arrays()
 
     def goals(self, *codes: Tensor) -> Any:
         from pa_ros.networks.programmable import Programs

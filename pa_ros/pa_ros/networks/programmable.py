@@ -22,11 +22,13 @@ from pa_ros.networks.relevance import relevant_objects
 
 @dataclass(frozen=True)
 class Programs:
-    """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L]."""
+    """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L], `relation` is
+    [B, K], the number of each one's relation where a world has several."""
 
     op: Tensor
     a: Tensor
     b: Tensor
+    relation: Tensor | None = None
 
     def relevant_objects(self, phi: Tensor, hand_index: int) -> Tensor:
         """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.world.programs`."""
@@ -39,6 +41,15 @@ class Attention(nn.Module):
     def __init__(self, size: int) -> None:
         super().__init__()
         self.weight = nn.Parameter(torch.zeros(size))
+
+
+class Relations(nn.Module):
+    """What each relation adds to the first layer of r, [H, R]: "parameterizing the message passing
+    operation based on the relation to be achieved" (paper, appendix)."""
+
+    def __init__(self, hidden: int, count: int) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.zeros(hidden, count))
 
 
 class Trunk(nn.Module):
@@ -64,6 +75,8 @@ class Trunk(nn.Module):
         hidden = config.hidden
         self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
         self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
+        if several := config.relation_inputs:
+            self.relation = Relations(hidden, several)
         self.true = TrueProperties(config.world)
         self.register_buffer("scales", input_scales(config), persistent=False)
         seen = torch.ones(columns)
@@ -92,9 +105,8 @@ class Trunk(nn.Module):
         first, local_last = _layers(self.local)
         message_last = _layers(self.message)[1]
         local = torch.tanh(first(columns))  # [B, N, H]
-        messages = self._messages(columns)  # [B, N, N, H]
         f = p @ local
-        r = (p[..., None] * alpha).flatten(2) @ messages.flatten(1, 2)
+        r = self._pooled(p[..., None] * alpha, self._sums(columns), programs.relation)
         # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
         bias = p.sum(-1, keepdim=True) * (local_last.bias + message_last.bias)
         return f @ local_last.weight.T + r @ message_last.weight.T + bias
@@ -115,12 +127,24 @@ class Trunk(nn.Module):
         ones = torch.ones(n, n, dtype=self.seen.dtype, device=self.seen.device)
         return ones.fill_diagonal_(self._self_weight)
 
-    def _messages(self, columns: Tensor) -> Tensor:
-        """First layer of r on every pair (receiver i, sender j): [B, N, N, H]."""
+    def _pooled(self, weights: Tensor, sums: Tensor, relation: Tensor | None) -> Tensor:
+        """Σ p_i α_ij tanh(r0_ij), [B, K, H], of weights [B, K, N, N] and r0 [B, N, N, H].
+
+        Programs of one relation share their messages; where there are several, each program's have
+        its own relation's share: one pass for a batch that mixes them, and K times the messages.
+        """
+        if relation is None:
+            return weights.flatten(2) @ torch.tanh(sums).flatten(1, 2)
+        shares = self.relation.weight.T[relation][:, :, None, None]  # [B, K, 1, 1, H]
+        messages = torch.tanh(sums[:, None] + shares)  # [B, K, N, N, H]
+        return (weights.flatten(2)[:, :, None] @ messages.flatten(2, 3)).squeeze(2)
+
+    def _sums(self, columns: Tensor) -> Tensor:
+        """First layer of r before tanh on every pair (receiver i, sender j): [B, N, N, H]."""
         first = _layers(self.message)[0]
         receiver, sender = torch.hsplit(first.weight, 2)  # [H, F + A] each
         received = F.linear(columns, receiver, first.bias)
-        return torch.tanh(received[:, :, None] + F.linear(columns, sender)[:, None])
+        return received[:, :, None] + F.linear(columns, sender)[:, None]
 
 
 class ProgrammableActor(Trunk):

@@ -20,7 +20,8 @@ class UnsupportedProgramError(PaError):
 
 
 def target_one_hots(program: Program, vocabulary: Vocabulary) -> Float32:
-    """The target's properties as one-hots over the vocabulary, [V].
+    """The target's properties as one-hots over the vocabulary, [V], then, where it has several, one
+    of the relation, [V + R].
 
     Raises UnsupportedProgramError unless the program is an AND of one word of each group.
     """
@@ -32,10 +33,12 @@ def target_one_hots(program: Program, vocabulary: Vocabulary) -> Float32:
     if not (flat and len(words) == len(found) and set(found) == {1}):
         groups = ", ".join(group.name for group in reversed(vocabulary.groups))
         raise UnsupportedProgramError(
-            f"canonical networks: expected NEAR(HAND, AND({groups})), got {program}"
+            f"canonical networks: expected {program.relation}(HAND, AND({groups})), got {program}"
         )
-    one_hots = np.zeros(len(vocabulary.words), np.float32)
+    one_hots = np.zeros(len(vocabulary.words) + vocabulary.relation_inputs, np.float32)
     one_hots[[vocabulary.row[word] for word in words]] = 1.0
+    if vocabulary.relation_inputs:
+        one_hots[len(vocabulary.words) + vocabulary.relation_row[program.relation]] = 1.0
     return one_hots
 
 
@@ -54,4 +57,5 @@ def slot_values(world: World) -> NDArray[np.int64]:
 def canonical_inputs(world: World) -> int:
     """Size of the canonical networks' input: hand, block slots, arm, target one-hots."""
     slots = 1 + len(slot_values(world))
-    return slots * world.object_features + world.arm_features + len(world.vocabulary.words)
+    told = len(world.vocabulary.words) + world.vocabulary.relation_inputs
+    return slots * world.object_features + world.arm_features + told

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from pa_ros import __version__
-from pa_ros.arena import ARMS, ArenaConfig, Design, world_of
+from pa_ros.arena import ARMS, ArenaConfig, Design, scoring_of, world_of
 from pa_ros.arena.features import HAND_INDEX
 from pa_ros.language import Program
 from pa_ros.provenance.software import device, versions
@@ -81,7 +81,7 @@ def describe(
         joint_upper=arena.joint_upper,
         speed_limits=arena.joint_speed_limits,
         control_period=arena.control_period_s,
-        near_threshold=arena.thresholds[0] if arena.thresholds else 0.20,
+        thresholds=tuple(scoring_of(arena, design).thresholds.values()),
         episode_steps=arena.episode_steps,
         hand_index=HAND_INDEX,
         arena_id=instance,

@@ -80,7 +80,7 @@ class ArenaDescription:
     joint_upper: tuple[float, ...]  # rad
     speed_limits: tuple[float, ...]  # rad/s
     control_period: float  # s
-    near_threshold: float  # m
+    thresholds: tuple[float, ...]  # of the world's relations, in their units
     episode_steps: int
     hand_index: int = 0
     stamp_ns: int = NO_STAMP

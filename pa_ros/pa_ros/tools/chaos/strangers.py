@@ -98,7 +98,7 @@ def _absurd(stage: Stage) -> Message:
 
 def _arena(stage: Stage) -> Message:
     real = codec.decode_arena_info(stage.observer.last["arena_info"])
-    strange = replace(real, arena_id=STRANGER, near_threshold=9.0, control_period=7.0)
+    strange = replace(real, arena_id=STRANGER, thresholds=(9.0,), control_period=7.0)
     return Message(codec.encode_arena_info(strange))
 
 

@@ -36,7 +36,7 @@ def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
     message.joint_upper = float64_field(np.asarray(arena.joint_upper))
     message.speed_limits = float64_field(np.asarray(arena.speed_limits))
     message.control_period = arena.control_period
-    message.near_threshold = arena.near_threshold
+    message.thresholds = float64_field(np.asarray(arena.thresholds))
     message.episode_steps = arena.episode_steps
     return message
 
@@ -62,7 +62,7 @@ def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
         joint_upper=tuple(message.joint_upper),
         speed_limits=tuple(message.speed_limits),
         control_period=message.control_period,
-        near_threshold=message.near_threshold,
+        thresholds=tuple(message.thresholds),
         episode_steps=message.episode_steps,
         hand_index=message.hand_index,
         stamp_ns=read_stamp(message.stamp),
@@ -81,14 +81,15 @@ def _check(message: ArenaInfo, world: World) -> None:
     if not len(joints) == len(set(joints)) == world.joints:
         expected = f"{world.joints} different names"
         raise errors.JointNamesError("arena_info.joint_names", expected, joints)
-    _check_numbers(message, world.joints)
+    _check_numbers(message, world)
 
 
-def _check_numbers(message: ArenaInfo, joints: int) -> None:
-    for field in ("joint_lower", "joint_upper", "speed_limits"):
+def _check_numbers(message: ArenaInfo, world: World) -> None:
+    sizes = dict.fromkeys(("joint_lower", "joint_upper", "speed_limits"), world.joints)
+    for field, expected in (sizes | {"thresholds": len(world.relations)}).items():
         size = len(getattr(message, field))
-        if size != joints:
-            raise errors.SizeError(f"arena_info.{field}", joints, size)
+        if size != expected:
+            raise errors.SizeError(f"arena_info.{field}", expected, size)
     if not all(
         low < high for low, high in zip(message.joint_lower, message.joint_upper, strict=True)
     ):
@@ -97,7 +98,7 @@ def _check_numbers(message: ArenaInfo, joints: int) -> None:
     positive = {
         "speed_limits": min(message.speed_limits),
         "control_period": message.control_period,
-        "near_threshold": message.near_threshold,
+        "thresholds": min(message.thresholds),
         "episode_steps": message.episode_steps,
     }
     for field, value in positive.items():

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from pa_ros import __version__
 from pa_ros.core.published import LearnerInfo
 from pa_ros.wire import errors
 from pa_ros.wire import interfaces as types
+from pa_ros.wire.arrays import float64_field
 from pa_ros.wire.codec.stamp import read_stamp, write_stamp
 from pa_ros.wire.records import WIRE_VERSION
 
@@ -15,7 +18,7 @@ MAX_TRAJECTORY_STEPS = 10_000
 _SAME = (
     *("run_id", "learner_id", "first_version", "world_digest", "architecture", "algorithm"),
     *("trajectory_steps", "policy_lag", "exploration", "inference", "software_version"),
-    *("control_period", "near_threshold"),
+    "control_period",
 )
 
 
@@ -25,6 +28,7 @@ def encode_learner_info(learner: LearnerInfo) -> types.LearnerInfo:
     write_stamp(message.stamp, learner.stamp_ns)
     for name in _SAME:
         setattr(message, name, getattr(learner, name))
+    message.thresholds = float64_field(np.asarray(learner.thresholds))
     message.software_version = learner.software_version or __version__
     message.wire_version = WIRE_VERSION
     return message
@@ -40,9 +44,10 @@ def decode_learner_info(message: types.LearnerInfo) -> LearnerInfo:
     if not 1 <= message.trajectory_steps <= MAX_TRAJECTORY_STEPS:
         expected = f"1 to {MAX_TRAJECTORY_STEPS}"
         raise errors.RangeError("learner_info.trajectory_steps", expected, message.trajectory_steps)
-    for name in ("control_period", "near_threshold"):
-        value = getattr(message, name)
+    positive = {"control_period": (message.control_period,), "thresholds": message.thresholds}
+    for name, value in ((name, one) for name, several in positive.items() for one in several):
         if not 0.0 < value < math.inf:
             raise errors.RangeError(f"learner_info.{name}", "a positive number", value)
     values = {name: getattr(message, name) for name in _SAME}
-    return LearnerInfo(**values, stamp_ns=read_stamp(message.stamp))
+    thresholds = tuple(message.thresholds)
+    return LearnerInfo(**values, thresholds=thresholds, stamp_ns=read_stamp(message.stamp))

@@ -1,0 +1,150 @@
+"""A relation from outside the package: asked for, scored, learned about, over the graph too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from waiting import DEADLINE_S
+
+from pa_ros.arena import (
+    ReachTask,
+    design_named,
+    mean_reward,
+    preset_named,
+    scripted_action,
+    training_programs,
+    world_of,
+)
+from pa_ros.arena.designs import Design
+from pa_ros.arena.render import outline, top_view
+from pa_ros.cli.main import main
+from pa_ros.core import extensions
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.learning.learner import Learner
+from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.protocols import protocol_named
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.parameters import initial_actor
+from pa_ros.ros import topics
+from pa_ros.tools.client import client_node
+from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.wire import codec
+
+WITHIN = str(Path(__file__).with_name("within.py"))
+QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32"]
+FRAMES, ARENA = 300, preset_named("fast")
+
+
+@pytest.fixture
+def design() -> Iterator[Design]:
+    extensions.load([WITHIN])
+    yield design_named("2-L").with_relations("NEAR", "WITHIN")
+
+
+def test_a_world_that_was_not_told_refuses_it_by_name() -> None:
+    with pytest.raises(ConfigError, match=r"expected one of \[.*'NEAR'.*\], got 'WITHOUT'"):
+        design_named("2-L").with_relations("WITHOUT")
+
+
+def test_the_verifier_pays_for_the_ring_and_the_script_gets_there(design: Design) -> None:
+    task = ReachTask(ARENA, design.with_relations("WITHIN"), seed=0)
+    assert mean_reward(task, scripted_action, 4) > 0.5
+    distance = np.linalg.norm(task.simulation.objects()[task.verifier.targets[0], :3])
+    _, verdict = task.set_program(task.program)
+    assert verdict.satisfied and abs(distance - 0.30) <= 0.03
+    assert np.allclose(np.ptp(outline(task), axis=0), 0.6, atol=1e-2)
+    assert top_view(task, 96).shape == (96, 96, 3)
+
+
+def trained(design: Design, out: Path) -> Learner:
+    protocol, world = protocol_named("ours").with_options(QUICK), world_of(ARENA, design)
+    return train(
+        TrainConfig(out=out, seed=1, frames=FRAMES, evaluate_every_frames=0),
+        protocol.network_config(world),
+        protocol.learner,
+        ReachTask(ARENA, design, seed=1),
+        np.array(ARENA.joint_speed_limits),
+        training_programs(design),
+    )
+
+
+def test_it_is_learned_about_in_process(design: Design, tmp_path: Path) -> None:
+    learner = trained(design, tmp_path)
+    assert learner.counters.updates == FRAMES - 100
+    assert len(learner.table) == 2 * len(training_programs(design_named("2-L")))
+    weight = learner.engine.tensors()["actor.relation.weight"]
+    assert weight.shape == (32, 2) and np.abs(weight[:, 0] - weight[:, 1]).min() > 0
+    before = initial_actor(learner.network, np.random.default_rng([1, 2]))["relation.weight"]
+    assert not np.array_equal(weight, before)
+    assert "WITHIN" in load_policy(tmp_path / "checkpoint").architecture
+
+
+def test_each_program_is_relabeled_by_its_own_relation(design: Design, tmp_path: Path) -> None:
+    """At 0.30 m from a block the ring holds and NEAR does not, and the other way round."""
+    learner, checked = trained(design, tmp_path), {"NEAR": 0, "WITHIN": 0}
+    scale = learner.config.updates.reward_scale
+    for batch in learner.batches(30):
+        for b, k in np.ndindex(batch.program.shape):
+            program = learner.table.programs[batch.program[b, k]]
+            blocks = batch.next_objects[b, 1:]
+            true = learner.network.world.truth(blocks)
+            rows = [learner.network.vocabulary.row[word] for word in program.words]
+            named = blocks[true[:, rows].all(-1)]
+            if len(named) == 1:
+                distance = np.linalg.norm(named[0, :3].astype(np.float64))
+                holds = (
+                    distance <= 0.2 if program.relation == "NEAR" else abs(distance - 0.3) <= 0.03
+                )
+                assert batch.reward[b, k] == np.float32(scale * (1 if holds else -1))
+                checked[program.relation] += holds
+    assert min(checked.values()) > 0
+
+
+def test_one_relation_alone_learns_as_without_a_second(design: Design, tmp_path: Path) -> None:
+    """What NEAR alone learns does not depend on what else is registered."""
+    first = trained(design_named("2-L"), tmp_path / "a").engine.tensors()
+    again = trained(design.with_relations("NEAR"), tmp_path / "b").engine.tensors()
+    assert first.keys() == again.keys() and not any("relation" in name for name in first)
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+
+
+def test_the_command_line_trains_on_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--extension", WITHIN, "train", "--relations", "NEAR", "WITHIN", "--frames", "200"]
+    assert main([*given, "--eval-every", "0", "--out", str(tmp_path / "run")]) == 0
+    config = actor_config(load_policy(tmp_path / "run" / "checkpoint").architecture)
+    assert config.vocabulary.relations == ("NEAR", "WITHIN")
+    assert main(["eval", "--checkpoint", str(tmp_path / "run"), "--condition", "train-within",
+                 "--episodes", "2"]) == 0  # fmt: skip
+    assert "WITHIN(HAND, AND(" in capsys.readouterr().out
+
+
+@pytest.mark.graph
+def test_it_is_learned_about_over_the_graph(design: Design, tmp_path: Path) -> None:
+    """Nodes are told of it as the command line is; the arena says which relations there are."""
+    found: list[PolicySnapshot] = []
+    given = {
+        "sim_node": {"relations": ["NEAR", "WITHIN"], "extensions": [WITHIN]},
+        "agent_node": {"learning": True, "agent_id": "agent", "extensions": [WITHIN]},
+        "learner_node": {"options": [*QUICK], "extensions": [WITHIN]},
+    }
+
+    def receive(message: object) -> None:
+        policy = codec.decode_weights(message)
+        if policy.snapshot.version >= FRAMES // 100:
+            found.append(policy.snapshot)
+
+    with Supervisor(tmp_path) as supervisor, client_node("watch") as node:
+        topic = topics.POLICY_WEIGHTS
+        node.create_subscription(topic.type, topic.name, receive, topic.reader)
+        start_nodes(supervisor, given, tmp_path)
+        assert watch(node, supervisor, lambda: None, lambda: bool(found), DEADLINE_S)
+    world = world_of(ARENA, design)
+    assert found[0].world_digest == world.digest
+    weight = found[0].tensors["relation.weight"]
+    assert weight.shape == (32, 2) and np.abs(weight[:, 0] - weight[:, 1]).min() > 0

@@ -1,0 +1,44 @@
+"""A relation of one's own: the hand is on a ring around an object, neither near nor far.
+
+`pa_ros train --extension tests/extending/within.py --relations NEAR WITHIN` learns with it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pa_ros.core.experience import Float64
+from pa_ros.world.relations import Relation, register
+from pa_ros.world.relations.relation import circle
+
+RADIUS_M = 0.30
+
+
+def off_the_ring(hand: Float64, objects: Float64) -> Float64:
+    """How far the hand is from a sphere around each object; poses [..., 7] of one frame."""
+    x, y, z = (objects[..., i] - hand[..., i] for i in range(3))
+    return np.asarray(np.abs(np.sqrt(x * x + y * y + z * z) - RADIUS_M))
+
+
+def above_it(hand: Float64, target: Float64, threshold: float) -> Float64:
+    """Where the script goes."""
+    return np.asarray(target + np.array([0.0, 0.0, RADIUS_M]))
+
+
+def around_it(hand: Float64, target: Float64, threshold: float) -> Float64:
+    """What pictures draw."""
+    return circle(target, RADIUS_M)
+
+
+WITHIN = register(
+    Relation(
+        name="WITHIN",
+        meaning="at a distance of 0.30 m from its center, to the threshold",
+        measure=off_the_ring,
+        unit="m",
+        threshold=0.03,
+        goal=above_it,
+        outline=around_it,
+        frame="hand",  # distances are the same in every frame: agents need not see the hand's pose
+    )
+)
