@@ -101,6 +101,7 @@ def _announcement(learner: Learner, control_period_s: float, run_id: str) -> Lea
         inference=acting.inference,
         control_period=control_period_s,
         near_threshold=learner.scoring.threshold(NEAR),
+        reward=learner.scoring.reward.to_json(),
         algorithm=learner.config.ALGORITHM,
         software_version=__version__,
         stamp_ns=time.time_ns(),
