@@ -24,6 +24,7 @@ from pa_ros.networks.config import NetworkConfig
 from sim_node.config import SimConfig
 
 ROOT = Path(__file__).parents[1]
+EXTENDING = ROOT / "docs/extending.md"
 NODES: dict[str, type[Settings]] = {
     "sim_node": SimConfig,
     "agent_node": AgentConfig,
@@ -122,7 +123,19 @@ def files() -> dict[Path, str]:
             raise SystemExit(f"{name}: expected a line {begin}, found none")
         block = f"{begin}\n{table(kind, SETS.get(marker, {}))}\n{end}"
         written[path] = re.sub(pattern, lambda _, new=block: new, text, flags=re.DOTALL)  # type: ignore[misc]
+    written[EXTENDING] = with_examples(EXTENDING.read_text())
     return written
+
+
+def with_examples(text: str) -> str:
+    """A page whose marked places hold the text of the files that they name, where these exist."""
+
+    def block(found: re.Match[str]) -> str:
+        path = ROOT / found[1]
+        code = f"```python\n{path.read_text()}```\n" if path.exists() else ""
+        return f"<!-- file: {found[1]} -->\n{code}<!-- end -->"
+
+    return re.sub(r"<!-- file: (\S+) -->\n.*?<!-- end -->", block, text, flags=re.DOTALL)
 
 
 if __name__ == "__main__":

@@ -13,10 +13,11 @@ from pa_ros.core.experience import AgentKey, PolicySnapshot
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
+from pa_ros.world import Sparse
 
 DESIGN, ARENA = design_named("2-L"), preset_named("fast")
 WORDS, WORLD = DESIGN.vocabulary, world_of(ARENA, DESIGN)
-FACTS = ArenaFacts(WORLD.digest, ARENA.control_period_s, (0.20,))
+FACTS = ArenaFacts(WORLD.digest, ARENA.control_period_s, (0.20,), Sparse().to_json())
 NETWORK = NetworkConfig(world=WORLD, hidden=8, attention=4)
 ME, YOU = AgentKey("me", 5), AgentKey("you", 5)
 
@@ -32,6 +33,7 @@ LEARNER = LearnerInfo(
     inference="auto",
     control_period=FACTS.control_period,
     thresholds=FACTS.thresholds,
+    reward=FACTS.reward,
     stamp_ns=1,
 )
 

@@ -252,7 +252,7 @@ class AgentNode(Node):
         """Act for the learner in this arena, once both have announced themselves."""
         arena, learner = self._arenas.current, self._learner
         if arena is not None and learner is not None:
-            facts = arena.world.digest, arena.control_period, arena.thresholds
+            facts = arena.world.digest, arena.control_period, arena.thresholds, arena.reward
             self.agent.follow(learner, ArenaFacts(*facts))
             self._act()
 

@@ -26,9 +26,10 @@ from pa_ros.ros.health import ERROR, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
-from pa_ros.wire.errors import WorldError
+from pa_ros.wire.errors import RewardError, WorldError
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription
+from pa_ros.world import reward_from
 
 WATCH_S = 0.5
 OTHER_ARENA_S = 3.0  # for another arena, where the one known of can't be learned about
@@ -111,6 +112,9 @@ class LearnerNode(Node):
         ours = self.worker.world.digest if self.worker else arena.world.digest
         if ours != arena.world.digest:
             raise WorldError("arena_info.world_digest", ours, arena.world.digest)
+        reward = self.worker.run.info.reward if self.worker else arena.reward
+        if reward != arena.reward:
+            raise RewardError("arena_info.reward", reward, arena.reward)
 
     def _on_step(self, message: Message) -> None:
         """Until something was learned: which arena is there, and not only said to be."""
@@ -131,6 +135,7 @@ class LearnerNode(Node):
         self._start(arena)
 
     def _start(self, arena: ArenaDescription) -> None:
+        reward_from(arena.reward)  # an unknown one is refused, and another arena waited for
         sinks = Sinks(self._publish, self._refuse)
         try:
             self.worker, self._failure = LearnerWorker(self.config, arena, sinks), None

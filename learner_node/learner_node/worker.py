@@ -27,7 +27,7 @@ from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin
-from pa_ros.world import Scoring, Trajectory
+from pa_ros.world import Scoring, Trajectory, reward_from
 
 
 @dataclass(frozen=True)
@@ -217,6 +217,7 @@ class LearnerWorker:
 def _make_learner(config: LearnerNodeConfig, arena: ArenaDescription) -> Learner:
     settings = config.settings()
     network = settings.network_config(arena.world, config.network)
-    scoring = Scoring.of(arena.world.relations, arena.thresholds)
+    reward = reward_from(arena.reward)
+    scoring = Scoring.of(arena.world.relations, arena.thresholds, reward)
     programs, n_objects = arena.training_programs, arena.block_count + 1
     return Learner(network, settings.learner, programs, config.seed, scoring, n_objects)

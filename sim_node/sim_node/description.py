@@ -17,7 +17,8 @@ def describe(session: Session) -> ArenaDescription:
     design, config = session.task.design, session.config
     mode = Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME
     programs = training_programs(design)
-    about = origins.describe(session.arena, design, config.seed, programs, session.arena_id, mode)
+    known = session.arena, design, config.seed, programs, session.arena_id, mode
+    about = origins.describe(*known, session.task.scoring.reward)
     condition = config.condition_of(config.condition)  # which may have more blocks, or fewer
     scene = generate(session.arena, design, condition, config.seed, config.first_episode)
     return replace(about, block_count=len(scene.blocks))

@@ -322,6 +322,11 @@ def test_the_learner_that_came_last_is_followed() -> None:
         ("world_digest", "0" * 16, "world_digest: expected .*arena's, got '0000"),
         ("control_period", 0.2, "control_period: expected 0.1, as this arena's, got 0.2"),
         ("thresholds", (0.1,), r"thresholds: expected \(0.2,\), as this arena's, got \(0.1,\)"),
+        (
+            "reward",
+            '{"name":"shaped"}',
+            "reward: expected .*sparse.* as this arena's, got .*shaped",
+        ),
         ("inference", "tpu", "inference: expected one of .* got 'tpu'"),
         ("architecture", "{}", "learner_info.architecture: "),
         ("exploration", '{"process":"white"}', "learner_info.exploration: .*process"),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_ros.evaluation.results import write_variants
+from pa_ros.evaluation.results import write_algorithms, write_variants
 from pa_ros.evaluation.scoring.tables import TableError, read_rows
 from pa_ros.evaluation.studies.experiments import EXPERIMENTS, Experiment, summarize, write_table
 from pa_ros.evaluation.studies.variants import Variant
@@ -64,6 +64,19 @@ def test_a_seed_that_ends_there_is_judged_on_fresh_episodes(tmp_path: Path) -> N
     table(tmp_path, changed, {0: [0.1, 0.87]}, {0: 0.95})
     ours, noise = read_rows(write_variants("programmable-2L", tmp_path), Variant)
     assert (ours.solved, noise.solved) == (1, 1)
+
+
+def test_algorithms_are_beside_each_other_and_are_no_variants(tmp_path: Path) -> None:
+    table(tmp_path, BASE, {0: [0.1, 0.95, 0.96]})
+    table(tmp_path, replace(BASE, algorithm="td3"), {0: [0.1, 0.2, 0.93], 1: [0.1, 0.2, 0.94]})
+    path = write_algorithms("programmable-2L", tmp_path)
+    ours, other = read_rows(path, Variant)
+    assert (ours.changed, ours.frames_to_solve) == ("dpg", 5000)
+    assert (other.label, other.changed) == ("programmable-2L.td3", "td3")
+    assert (other.seeds, other.solved, other.frames_to_solve) == (2, 2, 7500)
+    assert path.with_suffix(".png").stat().st_size > 5000
+    with pytest.raises(TableError, match="expected programmable-2L and a variant"):
+        write_variants("programmable-2L", tmp_path)
 
 
 def test_nothing_to_compare_is_refused(tmp_path: Path) -> None:

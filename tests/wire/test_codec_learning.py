@@ -153,7 +153,8 @@ def test_of_an_agent_that_nothing_is_accounted_for_of_the_wire_says_nothing():
 LEARNER = LearnerInfo(
     run_id="run", learner_id="learner", first_version=2**40, world_digest=DIGEST,
     architecture="{}", trajectory_steps=100, policy_lag=1, exploration="{}", inference="auto",
-    control_period=0.1, thresholds=(0.2,), software_version="0.2", stamp_ns=10**18 + 1,
+    control_period=0.1, thresholds=(0.2,), reward='{"name":"shaped"}', algorithm="td3",
+    software_version="0.2", stamp_ns=10**18 + 1,
 )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ ORIGIN = Origin(
         7,
         '{"hidden":150}',
         '{"batch_size":64}',
+        "td3",
         (parse("NEAR(HAND, RED)", WORDS),),
     ),
 )

@@ -45,6 +45,7 @@ ARENA = ArenaDescription(
     control_period=0.1,
     thresholds=(0.2,),
     episode_steps=100,
+    reward='{"name":"shaped","weight":0.5}',
     hand_index=0,
     stamp_ns=1_500_000_000,
     arena_id="0a1b",

@@ -19,6 +19,7 @@ class ArenaFacts(NamedTuple):
     world_digest: str
     control_period: float  # s
     thresholds: tuple[float, ...]  # of the world's relations
+    reward: str  # canonical JSON: name and parameters
 
 
 def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:

@@ -13,7 +13,7 @@ from pa_ros.core.experience import AgentKey, TrajectoryKey
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
-from pa_ros.world import Scoring, Trajectory
+from pa_ros.world import Scoring, Trajectory, reward_from
 from pa_ros.world.world import World
 
 TRAJECTORIES: Final = "msgs_schema/msg/Trajectory"
@@ -87,7 +87,13 @@ class Experience:
                 f"bag: {self._bag.path}: expected the same thresholds in the arenas' descriptions, "
                 f"got {sorted(rules)}: nothing says what was rewarded"
             )
-        return Scoring.of(*rules.pop())
+        rewards = {arena.reward for arena in self.arenas}
+        if len(rewards) != 1:
+            raise ProvenanceError(
+                f"bag: {self._bag.path}: expected one reward in the arenas' descriptions, "
+                f"got {sorted(rewards)}: nothing says what was paid"
+            )
+        return Scoring.of(*rules.pop(), reward_from(rewards.pop()))
 
     @property
     def unheard(self) -> int:

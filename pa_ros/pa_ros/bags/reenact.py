@@ -9,7 +9,7 @@ import numpy as np
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import Observation, Verdict
 from pa_ros.wire.records import ArenaDescription
-from pa_ros.world import Trajectory
+from pa_ros.world import Trajectory, reward_from
 
 
 class Reenactment:
@@ -30,7 +30,7 @@ class Reenactment:
         design = replace(design, n_blocks=count)
         self.checked = 0  # transitions
         self.skipped = 0  # transitions of episodes whose beginning is not recorded
-        self._task = ReachTask(preset, design, arena.seed)
+        self._task = ReachTask(preset, design, arena.seed, reward=reward_from(arena.reward))
         self._condition = condition
         self._speeds = np.array(arena.speed_limits)
         self._stands: tuple[int, int] | None = None  # episode and step

@@ -88,7 +88,8 @@ class RunLog:
             arm=self._arena.arm,
             preset=self._arena.preset,
         )
-        arena = describe(self._arena, self._design, self._seed, self._programs, run_id)
+        about_arena = self._arena, self._design, self._seed, self._programs, run_id
+        arena = describe(*about_arena, reward=learner.scoring.reward)
         self._writer.custom = as_custom_data([about], [arena])
         self._write("/provenance", codec.encode_provenance(about))
         self._write("/arena_info", codec.encode_arena_info(arena))

@@ -14,7 +14,7 @@ from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reenact import Reenactment
 from pa_ros.core.errors import PaError
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.provenance.software import device, versions
@@ -64,7 +64,7 @@ def learner_of(experience: Experience) -> Learner:
             f"{about.first_version}: its replay buffer is not in the bag"
         )
     network = NetworkConfig.from_json(about.network)
-    config = DPGConfig.from_json(about.learner)
+    config = ALGORITHMS[about.algorithm].config.from_json(about.learner)
     return Learner(network, config, about.training_programs, origin.seed, experience.scoring)
 
 

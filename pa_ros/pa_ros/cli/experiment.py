@@ -30,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from pa_ros.learning.loop import TrainConfig
     from pa_ros.learning.protocols import LearningChoice
 
-    parser.add_argument("name", help=", ".join([*EXPERIMENTS, *STUDIES, "variants", "summary"]))
+    parser.add_argument(
+        "name", help=", ".join([*EXPERIMENTS, *STUDIES, "variants", "algorithms", "summary"])
+    )
     add_settings(parser, SeedsConfig, "seeds", "first_seed", "jobs")
     add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
     usual = "ours; ours-slow for preset paper"
@@ -74,6 +76,11 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.name == "variants":
         return _compare(options.results)
+    if options.name == "algorithms":
+        from pa_ros.evaluation.results import write_algorithms
+
+        print(write_algorithms("programmable-2L", options.results))
+        return 0
     if bool(options.options) != bool(options.tag):
         raise ConfigError("experiment: expected --set and --tag together, got one of them")
     logging.basicConfig(level=logging.WARNING, format="%(message)s")

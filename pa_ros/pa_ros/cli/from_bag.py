@@ -15,7 +15,7 @@ from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.options import settings_from
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
@@ -55,8 +55,9 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         return _learner_asked(options)
     assert origin.learner is not None
     network = NetworkConfig.from_json(origin.learner.network)
-    config = DPGConfig.from_json(origin.learner.learner)
-    changes = Protocol("recorded").with_options(options.options)
+    algorithm = origin.learner.algorithm
+    config = ALGORITHMS[algorithm].config.from_json(origin.learner.learner)
+    changes = Protocol("recorded", algorithm=algorithm).with_options(options.options)
     network = network.changed(**changes.of("network"))
     config = config.changed(**changes.of("learner"))
     seed = origin.seed if options.seed is None else options.seed

@@ -23,6 +23,7 @@ class LearnerInfo:
     inference: str  # what computes actions: "auto" or "torch"
     control_period: float  # s, of the arena learned about
     thresholds: tuple[float, ...]  # of the relations of the arena learned about
+    reward: str  # canonical JSON: name and parameters, of the arena learned about
     algorithm: str = "dpg"  # by which it learns, for people: agents act as the rest says
     software_version: str = ""
     stamp_ns: int = 0  # wall time; the learner that came last is followed

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
+from pa_ros.evaluation.pictures.learning import algorithms_figure
 from pa_ros.evaluation.pictures.variants import variants_figure
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
@@ -94,6 +95,16 @@ def write_variants(name: str, results: Path) -> Path:
     path = results / f"{name}-variants.csv"
     write_rows(path, rows)
     variants_figure(path.with_suffix(".png"), rows, seeds)
+    return path
+
+
+def write_algorithms(name: str, results: Path) -> Path:
+    """`NAME-algorithms.csv` in `results`, and the curves beside each other; the table's path."""
+    rows, _ = compare(name, results, by="algorithm")
+    path = results / f"{name}-algorithms.csv"
+    write_rows(path, rows)
+    tables = {row.changed: results / f"{row.label}.csv" for row in rows}
+    algorithms_figure(path.with_suffix(".png"), tables)
     return path
 
 

@@ -303,7 +303,8 @@ def _make_agent(config: TrainConfig, learning: LearningRun) -> LearningAgent:
     key, sequence = next((one for one in accounts if one[0].agent_id == config.agent_id), first)
     agent = LearningAgent(key, config.seed, sequence)
     info = learning.info
-    arena = ArenaFacts(info.world_digest, info.control_period, info.thresholds)
+    facts = info.world_digest, info.control_period, info.thresholds, info.reward
+    arena = ArenaFacts(*facts)
     agent.follow(info, arena)
     for policy in learning.opening():
         agent.offer(policy)

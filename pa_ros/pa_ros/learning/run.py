@@ -100,6 +100,7 @@ def _announcement(learner: Learner, control_period_s: float, run_id: str) -> Lea
         inference=acting.inference,
         control_period=control_period_s,
         thresholds=tuple(learner.scoring.thresholds.values()),
+        reward=learner.scoring.reward.to_json(),
         algorithm=learner.config.ALGORITHM,
         software_version=__version__,
         stamp_ns=time.time_ns(),

@@ -12,6 +12,7 @@ from pa_ros.arena.features import HAND_INDEX
 from pa_ros.language import Program
 from pa_ros.provenance.software import device, versions
 from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
+from pa_ros.world import Reward, Sparse
 
 if TYPE_CHECKING:
     from pa_ros.learning.learner import (
@@ -52,6 +53,7 @@ def learner_origin(
             first_version=learner.counters.version,
             network=learner.network.to_json(),
             learner=learner.config.to_json(),
+            algorithm=learner.config.ALGORITHM,
             training_programs=tuple(training_programs),
         ),
         **of_process,
@@ -65,8 +67,9 @@ def describe(
     training_programs: Iterable[Program],
     instance: str,
     mode: Mode = Mode.LOCKSTEP,
+    reward: Reward | None = None,
 ) -> ArenaDescription:
-    """What an arena says of itself to whoever comes."""
+    """What an arena says of itself to whoever comes; without `reward`, that it pays the paper's."""
     return ArenaDescription(
         mode=mode,
         design=design.name,
@@ -83,6 +86,7 @@ def describe(
         control_period=arena.control_period_s,
         thresholds=tuple(scoring_of(arena, design).thresholds.values()),
         episode_steps=arena.episode_steps,
+        reward=(reward or Sparse()).to_json(),
         hand_index=HAND_INDEX,
         arena_id=instance,
         software_version=__version__,

@@ -56,6 +56,12 @@ class WorldError(WireError):
     code = "wire.world"
 
 
+class RewardError(WireError):
+    """Another reward than the one that is learned from."""
+
+    code = "wire.reward"
+
+
 class DtypeError(WireError):
     """A tensor of another type than float32."""
 

@@ -10,10 +10,12 @@ from typing import Any
 
 from pa_ros.core.experience import CommandKey, Executed, Float32
 from pa_ros.language import Program
+from pa_ros.world import Sparse
 from pa_ros.world.world import World
 
 WIRE_VERSION = "3"  # edition of msgs_schema; changes when a receiver could misread the other
 NO_STAMP = 0
+SPARSE = Sparse().to_json()  # the paper's reward
 
 
 class Mode(IntEnum):
@@ -82,6 +84,7 @@ class ArenaDescription:
     control_period: float  # s
     thresholds: tuple[float, ...]  # of the world's relations, in their units
     episode_steps: int
+    reward: str = SPARSE  # canonical JSON: name and parameters
     hand_index: int = 0
     stamp_ns: int = NO_STAMP
     arena_id: str = ""
@@ -149,6 +152,7 @@ class LearnerOrigin:
     first_version: int  # of the weights it began with; 0: from scratch
     network: str  # NetworkConfig's JSON
     learner: str  # the learner settings' JSON
+    algorithm: str  # whose settings these are
     training_programs: tuple[Program, ...]  # in relabeling's order
 
 

@@ -19,6 +19,7 @@ from pa_ros.evaluation.scoring.tables import TableError
 from pa_ros.evaluation.studies.experiments import SOLVED
 
 Float = NDArray[np.float64]
+_SEVERAL = ("#268bd2", "#d33682", "#859900", "#b58900")
 _CURVES = (
     ("train_greedy.normalized", "training programs", "#b58900"),
     ("eval_greedy.normalized", "held-out programs", "#d33682"),
@@ -56,6 +57,25 @@ def learning_figure(table: Path) -> Path:
     picture = table.with_suffix(".png")
     save(figure, picture)
     return picture
+
+
+def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
+    """Held-out scores of the tables, by what their curves are called."""
+    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+    column, _, _ = _CURVES[1]
+    for (label, table), color in zip(tables.items(), _SEVERAL, strict=False):
+        rows, setting = _read(table)
+        seeds = sorted({row["seed"] for row in rows})
+        _curve(axes, rows, seeds, column, f"{label}, {len(seeds)} seeds", color)
+    axes.axhline(SOLVED, color="grey", linestyle=":", linewidth=1)
+    axes.set(
+        xlabel="frames (control steps)",
+        ylabel="held-out score (random 0, scripted 1)",
+        ylim=(-0.1, 1.05),
+        title=f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}",
+    )
+    axes.legend(loc="lower right", frameon=False)
+    save(figure, path)
 
 
 def _curve(

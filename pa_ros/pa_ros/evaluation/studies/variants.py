@@ -13,11 +13,14 @@ import numpy as np
 from pa_ros.evaluation.scoring.intervals import mean_interval
 from pa_ros.evaluation.scoring.tables import TableError, read_rows
 from pa_ros.evaluation.studies.experiments import (
+    DPG,
     SeedSummary,
     read_curve,
     seeds_table,
     summarize,
 )
+
+_SAME = ("arm", "preset", "protocol", "algorithm")  # of what is compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +28,7 @@ class Variant:
     """One setting, judged by its curves up to `frames`; held-out scores are normalized."""
 
     label: str
-    changed: str  # of the protocol; empty for the protocol itself
+    changed: str  # of the protocol, empty for the protocol itself; or the algorithm
     seeds: int
     frames: float
     solved: int  # seeds whose held-out score is at least SOLVED there
@@ -36,10 +39,13 @@ class Variant:
     high: float
 
 
-def compare(name: str, results: Path) -> tuple[list[Variant], dict[str, list[SeedSummary]]]:
-    """The table `name` in `results` and those with a tag behind it, all cut to the shortest.
+def compare(
+    name: str, results: Path, by: str = "options"
+) -> tuple[list[Variant], dict[str, list[SeedSummary]]]:
+    """The table `name` in `results` and those that differ from it in `by`, all cut to the shortest.
 
-    Also each one's seeds. Raises TableError where there is no table of that name or no variant.
+    `by` is "options", those with a tag behind the name, or "algorithm". Also each one's seeds.
+    Raises TableError where there is no table of that name or no variant.
     """
     tables = sorted(
         table
@@ -47,14 +53,16 @@ def compare(name: str, results: Path) -> tuple[list[Variant], dict[str, list[See
         if table.stem.split(".")[0] == name and table.with_suffix(".json").exists()
     )
     settings = {
-        table: {"arm": "jaco", **json.loads(table.with_suffix(".json").read_text())}
+        table: {"arm": "jaco", "algorithm": DPG}
+        | dict(json.loads(table.with_suffix(".json").read_text()))
         for table in tables
     }
     own = settings.get(results / f"{name}.csv", {})
     chosen = [
         table
         for table, setting in settings.items()
-        if all(setting[key] == own.get(key) for key in ("arm", "preset", "protocol"))
+        if all(setting[key] == own.get(key) for key in _SAME if key != by)
+        and (by == "options" or setting["options"] == own.get("options"))
     ]
     if len(chosen) < 2:
         raise TableError(f"variants: expected {name} and a variant of it in {results}")
@@ -65,7 +73,9 @@ def compare(name: str, results: Path) -> tuple[list[Variant], dict[str, list[See
         final = {row.seed: row for row in read_rows(seeds_table(table), SeedSummary)}
         seeds = [_until(frames, curve, final[seed]) for seed, curve in curves[table].items()]
         seeds_of[table.stem] = seeds
-        rows.append(_variant(table.stem, settings[table]["options"], seeds, frames))
+        changed = settings[table][by]
+        changed = changed if isinstance(changed, str) else " ".join(changed)
+        rows.append(_variant(table.stem, changed, seeds, frames))
     return rows, seeds_of
 
 
@@ -84,13 +94,11 @@ def _curves(table: Path) -> dict[int, list[dict[str, float]]]:
     return by_seed
 
 
-def _variant(
-    label: str, options: Sequence[str], seeds: Sequence[SeedSummary], frames: float
-) -> Variant:
+def _variant(label: str, changed: str, seeds: Sequence[SeedSummary], frames: float) -> Variant:
     interval = mean_interval(np.array([seed.held_out_at_end for seed in seeds]))
     return Variant(
         label,
-        " ".join(options),
+        changed,
         len(seeds),
         frames,
         sum(seed.solved for seed in seeds),

@@ -38,6 +38,7 @@ def encode_arena_info(arena: ArenaDescription) -> ArenaInfo:
     message.control_period = arena.control_period
     message.thresholds = float64_field(np.asarray(arena.thresholds))
     message.episode_steps = arena.episode_steps
+    message.reward = arena.reward
     return message
 
 
@@ -64,6 +65,7 @@ def decode_arena_info(message: ArenaInfo) -> ArenaDescription:
         control_period=message.control_period,
         thresholds=tuple(message.thresholds),
         episode_steps=message.episode_steps,
+        reward=message.reward,
         hand_index=message.hand_index,
         stamp_ns=read_stamp(message.stamp),
         arena_id=message.arena_id,

@@ -18,7 +18,7 @@ MAX_TRAJECTORY_STEPS = 10_000
 _SAME = (
     *("run_id", "learner_id", "first_version", "world_digest", "architecture", "algorithm"),
     *("trajectory_steps", "policy_lag", "exploration", "inference", "software_version"),
-    "control_period",
+    *("control_period", "reward"),
 )
 
 

@@ -35,6 +35,7 @@ def encode_provenance(origin: Origin) -> Provenance:
         message.first_version = origin.learner.first_version
         message.network = origin.learner.network
         message.learner = origin.learner.learner
+        message.algorithm = origin.learner.algorithm
         message.training_programs = list(map(str, origin.learner.training_programs))
     return message
 
@@ -70,6 +71,7 @@ def _learner(message: Provenance, world: World | None) -> LearnerOrigin | None:
         first_version=int(message.first_version),
         network=message.network,
         learner=message.learner,
+        algorithm=message.algorithm,
         training_programs=read_programs(message, world),
     )
 
