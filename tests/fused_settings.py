@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def setting(
     schema: ObjectSchema = PAPER,
     joints: int = 6,
     relations: tuple[str, ...] = ("NEAR",),
-    **sizes: float,
+    **sizes: Any,
 ) -> Setting:
     """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1. The programs
     ask for `relations` in turn."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.arena import ReachTask
+from pa_ros.arena import ReachTask, world_of
 from pa_ros.core.experience import Observation, Verdict
 from pa_ros.world import Trajectory
 from sim_node.session import Session
@@ -18,6 +18,7 @@ class Witness:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self._world = world_of(session.arena, session.task.design)
         self._moves: dict[int, list[Any]] = {}  # velocities, by episode
         step, task = session.task.step, session.task
 
@@ -50,8 +51,8 @@ class Witness:
         return (
             np.array_equal(velocity, self._moves[one.episode][first])
             and np.array_equal(one.objects[t], before.objects)
-            and np.array_equal(one.arm[t], before.arm)
+            and np.array_equal(one.arm[t], self._world.arm(before))
             and np.array_equal(one.objects[t + 1], after.objects)
-            and np.array_equal(one.arm[t + 1], after.arm)
+            and np.array_equal(one.arm[t + 1], self._world.arm(after))
             and one.rewards[t] == np.float32(verdict.reward)
         )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pa_ros.core.update import Batch, Engine
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.schedule import values_after
 
 
-def update(engine: Engine, batch: Batch, config: DPGConfig) -> None:
+def update(engine: Engine, batch: Batch, config: LearnerConfig) -> None:
     """One update, after as many as the engine's Adam has made."""
     engine.update(batch, values_after(int(engine.tensors()["adam.actor.step"]), config))

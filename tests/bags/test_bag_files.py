@@ -18,7 +18,6 @@ from recorded_runs import train
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pa_ros.bags import tail
 from pa_ros.bags.contents import RESERVE, reliable_qos, topic
 from pa_ros.bags.errors import (
     BagError,
@@ -228,7 +227,7 @@ def test_a_repair_without_room_for_a_copy_changes_nothing(whole, tmp_path, monke
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(tail.os, "fsync", full)
+    monkeypatch.setattr("pa_ros.bags.tail.os.fsync", full)
     with pytest.raises(DamagedBagError, match="needs room for a copy"):
         repair(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["bag.mcap"]

@@ -27,6 +27,7 @@ from pa_ros.learning.protocols import protocol_named
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
 from pa_ros.wire.records import ArenaDescription
@@ -106,7 +107,7 @@ def test_it_is_learned_with_over_the_graph(arm: str, joints: int, tmp_path: Path
     """The arena alone knows the extension; agent and learner are told of the joints."""
     policies: list[PolicySnapshot] = []
     arenas: list[ArenaDescription] = []
-    given = {
+    given: Parameters = {
         "sim_node": {"arm": arm, **({"extensions": [CRANE]} if arm == "crane" else {})},
         "agent_node": {"learning": True, "agent_id": "agent"},
         "learner_node": {"options": [*QUICK]},

@@ -30,6 +30,7 @@ from pa_ros.learning.protocols import protocol_named
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
 
@@ -132,7 +133,7 @@ def test_it_is_learned_about_over_the_graph(
 ) -> None:
     """The arena alone knows the extension; agent and learner are told of the world."""
     found: list[PolicySnapshot] = []
-    given = {
+    given: Parameters = {
         "sim_node": {"design": "sizes", "extensions": [SIZES]},
         "agent_node": {"learning": True, "agent_id": "agent"},
         "learner_node": {"options": [*QUICK]},

@@ -33,6 +33,7 @@ from pa_ros.networks.parameters import initial_actor
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
 
@@ -78,7 +79,7 @@ def test_it_is_learned_about_in_process(design: Design, tmp_path: Path) -> None:
     learner = trained(design, tmp_path)
     assert learner.counters.updates == FRAMES - 100
     assert len(learner.table) == 2 * len(training_programs(design_named("2-L")))
-    weight = learner.engine.tensors()["actor.relation.weight"]
+    weight = np.asarray(learner.engine.tensors()["actor.relation.weight"], np.float32)
     assert weight.shape == (32, 2) and np.abs(weight[:, 0] - weight[:, 1]).min() > 0
     before = initial_actor(learner.network, np.random.default_rng([1, 2]))["relation.weight"]
     assert not np.array_equal(weight, before)
@@ -97,12 +98,12 @@ def test_each_program_is_relabeled_by_its_own_relation(design: Design, tmp_path:
             rows = [learner.network.vocabulary.row[word] for word in program.words]
             named = blocks[true[:, rows].all(-1)]
             if len(named) == 1:
-                distance = np.linalg.norm(named[0, :3].astype(np.float64))
+                distance = float(np.linalg.norm(named[0, :3].astype(np.float64)))
                 holds = (
                     distance <= 0.2 if program.relation == "NEAR" else abs(distance - 0.3) <= 0.03
                 )
                 assert batch.reward[b, k] == np.float32(scale * (1 if holds else -1))
-                checked[program.relation] += holds
+                checked[program.relation] += int(holds)
     assert min(checked.values()) > 0
 
 
@@ -128,7 +129,7 @@ def test_the_command_line_trains_on_it(tmp_path: Path, capsys: pytest.CaptureFix
 def test_it_is_learned_about_over_the_graph(design: Design, tmp_path: Path) -> None:
     """Nodes are told of it as the command line is; the arena says which relations there are."""
     found: list[PolicySnapshot] = []
-    given = {
+    given: Parameters = {
         "sim_node": {"relations": ["NEAR", "WITHIN"], "extensions": [WITHIN]},
         "agent_node": {"learning": True, "agent_id": "agent", "extensions": [WITHIN]},
         "learner_node": {"options": [*QUICK], "extensions": [WITHIN]},

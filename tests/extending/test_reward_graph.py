@@ -12,6 +12,7 @@ from pa_ros.core.published import LearnerInfo
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
 from pa_ros.wire.records import ArenaDescription
@@ -27,7 +28,7 @@ def test_the_arena_announces_it_and_the_learner_learns_from_it(tmp_path: Path) -
     arenas: list[ArenaDescription] = []
     learners: list[LearnerInfo] = []
     versions: list[int] = []
-    given = {
+    given: Parameters = {
         "sim_node": {"reward": REWARD, "extensions": EXTENSIONS},
         "agent_node": {"learning": True, "agent_id": "agent"},
         "learner_node": {"algorithm": "td3", "options": [*SMALL], "extensions": EXTENSIONS},

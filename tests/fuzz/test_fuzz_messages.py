@@ -62,7 +62,7 @@ def features(message: Any) -> None:
 
 
 def joints(message: Any) -> None:
-    assert np.isfinite(codec.decode_observation(FEATURES, message, JOINT_NAMES).arm).all()
+    assert np.isfinite(WORLD.arm(codec.decode_observation(FEATURES, message, JOINT_NAMES))).all()
 
 
 def command(message: Any) -> None:
@@ -93,7 +93,7 @@ def _acts(agent: Agent, policy: Any) -> None:
 
 def trajectory(message: Any) -> None:
     """By a learner, which then still learns from what is good, and from finite numbers."""
-    received = codec.decode_trajectory(message, learner_input.DESIGN.vocabulary)
+    received = codec.decode_trajectory(message, learner_input.WORLD)
     network = replace_words(NETWORK)
     run = LearningRun(Learner(network, SETTINGS, learner_input.ARENA.training_programs, 0), 0.1)
     before = run.learner.counters.version

@@ -54,7 +54,7 @@ def announce(probe: Probe) -> None:
 def false_transitions(probe: Probe, witness: Witness) -> list[str]:
     """Of at least ENOUGH trajectories, those that never happened."""
     assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > ENOUGH)
-    heard = [codec.decode_trajectory(m, learners.WORDS) for m in probe.heard["trajectories"]]
+    heard = [codec.decode_trajectory(m, learners.WORLD) for m in probe.heard["trajectories"]]
     return witness.false(heard)
 
 

@@ -104,6 +104,7 @@ def test_without_multicast_by_the_addresses_of_the_others(three):
 
 def test_by_a_discovery_server(three):
     """Fast DDS's own, which the wheels contain, on the learner's host."""
+    site: Site
     site = three(lambda _: {"ROS_DISCOVERY_SERVER": f"{site.hosts.address(0)}:11811"})
     binary = Path(sys.executable).with_name("fast-discovery-server")
     site.hosts.run(0, [binary, "-i", "0", "-l", site.hosts.address(0), "-p", "11811"])
