@@ -12,7 +12,8 @@ from pathlib import Path
 
 # What the wheels' programs need that are not Python's.
 LIBRARIES = f"{sysconfig.get_path('platlib')}/ros_fastrtps.libs:{sys.prefix}/lib"
-BOOTSTRAP = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH")  # a child does it anew
+# What this process has set for itself, and a child on another host must not inherit.
+OWN = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
 
 def why_not() -> str:
@@ -69,7 +70,7 @@ class Hosts:
         log: Path = Path(os.devnull),
     ) -> None:
         """Run a command on a host until all are stopped."""
-        kept = {k: v for k, v in os.environ.items() if k not in BOOTSTRAP}
+        kept = {k: v for k, v in os.environ.items() if k not in OWN}
         kept["LD_LIBRARY_PATH"] = LIBRARIES if str(command[0]) != sys.executable else ""
         kept = {k: v for k, v in (kept | dict(environment or {})).items() if v}
         words = ["ip", "netns", "exec", self.names[host], *map(str, command)]
