@@ -104,7 +104,7 @@ def _recover(stage: Stage, cycle: Cycle, struck: float) -> None:
         cycle.failures.append(f"not recovered in {RECOVER_S:g} s: {observer.says()}")
         return
     if stage.learns:
-        stage.until(lambda: observer.unexplained() == 0, SEEN_S)
+        stage.until(lambda: observer.unexplained() == 0, RECOVER_S)  # nodes say it once a second
 
 
 def _lost(stage: Stage) -> int:
