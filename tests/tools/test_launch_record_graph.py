@@ -39,7 +39,7 @@ def record(folder: Path) -> Path:
     with pa_ros("launch", "--params", params, *folders) as process:
         try:
             storage = folder / "bag" / "bag.mcap"
-            wait_for(lambda: storage.exists() and storage.stat().st_size > 800_000, "recording")
+            wait_for(lambda: storage.exists() and storage.stat().st_size > 1_500_000, "recording")
             process.send_signal(signal.SIGINT)
             out, err = process.communicate(timeout=DEADLINE_S)
         finally:
