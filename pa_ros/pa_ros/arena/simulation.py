@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import cos, sin
+from math import copysign, cos, sin
 
 import mujoco
 import numpy as np
@@ -108,10 +108,10 @@ class Simulation:
     def hand_pose(self) -> Float64:
         """Of the hand in the table's frame, where the base stands at 0: x y z (m), quaternion xyzw
         with qw >= 0, [7]."""
-        w, x, y, z = self._quaternion[HAND_INDEX] * np.copysign(
-            1.0, self._quaternion[HAND_INDEX, 0]
-        )
-        return np.array([*self._position[HAND_INDEX], x, y, z, w])
+        w, x, y, z = self._quaternion[HAND_INDEX].tolist()  # plain numbers: a third of the time
+        sign = copysign(1.0, w)
+        place = self._position[HAND_INDEX].tolist()
+        return np.array([*place, sign * x, sign * y, sign * z, sign * w])
 
     def hand_jacobian(self) -> Float64:
         """Of the hand's position in the table's frame with respect to the joints, [3, J] m/rad."""

@@ -139,7 +139,7 @@ class ReachTask:
             program_id=self.program_id,
             hand_pose=self.simulation.hand_pose,
         )
-        score = self.verifier.score(objects, self.simulation.hand_pose)
+        score = self.verifier.score(objects, observation.hand_pose)
         return observation, Verdict(
             episode=episode.index,
             step=self._step,

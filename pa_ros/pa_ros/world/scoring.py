@@ -90,8 +90,8 @@ class Scoring:
         """Score one state, [N, F], given the numbers of the objects named: the same bits, sooner,
         as numbers."""
         threshold = self.threshold(relation)
-        measures = self._measures(relation, objects[list(targets)], hand_pose)
-        return self._judge(min(measures.tolist(), default=inf), threshold)
+        measures = self._measures(relation, objects, hand_pose).tolist()
+        return self._judge(min((measures[i] for i in targets), default=inf), threshold)
 
     def threshold(self, relation: str) -> float:
         """ConfigError, with the known ones, for a relation that is not scored here."""
@@ -105,11 +105,11 @@ class Scoring:
         self, relation: str, objects: Float32, hand_pose: Float64 | Float32 | None
     ) -> Float64:
         """Of each object, [..., N]."""
-        poses = objects[..., :POSE].astype(np.float64)
-        hand = None
-        if hand_pose is not None:  # agents are told float32, and relabeling has no more than that
+        poses, meant, hand = objects[..., :POSE].astype(np.float64), RELATIONS[relation], None
+        if hand_pose is not None and meant.frame == "base":
+            # agents are told float32, and relabeling has no more than that
             hand = hand_pose.astype(np.float32).astype(np.float64)[..., None, :]
-        return RELATIONS[relation].measures(poses, hand)
+        return meant.measures(poses, hand)
 
     def _judge(self, measure: Any, threshold: float) -> Score:
         satisfied = measure <= threshold
