@@ -30,6 +30,7 @@ def test_it_learns_through_the_same_learner_and_is_announced(tmp_path: Path) -> 
 
 def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
     """In one state with two stored actions, of which one is rewarded: a bandit."""
+    example("algorithm")
     learner = trained(tmp_path, algorithm="crr", frames=100)
     (batch,) = learner.batches(1)
     good = np.arange(len(batch.action)) % 2 == 0

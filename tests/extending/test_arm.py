@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from waiting import DEADLINE_S
+from learning_graph import learned_over_the_graph
 
 from pa_ros.arena import (
     ReachTask,
@@ -24,13 +24,7 @@ from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
-from pa_ros.ros import topics
-from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
-from pa_ros.tools.launcher import Supervisor
-from pa_ros.wire import codec
-from pa_ros.wire.records import ArenaDescription
 
 CRANE = str(Path(__file__).with_name("crane.py"))
 QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32"]
@@ -105,27 +99,15 @@ def test_an_unknown_arm_is_refused_with_the_known_ones(
 @pytest.mark.parametrize(("arm", "joints"), ALL.items())
 def test_it_is_learned_with_over_the_graph(arm: str, joints: int, tmp_path: Path) -> None:
     """The arena alone knows the extension; agent and learner are told of the joints."""
-    policies: list[PolicySnapshot] = []
-    arenas: list[ArenaDescription] = []
     given: Parameters = {
         "sim_node": {"arm": arm, **({"extensions": [CRANE]} if arm == "crane" else {})},
         "agent_node": {"learning": True, "agent_id": "agent"},
         "learner_node": {"options": [*QUICK]},
     }
 
-    def receive(message: object) -> None:
-        policy = codec.decode_weights(message)
-        if policy.snapshot.version >= FRAMES // 100:
-            policies.append(policy.snapshot)
-
-    with Supervisor(tmp_path) as supervisor, client_node("watch") as node:
-        topic, info = topics.POLICY_WEIGHTS, topics.ARENA_INFO
-        node.create_subscription(topic.type, topic.name, receive, topic.reader)
-        info.subscribe(node, lambda message: arenas.append(codec.decode_arena_info(message)))
-        start_nodes(supervisor, given, tmp_path)
-        assert watch(node, supervisor, lambda: None, lambda: bool(policies), DEADLINE_S)
+    policy, arena = learned_over_the_graph(tmp_path, given, FRAMES // 100)
     config = preset_named("fast", arm)
-    assert (arenas[0].arm, len(arenas[0].joint_names)) == (arm, joints)
-    assert arenas[0].speed_limits == config.joint_speed_limits
-    assert policies[0].world_digest == world_of(config, DESIGN).digest
-    check(policies[0], joints)
+    assert (arena.arm, len(arena.joint_names)) == (arm, joints)
+    assert arena.speed_limits == config.joint_speed_limits
+    assert policy.world_digest == world_of(config, DESIGN).digest
+    check(policy, joints)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from waiting import DEADLINE_S
+from learning_graph import learned_over_the_graph
 
 from pa_ros.arena import (
     ArenaConfig,
@@ -22,17 +22,11 @@ from pa_ros.arena.gym_env import ReachEnv
 from pa_ros.arena.render import top_view
 from pa_ros.cli.main import main
 from pa_ros.core import extensions
-from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
-from pa_ros.ros import topics
-from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
-from pa_ros.tools.launcher import Supervisor
-from pa_ros.wire import codec
 
 SIZES = str(Path(__file__).with_name("sizes.py"))
 QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32",
@@ -132,23 +126,13 @@ def test_it_is_learned_about_over_the_graph(
     design: Design, arena: ArenaConfig, tmp_path: Path
 ) -> None:
     """The arena alone knows the extension; agent and learner are told of the world."""
-    found: list[PolicySnapshot] = []
     given: Parameters = {
         "sim_node": {"design": "sizes", "extensions": [SIZES]},
         "agent_node": {"learning": True, "agent_id": "agent"},
         "learner_node": {"options": [*QUICK]},
     }
 
-    def receive(message: object) -> None:
-        policy = codec.decode_weights(message)
-        if policy.snapshot.version >= FRAMES // 100:
-            found.append(policy.snapshot)
-
-    with Supervisor(tmp_path) as supervisor, client_node("watch") as node:
-        topic = topics.POLICY_WEIGHTS
-        node.create_subscription(topic.type, topic.name, receive, topic.reader)
-        start_nodes(supervisor, given, tmp_path)
-        assert watch(node, supervisor, lambda: None, lambda: bool(found), DEADLINE_S)
-    assert found[0].world_digest == world_of(arena, design).digest
+    policy, _ = learned_over_the_graph(tmp_path, given, FRAMES // 100)
+    assert policy.world_digest == world_of(arena, design).digest
     size = world_of(arena, design).schema.slices["size"]
-    assert np.abs(found[0].tensors["detectors.weight"][-2:, size]).min() > 0
+    assert np.abs(policy.tensors["detectors.weight"][-2:, size]).min() > 0

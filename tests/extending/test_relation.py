@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from waiting import DEADLINE_S
+from learning_graph import learned_over_the_graph
 
 from pa_ros.arena import (
     ReachTask,
@@ -23,19 +23,13 @@ from pa_ros.arena.render import outline, top_view
 from pa_ros.cli.main import main
 from pa_ros.core import extensions
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.ros import topics
-from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
-from pa_ros.tools.launcher import Supervisor
-from pa_ros.wire import codec
 
 WITHIN = str(Path(__file__).with_name("within.py"))
 QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32"]
@@ -128,24 +122,14 @@ def test_the_command_line_trains_on_it(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.graph
 def test_it_is_learned_about_over_the_graph(design: Design, tmp_path: Path) -> None:
     """Nodes are told of it as the command line is; the arena says which relations there are."""
-    found: list[PolicySnapshot] = []
     given: Parameters = {
         "sim_node": {"relations": ["NEAR", "WITHIN"], "extensions": [WITHIN]},
         "agent_node": {"learning": True, "agent_id": "agent", "extensions": [WITHIN]},
         "learner_node": {"options": [*QUICK], "extensions": [WITHIN]},
     }
 
-    def receive(message: object) -> None:
-        policy = codec.decode_weights(message)
-        if policy.snapshot.version >= FRAMES // 100:
-            found.append(policy.snapshot)
-
-    with Supervisor(tmp_path) as supervisor, client_node("watch") as node:
-        topic = topics.POLICY_WEIGHTS
-        node.create_subscription(topic.type, topic.name, receive, topic.reader)
-        start_nodes(supervisor, given, tmp_path)
-        assert watch(node, supervisor, lambda: None, lambda: bool(found), DEADLINE_S)
+    policy, _ = learned_over_the_graph(tmp_path, given, FRAMES // 100)
     world = world_of(ARENA, design)
-    assert found[0].world_digest == world.digest
-    weight = found[0].tensors["relation.weight"]
+    assert policy.world_digest == world.digest
+    weight = policy.tensors["relation.weight"]
     assert weight.shape == (32, 2) and np.abs(weight[:, 0] - weight[:, 1]).min() > 0

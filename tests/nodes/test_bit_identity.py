@@ -7,18 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from waiting import DEADLINE_S
+from learning_graph import learned_over_the_graph
 
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
-from pa_ros.ros import topics
-from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import start_nodes, watch
-from pa_ros.tools.launcher import Supervisor
-from pa_ros.wire import codec
+from pa_ros.tools.launch_params import Parameters
 
 pytestmark = pytest.mark.graph
 SEED, EPISODES = 11, 3
@@ -35,25 +31,9 @@ def parameters(**changes: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {node: values | changes.get(node, {}) for node, values in common.items()}
 
 
-def over_the_graph(folder: Path, version: int, given: dict) -> PolicySnapshot:
-    """The first policy heard of at least a version, as three processes learned it.
-
-    The graph doesn't wait for this watcher: on a busy machine a version can have passed before
-    the watcher is discovered.
-    """
-    found: list[PolicySnapshot] = []
-
-    def receive(message) -> None:
-        policy = codec.decode_weights(message)
-        if policy.snapshot.version >= version:
-            found.append(policy.snapshot)
-
-    with Supervisor(folder) as supervisor, client_node("watch") as node:
-        topic = topics.POLICY_WEIGHTS
-        node.create_subscription(topic.type, topic.name, receive, topic.reader)
-        start_nodes(supervisor, given, folder)
-        assert watch(node, supervisor, lambda: None, lambda: bool(found), DEADLINE_S)
-    return found[0]
+def over_the_graph(folder: Path, version: int, given: Parameters) -> PolicySnapshot:
+    """As three processes learned it."""
+    return learned_over_the_graph(folder, given, version)[0]
 
 
 def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:

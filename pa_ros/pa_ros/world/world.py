@@ -54,7 +54,7 @@ class World:
         """Names of those that programs may ask for; ConfigError refuses what is not registered."""
         return self.vocabulary.relations
 
-    @property
+    @cached_property
     def sees_hand_pose(self) -> bool:
         """Whether the arm's features end with the hand's pose: some relation is of the base's
         frame."""
