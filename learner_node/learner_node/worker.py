@@ -172,14 +172,9 @@ class LearnerWorker:
     def _save(self) -> None:
         if not self._config.out:
             return
-        extra = {
-            "wall_s": time.monotonic() - self._started,
-            "seed": self._config.seed,
-            "design": self._arena.design,
-            "preset": self._arena.preset,
-            "arm": self._arena.arm,
-            "run_id": self.run.info.run_id,
-        }
+        arena = self._arena
+        about = self._config.seed, arena.design, arena.preset, arena.arm
+        extra = self.run.facts(self._started, *about)
         try:
             save_checkpoint(checkpoint_of(Path(self._config.out)), self._learner, extra)
             self.unsaved = None

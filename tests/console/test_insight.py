@@ -48,7 +48,7 @@ def test_without_a_program_there_is_phi_alone():
 def test_networks_without_detectors_are_refused():
     network = protocol_named("ours").network_config(TASK.world, "canonical")
     tensors = initial_actor(network, np.random.default_rng(0))
-    snapshot = PolicySnapshot(0, network.architecture, VOCABULARY.digest, tensors)
+    snapshot = PolicySnapshot(0, network.architecture, TASK.world.digest, tensors)
     with pytest.raises(ConfigError, match="canonical"):
         Insight(snapshot)
 

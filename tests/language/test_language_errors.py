@@ -93,15 +93,3 @@ def test_an_operator_without_operands_cannot_be_built() -> None:
 def test_words_that_no_vocabulary_has_are_refused(word: str) -> None:
     with pytest.raises(ConfigError, match="vocabulary"):
         Vocabulary.of(shape=("CUBE",), color=("RED", word))
-
-
-def test_a_digest_tells_vocabularies_apart() -> None:
-    found = {
-        Vocabulary.of(shape=shapes, color=colors).digest
-        for shapes, colors in (
-            (("CUBE", "RED"), ("BLUE",)),
-            (("CUBE",), ("RED", "BLUE")),
-            (("CUBE",), ("BLUE", "RED")),
-        )
-    }
-    assert len(found) == 3 and {len(digest) for digest in found} == {16}

@@ -72,12 +72,6 @@ def test_what_is_not_there_is_pointed_at_behind_any_relation() -> None:
     assert caught.value.position == len("LEFT_OF(HAND, ")
 
 
-def test_vocabularies_differ_by_their_relations() -> None:
-    vocabularies = (WORDS, BOTH, WORDS.asking("ABOVE", "NEAR", "LEFT_OF"), WORDS.asking("ABOVE"))
-    assert len({one.digest for one in vocabularies}) == 4
-    assert WORDS.asking("NEAR").digest == WORDS.digest
-
-
 @pytest.mark.parametrize(
     ("relations", "why"),
     [

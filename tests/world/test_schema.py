@@ -7,6 +7,7 @@ import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
+from pa_ros.language.vocabulary import WordGroup
 from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, OneHot, PropertyGroup, Real
 from pa_ros.world.world import World
 
@@ -116,6 +117,11 @@ def test_sizes_follow_from_the_world() -> None:
     assert WORLD.columns == 38
 
 
+def turned(group: WordGroup) -> WordGroup:
+    """The same words in another order: other rows of Φ."""
+    return WordGroup(group.name, group.words[::-1])
+
+
 def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
     assert World.from_json(WORLD.to_json()) == WORLD
     assert list(World.from_json(WORLD.to_json()).schema["size"].features.values) == [
@@ -128,10 +134,11 @@ def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
         World(PAPER, PAPER.vocabulary, joints=7),
         World(SIZED, SIZED.vocabulary, joints=6),
         World(SIZED, fewer, joints=7),
+        World(SIZED, Vocabulary(tuple(map(turned, SIZED.vocabulary.groups))), joints=7),
         World(SIZED, SIZED.vocabulary.asking("NEAR", "ABOVE"), joints=7),
     ]
     digests = {world.digest for world in (WORLD, *others)}
-    assert len(digests) == 6 and {len(digest) for digest in digests} == {16}
+    assert len(digests) == 7 and {len(digest) for digest in digests} == {16}
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"objects": 3}', "null"])

@@ -73,11 +73,6 @@ class ArenaScene:
         self._place(moment, self._stage)
         return True
 
-    def place_of(self, block: int) -> tuple[float, float, float]:
-        """A block's position in the base's frame, m."""
-        x, y, z = self._blocks[block].solid.position
-        return float(x), float(y), float(z)
-
     def _rebuild(self, moment: Moment, of: tuple[str, bytes]) -> None:
         episode = RecordedEpisode(moment.observation.episode, moment.evaluation, [moment.row])
         self._stage = Stage(episode, moment.arena)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -106,12 +105,3 @@ class Vocabulary:
         """Relations that networks are told apart: none where programs ask for one alone."""
         several = len(self.relations)
         return several if several > 1 else 0
-
-    @cached_property
-    def digest(self) -> str:
-        """16 hexadecimal digits that stand for the words in their groups, whatever the groups'
-        names, and for relations beside NEAR."""
-        text = ";".join(",".join(group.words) for group in self.groups)
-        if self.relations != (NEAR,):
-            text += "|" + ",".join(self.relations)
-        return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]

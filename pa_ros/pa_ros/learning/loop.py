@@ -282,14 +282,9 @@ class _Run:
 
     def _save(self) -> None:
         self._transport.drain()
-        extra = {
-            "wall_s": time.monotonic() - self._started,
-            "seed": self._config.seed,
-            "design": self._config.design,
-            "preset": self._config.preset,
-            "arm": self._config.arm,
-            "run_id": self._learning.info.run_id,
-        }
+        config = self._config
+        about = config.seed, config.design, config.preset, config.arm
+        extra = self._learning.facts(self._started, *about)
         save_checkpoint(checkpoint_of(self._config.out), self._learner, extra)
 
 

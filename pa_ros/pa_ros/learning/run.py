@@ -16,6 +16,9 @@ from pa_ros.world import Trajectory
 AHEAD = 100  # trajectories that an agent may be ahead of its account, beside policy_lag
 
 
+Facts = dict[str, float | int | str]
+
+
 class LearningRun:
     """Announces what is asked of agents, and answers each trajectory with weights."""
 
@@ -31,6 +34,12 @@ class LearningRun:
         ids = self.info.run_id, self.info.learner_id
         return [*(PublishedPolicy(one, *ids, stamp_ns=time.time_ns()) for one in older),
                 self.policy()]  # fmt: skip
+
+    def facts(self, started_s: float, seed: int, design: str, preset: str, arm: str) -> Facts:
+        """What a checkpoint says beside the learner; `started_s`: of the steady clock."""
+        wall_s, run_id = time.monotonic() - started_s, self.info.run_id
+        return {"wall_s": wall_s, "seed": seed, "design": design, "preset": preset, "arm": arm,
+                "run_id": run_id}  # fmt: skip
 
     def consume(self, trajectory: Trajectory) -> None:
         """Learn from a trajectory; a duplicate changes nothing.
