@@ -1,4 +1,4 @@
-"""`pa_ros bench codec|console|endurance|sim|…`: the figures of this machine."""
+"""`pa_ros bench NAME`: the figures of this machine."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ COMMANDS = {
     "ship": ("pa_ros.cli.ship", "make a run's policy one of the package's own"),
     "figures": ("pa_ros.cli.figures", "draw the pictures of the experiments' tables"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
-    "bench": ("pa_ros.cli.bench", "measure codec, console, sim, graph, learner or train"),
+    "bench": ("pa_ros.cli.bench", "measure what things cost on this machine"),
     "launch": ("pa_ros.cli.launch", "start nodes and show one live table"),
     "send": ("pa_ros.cli.send", "send a program to a running graph"),
     "record": ("pa_ros.cli.record", "record a running graph into a rosbag2 bag"),
