@@ -24,7 +24,7 @@ class Probe(Node):
         super().__init__("probe")
         self.heard: dict[str, list[Any]] = {}
         self.health: dict[str, Health] = {}
-        self.nodes: list[Node] = []
+        self.nodes: list[Any] = []
         for topic in vars(topics).values():
             if isinstance(topic, topics.Topic):
                 self._listen(topic)
@@ -89,16 +89,14 @@ def graph(*makers: Callable[[], Node], **parameters: object) -> Iterator[Probe]:
         text = str(value).lower() if isinstance(value, bool) else str(value)
         arguments += ["-p", f"{node}:{name}:={text}"]
     rclpy.init(args=arguments)
-    nodes: list[Any] = []
     probe = Probe()
     try:
         for make in makers:
-            nodes.append(make())
-        probe.nodes = nodes
+            probe.nodes.append(make())
         yield probe
     finally:
         release(probe)
-        for node in nodes:
+        for node in probe.nodes:  # those that a test put in others' places, too
             node.close()
             node.destroy_node()
         rclpy.shutdown()
