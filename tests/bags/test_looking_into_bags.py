@@ -138,7 +138,7 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     assert (pictures[-1] != pictures[0]).any()
     assert STEPS // 2 < shown <= STEPS + 1  # equal pictures in a row are stored once
     assert main(["bag", "film", str(stepped), "--episode", "8", "--out", str(out)]) == 2
-    assert "expected an episode 8" in capsys.readouterr().err
+    assert "expected an episode of 7 to 7, got 8" in capsys.readouterr().err
     movie = tmp_path / "film.mp4"
     assert main(["bag", "film", str(stepped), *arguments[:-1], str(movie)]) == 2
     assert "expected a file that ends in .gif, got '.mp4'" in capsys.readouterr().err

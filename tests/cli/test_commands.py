@@ -86,6 +86,7 @@ def test_train_then_eval(tmp_path, capsys):
         (["train", "--out", "unused", "--set", "learner.replay.batch_size=-1"], "-1"),
         (["train", "--out", "unused", "--network", "mystery"], "mystery"),
         (["experiment", "programmable-2L", "--seeds", "0"], "got 0"),
+        (["experiment", "nope"], "canonical-3C, forgetting, generalization, detectors, equalities"),
         (["experiment", "generalization"], "first `pa_ros experiment programmable-3D`"),
         (["experiment", "detectors"], "none of seeds [0, 1, 2]"),
     ],
@@ -111,7 +112,7 @@ def test_published_tables_are_written_over_only_when_that_is_asked_for(command):
 def test_a_seed_that_never_solved_it_has_a_dash_and_no_nan(capsys):
     print_summaries([SeedSummary(0, 100.0, math.nan, math.nan, 0.1, 0.2, 0.1, 0.2)])
     assert "nan" not in (line := capsys.readouterr().out.splitlines()[-1])
-    assert line.split() == ["0", "no", "–", "–", "s", "0.10", "0.20"]
+    assert line.split() == ["0", "no", "–", "–", "0.10", "0.20"]
 
 
 def test_bench_writes_flat_figures(tmp_path, capsys):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 PUBLISHED = Path("docs/results")
 STUDIES = ("generalization", "detectors", "equalities")
+OF_TABLES = ("variants", "algorithms", "summary")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,9 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from pa_ros.learning.loop import TrainConfig
     from pa_ros.learning.protocols import LearningChoice
 
-    parser.add_argument(
-        "name", help=", ".join([*EXPERIMENTS, *STUDIES, "variants", "algorithms", "summary"])
-    )
+    parser.set_defaults(names=(*EXPERIMENTS, *STUDIES, *OF_TABLES))
+    parser.add_argument("name", metavar="NAME", help=", ".join(parser.get_default("names")))
     add_settings(parser, SeedsConfig, "seeds", "first_seed", "jobs")
     add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
     usual = "ours; ours-slow for preset paper"
@@ -44,7 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change the protocol, as in pa_ros train; with --tag",
     )  # fmt: skip
     parser.add_argument("--tag", default="", help="names what --set changed, in the tables' names")
-    parser.add_argument("--runs", type=Path, default=Path("runs/experiments"), help="raw runs")
+    parser.add_argument(
+        "--runs", type=folder_to_write, default=Path("runs/experiments"), metavar="DIR",
+        help="of what is trained (%(default)s)",
+    )  # fmt: skip
     add_results(parser, "runs/experiments/results")
     parser.add_argument(
         "--json", type=file_to_write, help="summary: also write the figures to this file"
@@ -69,6 +72,9 @@ def add_results(parser: argparse.ArgumentParser, default: str) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the seeds that are missing and write the tables; or a study of trained seeds."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    if options.name not in options.names:
+        names = ", ".join(options.names)
+        raise ConfigError(f"experiment: expected one of {names}, got {options.name!r}")
     if options.name == "summary":
         from pa_ros.evaluation.studies.experiments import headline
 
@@ -141,13 +147,14 @@ def print_summaries(summaries: Sequence[SeedSummary]) -> None:
     print("seed  solved  frames  wall clock  held out  train   (normalized, fresh episodes)")
     for row in summaries:
         print(f"{row.seed:4d}  {'yes' if row.solved else 'no ':6s}  "
-              f"{_figure(row.frames_to_solve, 6)}  {_figure(row.wall_s_to_solve, 8)} s  "
+              f"{_figure(row.frames_to_solve, 6)}  {_figure(row.wall_s_to_solve, 8, 0, ' s')}  "
               f"{_figure(row.final_held_out, 8, 2)}  {_figure(row.final_train, 5, 2)}")  # fmt: skip
 
 
-def _figure(value: float, width: int, digits: int = 0) -> str:
-    """A number, or a dash where there is none."""
-    return f"{'–':>{width}}" if math.isnan(value) else f"{value:{width}.{digits}f}"
+def _figure(value: float, width: int, digits: int = 0, unit: str = "") -> str:
+    """A number with its unit, or a dash where there is none."""
+    text = "–" if math.isnan(value) else f"{value:.{digits}f}{unit}"
+    return f"{text:>{width + len(unit)}}"
 
 
 def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:

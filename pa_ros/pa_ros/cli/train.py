@@ -21,6 +21,7 @@ from pa_ros.arena import (
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import add_setting, add_settings, settings_from
+from pa_ros.cli.training_view import TrainingView
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.language import Program
 from pa_ros.learning.loop import TrainConfig, train
@@ -57,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Train to `--frames`; rows are logged as they are written to OUT/progress.csv."""
+    """Train to `--frames`; rows are shown as they are written to OUT/progress.csv."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     options.protocol = options.protocol or usual_protocol(options.preset)
     if options.from_bag:
@@ -67,7 +68,8 @@ def run(options: argparse.Namespace) -> int:
     protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
     config = settings_from(options, TrainConfig)
     programs, seed = training_programs(design), config.seed
-    with _run_log(options, arena, design, seed, programs) as run_log:
+    recorded = _run_log(options, arena, design, seed, programs)
+    with recorded as run_log, TrainingView(config.frames) as view:
         train(
             config,
             protocol.network_config(world_of(arena, design), options.network),
@@ -78,7 +80,9 @@ def run(options: argparse.Namespace) -> int:
             TrainingScores(arena, design, config.evaluation_episodes),
             options.resume,
             run_log,
+            view,
         )
+    print(f"checkpoint and curve in {config.out}; next: pa_ros eval --checkpoint {config.out}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -75,6 +75,16 @@ class Log(Protocol):
         """After the learner took a trajectory in, with what came of it; on its thread."""
 
 
+class Watcher(Protocol):
+    """Is told how far a run is. Must change nothing."""
+
+    def episode(self, frames: int, steps: int, reward: float) -> None:
+        """After an episode of so many steps and this mean reward; `frames` steps in all."""
+
+    def row(self, row: Mapping[str, float]) -> None:
+        """After an evaluation: the row of progress.csv."""
+
+
 class TrainConfig(Settings):
     """One training run. `design`, `preset`, `arm` and `reward` name the caller's environment."""
 
@@ -115,6 +125,7 @@ def train(
     evaluate: Evaluate | None = None,
     resume: bool = False,
     run_log: Log | None = None,
+    watcher: Watcher | None = None,
 ) -> Learner:
     """Train for `config.frames` control steps, whole episodes; returns the learner.
 
@@ -134,8 +145,8 @@ def train(
         if run_log is not None:
             run_log.begin(learning)
         wall_s = float(extra.get("wall_s", 0.0))
-        run = _Run(config, learning, environment, max_speed, evaluate, wall_s, resume, run_log)
-        with run:
+        logs = run_log, watcher
+        with _Run(config, learning, environment, max_speed, evaluate, wall_s, resume, *logs) as run:
             run.until(config.frames)
         return learner
 
@@ -206,11 +217,12 @@ class _Run:
         wall_s: float,
         resume: bool,
         run_log: Log | None,
+        watcher: Watcher | None,
     ) -> None:
         learner = learning.learner
         self._config, self._learning, self._learner = config, learning, learner
         self._environment, self._max_speed = environment, max_speed
-        self._evaluate = evaluate
+        self._evaluate, self._watcher = evaluate, watcher
         self._started = time.monotonic() - wall_s
         self._agent = _make_agent(config, learning)
         overlap = config.overlap and learning.info.policy_lag > 0
@@ -241,6 +253,7 @@ class _Run:
 
     def _episode(self, index: int) -> None:
         observation, verdict = self._environment.reset(index, self._config.condition)
+        rewards: list[float] = []
         while True:
             program = self._environment.program
             step = Step(observation, program, verdict, executed=self._agent.sent)
@@ -248,12 +261,15 @@ class _Run:
             if trajectory is not None:
                 self._transport.send(trajectory)
             if verdict.truncated:
-                return
+                break
             self._until_it_may_act()
             velocity = self._agent.act().astype(np.float64) * self._max_speed
             observation, verdict = self._environment.step(velocity)
             self._frames += 1
-            self._rewards.append(verdict.reward)
+            rewards.append(verdict.reward)
+        self._rewards += rewards
+        if self._watcher is not None:
+            self._watcher.episode(self._frames, len(rewards), float(np.mean(rewards)))
 
     def _until_it_may_act(self) -> None:
         while not isinstance(answer := self._agent.answer(), Act):
@@ -278,7 +294,8 @@ class _Run:
             row |= self._evaluate(actor)
         self._rewards = []
         self._progress.add(row)
-        log.info("%s", "  ".join(f"{name} {value:.4g}" for name, value in row.items()))
+        if self._watcher is not None:
+            self._watcher.row(row)
 
     def _save(self) -> None:
         self._transport.drain()

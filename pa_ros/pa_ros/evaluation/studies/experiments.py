@@ -123,7 +123,7 @@ def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
 def experiment_named(name: str) -> Experiment:
     """Look up an experiment; ConfigError names the known ones."""
     if name not in EXPERIMENTS:
-        raise ConfigError(f"expected an experiment of {sorted(EXPERIMENTS)}, got {name!r}")
+        raise ConfigError(f"expected one of {', '.join(EXPERIMENTS)}, got {name!r}")
     return EXPERIMENTS[name]
 
 

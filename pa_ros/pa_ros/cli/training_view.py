@@ -1,0 +1,119 @@
+"""What `pa_ros train` shows: a table of the evaluations, and below it a line of how far it is."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import fmean
+from typing import TextIO
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+LINE_PERIOD_S = 5.0  # of lines without a terminal
+REFRESH_S = 0.2  # of the line in a terminal
+RECENT = 20  # episodes
+NONE = "–"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its title, where its number comes from, and how that is written."""
+
+    title: str
+    key: str
+    form: str
+    width: int
+
+
+COLUMNS = (
+    Column("frames", "frames", "{:,.0f}", 9),
+    Column("time", "wall_s", "{:.0f} s", 7),
+    Column("updates", "updates", "{:,.0f}", 9),
+    Column("reward/step", "behaviour.reward_per_step", "{:+.3f}", 11),
+    Column("critic loss", "critic_loss", "{:.5f}", 11),
+    Column("mean Q", "mean_q", "{:+.3f}", 7),
+    Column("trained", "train_greedy.normalized", "{:.2f}", 7),
+    Column("held out", "eval_greedy.normalized", "{:.2f}", 8),
+)
+LEGEND = "trained, held out: scores of greedy episodes, 0 random, 1 scripted"
+
+
+class TrainingView:
+    """Told of each episode and each evaluation (`pa_ros.learning.loop.Watcher`).
+
+    A context manager. In a terminal a line is renewed in place; elsewhere one is printed every
+    LINE_PERIOD_S.
+    """
+
+    def __init__(self, frames: int, stream: TextIO | None = None) -> None:
+        """`frames`: where the run ends."""
+        self._frames, self._stream = frames, stream or sys.stdout
+        self._console = Console(file=self._stream, highlight=False)
+        self._live: Live | None = None
+        self._titled = False
+        self._shown = time.monotonic()
+        self._recent: deque[float] = deque(maxlen=RECENT)
+        self._times: deque[tuple[float, int]] = deque([(self._shown, 0)], maxlen=RECENT)
+
+    def __enter__(self) -> TrainingView:
+        if self._console.is_terminal:
+            self._live = Live(console=self._console, auto_refresh=False, transient=True)
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+    def episode(self, frames: int, steps: int, reward: float) -> None:
+        """`frames` steps were taken; the last episode had `steps`, of this mean reward."""
+        if not self._recent:  # a resumed run doesn't begin at 0
+            self._times[0] = (self._times[0][0], frames - steps)
+        now = time.monotonic()
+        self._recent.append(reward)
+        self._times.append((now, frames))
+        if now - self._shown >= (LINE_PERIOD_S if self._live is None else REFRESH_S):
+            self._shown = now
+            self._say(self._line(frames))
+
+    def row(self, row: Mapping[str, float]) -> None:
+        """An evaluation; what it does not tell is left out."""
+        columns = [column for column in COLUMNS if column.key in row]
+        if not self._titled:
+            self._titled = True
+            self._print(LEGEND)
+            self._print("  ".join(f"{c.title:>{c.width}}" for c in columns))
+        self._print("  ".join(f"{_written(c, row[c.key]):>{c.width}}" for c in columns))
+
+    def _line(self, frames: int) -> str:
+        (since, before), (until, _) = self._times[0], self._times[-1]
+        rate = (frames - before) / max(until - since, 1e-9)
+        left = max(self._frames - frames, 0) / max(rate, 1e-9)
+        return (
+            f"{frames:,} of {self._frames:,} frames  {rate:,.0f}/s  "
+            f"reward/step {fmean(self._recent):+.3f}  {left:.0f} s left"
+        )
+
+    def _say(self, line: str) -> None:
+        if self._live is None:
+            self._print(line)
+        else:
+            text = Text(line, style="dim", no_wrap=True, overflow="ellipsis")
+            self._live.update(text, refresh=True)
+
+    def _print(self, line: str) -> None:
+        if self._live is None:
+            print(line, file=self._stream, flush=True)
+        else:
+            self._console.print(line, soft_wrap=True, markup=False)
+
+
+def _written(column: Column, value: float) -> str:
+    return NONE if math.isnan(value) else column.form.format(value)
