@@ -265,8 +265,8 @@ class AgentNode(Node):
     def _send_again(self) -> None:
         """Trajectories that the awaited weights should have taken in: perhaps none heard them."""
         late = self._watch.idle_s > self.config.resend_period_s
-        if isinstance(self.agent, LearningAgent) and self.agent.waiting and late:
-            for trajectory in self.agent.unaccounted:
+        if isinstance(self.agent, LearningAgent):
+            for trajectory in self.agent.overdue(late):
                 self._transitions_out.publish(codec.encode_trajectory(trajectory))
 
     # Health

@@ -72,6 +72,11 @@ class Watch:
                 "someone else sends trajectories under this agent's name: stop it, or give each "
                 "its own agent_id"
             )
+        if isinstance(agent, LearningAgent) and agent.stalled:
+            return WARN, (
+                f"acts on with version {agent.version}, though its learner takes in no "
+                f"trajectories ({len(agent.unaccounted)} wait); does learner_node run?"
+            )
         if self._clock() - self._held_at < SAID_S:
             return WARN, f"holds the arm, and learns nothing: {self._held}"
         return OK, f"waits for a program ({topics.PROGRAM.name})" if self.idle else "acting"

@@ -20,6 +20,11 @@ class LearnerNodeConfig(LearningChoice, Authenticated, Extensible):
     arenas: tuple[str, ...] = Field(
         (), description="namespaces of the arenas that are learned about; empty: the learner's own"
     )
+    agents: tuple[str, ...] = Field(
+        (),
+        description="agent_id of each that learns; with learner.schedule.in_step=exact the order "
+        "in which their trajectories are learned from",
+    )
     out: str = Field("", description="folder of the checkpoint; empty: none is written")
     resume: bool = Field(False, description="go on from the checkpoint in out")
     checkpoint_every_frames: int = Field(50_000, ge=0, description="0: only when the node stops")
@@ -28,8 +33,23 @@ class LearnerNodeConfig(LearningChoice, Authenticated, Extensible):
     def _goes_together(self) -> Self:
         if self.resume and not self.out:
             raise ValueError("out: expected the folder to resume from, got ''")
-        self.settings()
+        if self._exact and len(self.arenas) > 1 and not self.agents:
+            raise ValueError(
+                f"agents: expected the agent_id of each that learns in the {len(self.arenas)} "
+                "arenas, in the order that learner.schedule.in_step=exact keeps, got none"
+            )
+        if len(set(self.agents)) != len(self.agents):
+            raise ValueError(f"agents: expected each once, got {list(self.agents)}")
         return self
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        """Agents in the order of their turns; empty: trajectories are learned from as they come."""
+        return self.agents if self._exact else ()
+
+    @property
+    def _exact(self) -> bool:
+        return self.settings().learner.schedule.in_step == "exact"
 
     def settings(self) -> Protocol:
         """How to learn; ConfigError for an unknown protocol or option."""

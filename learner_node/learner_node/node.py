@@ -217,7 +217,7 @@ class LearnerNode(Node):
         }
         missing = worker.missing(self._watch.at_work)
         return *self._watch.state(
-            worker.trouble, missing, worker.backlog, metrics["frames"]
+            worker.trouble, missing, worker.backlog, metrics["frames"], worker.awaited
         ), values
 
     def _progress(self) -> str:

@@ -44,8 +44,11 @@ class Watch:
         """Whether an agent was heard lately."""
         return self._clock() - self._agents.get(agent, -AT_WORK_S) < AT_WORK_S
 
-    def state(self, trouble: str, missing: int, backlog: int, frames: float) -> tuple[int, str]:
-        """Level and message of a learner that has an arena. `missing`: of agents at work."""
+    def state(
+        self, trouble: str, missing: int, backlog: int, frames: float, awaited: str = ""
+    ) -> tuple[int, str]:
+        """Level and message of a learner that has an arena. `missing`: of agents at work;
+        `awaited`: for whose trajectory others' wait."""
         now, name = self._clock(), topics.TRAJECTORIES.name
         if frames != self._frames:
             self._frames, self._advanced_at = frames, now
@@ -59,6 +62,11 @@ class Watch:
             return WARN, (
                 f"waits for an agent that learns ({name}): does agent_node run, with the "
                 "parameter learning?"
+            )
+        if awaited and still_s > patience_s:
+            return WARN, (
+                f"waits for {awaited!r}, whose turn it is, and all others wait with it "
+                "(learner.schedule.in_step=exact): do its sim_node and agent_node run?"
             )
         if not backlog and idle_s > patience_s:
             return WARN, f"no trajectory for {idle_s:.0f} s: do sim_node and agent_node run?"

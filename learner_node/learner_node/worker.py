@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.run import LearningRun
+from pa_ros.learning.turns import Turns
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin
 from pa_ros.world import Scoring, Trajectory, reward_from
@@ -55,14 +57,21 @@ class LearnerWorker:
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self.metrics = self._learner.metrics()
         self._frames_at_start = self.metrics["frames"]
+        self._turns = Turns(self.run, config.turns)
+        self._offered = deque[PublishedPolicy](maxlen=self._learner.config.schedule.versions_kept)
         self._trajectories: queue.SimpleQueue[Trajectory | None] = queue.SimpleQueue()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
 
     @property
     def backlog(self) -> int:
-        """Trajectories that wait; in the synchronous protocol at most policy_lag + 1 per agent."""
-        return self._trajectories.qsize()
+        """Trajectories that wait; unless agents are free at most policy_lag + 1 of each."""
+        return self._trajectories.qsize() + len(self._turns)
+
+    @property
+    def awaited(self) -> str:
+        """The agent for whose trajectory others' wait; empty: there is none."""
+        return self._turns.awaited
 
     @property
     def has_learned(self) -> bool:
@@ -112,7 +121,7 @@ class LearnerWorker:
     def start(self) -> None:
         """Publish the versions that may still be asked for, oldest first; then learn."""
         for policy in self.run.opening():
-            self._sinks.publish(policy)
+            self._offer(policy)
         self._thread.start()
 
     def submit(self, trajectory: Trajectory) -> None:
@@ -147,27 +156,49 @@ class LearnerWorker:
     def _run(self) -> None:
         try:
             while (trajectory := self._trajectories.get()) is not None and not self._stopping:
-                self._consume(trajectory)
+                self._take_in(trajectory)
         except DivergedError as error:
             self.diverged = error
             self._sinks.refuse("learning", error)
         except BaseException as error:  # seen by the node's timer
             self.failure = error
 
+    def _take_in(self, trajectory: Trajectory) -> None:
+        try:
+            for one in self._turns.ready(trajectory):
+                self._consume(one)
+        except DivergedError:
+            raise
+        except PaError as error:
+            self._reject(error)
+
+    def _reject(self, error: PaError) -> None:
+        self.rejected += 1
+        self._sinks.refuse("trajectories", error)
+
     def _consume(self, trajectory: Trajectory) -> None:
         before = self._learner.counters.frames
+        refused = False
         try:
             self.run.consume(trajectory)
         except DivergedError:
             raise
         except PaError as error:
-            self.rejected += 1
-            self._sinks.refuse("trajectories", error)
+            self._reject(error)
+            refused = True
         self.metrics = self._learner.metrics()
-        self._sinks.publish(self.run.policy())
+        if refused or self._turns.over:
+            self._offer(self.run.policy())
+        elif self._learner.counters.frames == before:  # its agent missed these, perhaps
+            for policy in self._offered:
+                self._sinks.publish(policy)
         every = self._config.checkpoint_every_frames
         if every and self._learner.counters.frames // every > before // every:
             self._save()
+
+    def _offer(self, policy: PublishedPolicy) -> None:
+        self._offered.append(policy)
+        self._sinks.publish(policy)
 
     def _save(self) -> None:
         if not self._config.out:

@@ -9,9 +9,9 @@ import pytest
 from learners import LEARNER, ME, again, published
 from worlds import random_trajectory
 
-from pa_ros.acting.account import Account, Newest
+from pa_ros.acting.account import KEPT, RESENT, Account, FreeAccount, Newest
 from pa_ros.acting.answer import Wait
-from pa_ros.core.published import LearnerInfo
+from pa_ros.core.published import NO_LAG, LearnerInfo
 from pa_ros.world import Trajectory
 
 
@@ -151,3 +151,43 @@ def test_a_greedy_agents_rule_is_the_newest() -> None:
         rule.receive(published(number))
         required = rule.required(0)
         assert not isinstance(required, Wait) and required.snapshot.version == number
+
+
+def free(version: int = 0) -> FreeAccount:
+    books = FreeAccount(ME, 0, replace(LEARNER, policy_lag=NO_LAG))
+    books.receive(published(version))
+    return books
+
+
+def test_a_free_agent_acts_with_the_newest_weights_and_never_waits_for_its_learner() -> None:
+    assert isinstance(FreeAccount(ME, 0, LEARNER).required(0), Wait)  # before any have come
+    books = free()
+    for m in range(10):  # nothing of it is taken in
+        assert version(books, m) == 0
+        books.send(trajectory(m))
+    books.receive(published(7, mine=3))
+    books.receive(published(6, mine=2))  # late: newer ones are here
+    assert version(books, 10) == 7 and held(books)[0] == (3, 3)
+
+
+def test_a_free_agent_follows_a_learner_that_goes_on_from_before() -> None:
+    books, resumed = free(version=9), again(LEARNER, version=4)
+    books.resume(resumed)
+    assert version(books, 0) == 9  # it acts on meanwhile
+    books.receive(published(4, learner=resumed))
+    assert version(books, 0) == 4
+
+
+def test_what_a_free_agents_learner_does_not_take_in_is_sent_again_and_in_the_end_lost() -> None:
+    books = free()
+    for m in range(KEPT):
+        books.send(trajectory(m))
+    assert books.overdue(False) == [] and not books.stalled  # not for a period yet
+    assert [one.sequence for one in books.overdue(False)] == list(range(RESENT)) and books.stalled
+    books.receive(published(1, mine=1))
+    assert books.overdue(False) == [] and not books.stalled  # it goes on
+    for m in range(KEPT, KEPT + 5):
+        books.send(trajectory(m))
+    assert books.lost == 4 and held(books)[0] == (5, 5) and len(held(books)) == KEPT
+    books.receive(published(2, mine=2))  # an account from before the loss
+    assert books.lost == 4 and held(books)[0] == (5, 5)

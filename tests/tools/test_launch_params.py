@@ -3,12 +3,15 @@
 import pytest
 import yaml
 
+from learner_node.config import LearnerNodeConfig
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.errors import FolderUsedError
 from pa_ros.tools.launch_params import (
+    Parameters,
     chosen,
     fleet,
+    in_step,
     learning_into,
     load_parameters,
     merged,
@@ -90,8 +93,13 @@ def test_nodes_of_several_namespaces_are_a_fleet(tmp_path):
     assert parameters == {
         "arena1/sim_node": {"extra": 1, "seed": 4, "design": "2-L"},
         "arena2/sim_node": {"extra": 1, "seed": 3, "design": "2-L", "preset": "paper"},
-        "arena2/agent_node": {"extra": 1, "learning": True},
-        "learner_node": {"extra": 1, "seed": 9, "arenas": ["arena1", "arena2"]},
+        "arena2/agent_node": {"extra": 1, "learning": True, "agent_id": "arena2"},
+        "learner_node": {
+            "extra": 1,
+            "seed": 9,
+            "arenas": ["arena1", "arena2"],
+            "agents": ["arena2"],
+        },
     }
 
 
@@ -179,3 +187,32 @@ def test_a_launch_over_an_earlier_ones_work_is_refused_before_anything_starts(tm
         learning_into(tmp_path, {"learner_node": {}})
     resumed = {"learner_node": {"resume": True}}
     assert learning_into(tmp_path, resumed)["learner_node"]["out"] == str(tmp_path)
+
+
+LEARNING: Parameters = {"sim_node": {}, "agent_node": {"learning": True}, "learner_node": {}}
+
+
+def test_a_fleets_agents_bear_their_arenas_names_and_its_learner_knows_their_order():
+    spread = fleet(LEARNING, 2)
+    assert [spread[f"arena{i}/agent_node"]["agent_id"] for i in (1, 2)] == ["arena1", "arena2"]
+    assert spread["learner_node"] == {
+        "arenas": ["arena1", "arena2"], "agents": ["arena1", "arena2"],
+    }  # fmt: skip
+    told = in_step(spread, "exact")["learner_node"]
+    assert LearnerNodeConfig(**told).turns == ("arena1", "arena2")
+    assert LearnerNodeConfig(**spread["learner_node"]).turns == ()
+    greedy = fleet({"sim_node": {}, "agent_node": {}, "learner_node": {}}, 2)
+    assert greedy["learner_node"]["agents"] == [] and "agent_id" not in greedy["arena1/agent_node"]
+
+
+def test_what_would_mix_up_a_fleet_is_refused():
+    both = LEARNING | {"agent_node": {"learning": True, "agent_id": "me"}}
+    with pytest.raises(ConfigError, match=r"agent_id: expected another one in each arena"):
+        fleet(both, 2)
+    exact = ["learner.schedule.in_step=exact"]
+    with pytest.raises(ConfigError, match="expected the agent_id of each that learns"):
+        LearnerNodeConfig(arenas=("a", "b"), options=exact)
+    with pytest.raises(ConfigError, match="agents: expected each once"):
+        LearnerNodeConfig(agents=("a", "a"))
+    with pytest.raises(ConfigError, match="learner_node"):
+        in_step({"sim_node": {}}, "exact")

@@ -9,6 +9,9 @@ from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.world import Trajectory
 
+KEPT = 64  # trajectories that a free agent keeps for a learner that takes in nothing
+RESENT = 4  # of these at a time
+
 
 class Newest:
     """The rule of a greedy agent: the newest weights, whoever published them."""
@@ -95,6 +98,16 @@ class Account:
         first = policy.snapshot.version
         self._policies = [one for one in self._policies if one.snapshot.version >= first]
 
+    def overdue(self, waited: bool) -> list[Trajectory]:
+        """Asked once a resend period: what is to be sent again. `waited`: that long, for weights
+        that account for it; perhaps nobody heard it."""
+        return self.unaccounted if waited else []
+
+    @property
+    def stalled(self) -> bool:
+        """Whether the learner takes in nothing, though nobody waits for it."""
+        return False
+
     @property
     def _held_from(self) -> int:
         return self._sent[0].sequence if self._sent else self._next
@@ -114,3 +127,48 @@ class Account:
             self.lost += self._held_from - accounted
             self._given_up = self._held_from
             self.use(newest)
+
+
+class FreeAccount(Account):
+    """The account of an agent that never waits: the newest weights act, however old.
+
+    What the learner has not taken in is kept, the newest KEPT of it, and offered again a few at a
+    time while the learner's account stands still; what goes beyond that is lost, and counted.
+    """
+
+    def __init__(self, agent: AgentKey, begins: int, learner: LearnerInfo) -> None:
+        super().__init__(agent, begins, learner)
+        self._first_asked = -1  # the first not accounted for when it was asked last
+        self._stalled = False
+
+    @property
+    def stalled(self) -> bool:
+        return self._stalled
+
+    def send(self, trajectory: Trajectory) -> Trajectory:
+        self._sent.append(trajectory)
+        self._next = trajectory.sequence + 1
+        if len(self._sent) > KEPT:
+            del self._sent[0]
+            self.lost += 1
+            self._given_up = self._held_from
+        return self._as_held(trajectory)
+
+    def resume(self, learner: LearnerInfo) -> None:
+        self.learner = learner
+
+    def receive(self, policy: PublishedPolicy) -> None:
+        newest = self._policies[0] if self._policies else policy
+        same = newest.learner_id == policy.learner_id
+        if not same or policy.snapshot.version >= newest.snapshot.version:
+            self._policies = [policy]
+            self._settle(policy)
+
+    def required(self, sequence: int) -> PublishedPolicy | Wait:
+        return self._policies[0] if self._policies else Wait("the learner's first weights")
+
+    def overdue(self, waited: bool) -> list[Trajectory]:
+        first = self._held_from if self._sent else -1
+        self._stalled = first >= 0 and first == self._first_asked
+        self._first_asked = first
+        return self.unaccounted[:RESENT] if self._stalled else []

@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from pa_ros.core.published import NO_LAG
 from pa_ros.core.settings import Settings
 
 
@@ -20,19 +21,35 @@ class ExplorationConfig(Settings):
 
 
 class Schedule(Settings):
-    """Which weights may act when: the synchronous protocol of docs/DESIGN.md.
+    """Which weights may act when: the protocols of docs/DESIGN.md.
 
     A learner that has accepted v trajectories publishes version v. With one agent, what acts on
     which trajectory is then fixed, however fast either side is. Lag 0 makes acting and learning
     take turns; lag 1 lets the agent act on trajectory m while the learner works on m − 1.
     """
 
+    in_step: Literal["arrival", "exact", "free"] = Field(
+        "arrival",
+        description="of several agents: arrival, each waits for its own trajectories' weights, "
+        "learned from as they come; exact, learned from in turn, one seed, one result; free, "
+        "nobody waits, agents act with the newest weights",
+    )
     trajectory_steps: int = Field(
         100, ge=1, le=10_000, description="transitions per trajectory: an episode"
     )
     policy_lag: int = Field(
         1, ge=0, description="trajectories that weights lag behind; 0 is the paper's interleaving"
     )
+    oldest_policy: int = Field(
+        100,
+        ge=0,
+        description="free: trajectories acted by weights more versions behind are not learned from",
+    )
+
+    @property
+    def announced_lag(self) -> int:
+        """What agents are told: policy_lag, or that they are not to wait."""
+        return NO_LAG if self.in_step == "free" else self.policy_lag
 
     @property
     def versions_kept(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pa_ros.acting.account import Account
+from pa_ros.acting.account import Account, FreeAccount
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Act, Answer, Wait
@@ -45,6 +45,16 @@ class LearningAgent(Agent):
     def unaccounted(self) -> list[Trajectory]:
         """What was sent and may have to be sent again."""
         return [] if self._account is None else self._account.unaccounted
+
+    @property
+    def stalled(self) -> bool:
+        """Whether its learner takes in nothing, though it acts on."""
+        return self._account is not None and self._account.stalled
+
+    def overdue(self, late: bool) -> list[Trajectory]:
+        """Asked once a resend period: what is to be sent again. `late`: no command was sent for as
+        long."""
+        return [] if self._account is None else self._account.overdue(late and self.waiting)
 
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
         """Act for this learner in this arena, unless the learner followed has come after it.
@@ -124,7 +134,8 @@ class LearningAgent(Agent):
         actor = Actor(network, learner.inference, noise)
         self._actor, self._loaded = actor, None
         builder, step = self._break_off(learner), self._step
-        self._account = self._rule = Account(self.key, builder.sequence, learner)
+        rule = FreeAccount if learner.free else Account
+        self._account = self._rule = rule(self.key, builder.sequence, learner)
         if step is not None and step.verdict is not None and not step.evaluation:
             builder.observe(step.observation, step.verdict, step.program)
 

@@ -10,6 +10,8 @@ from typing import Final
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.experience import AgentKey, TrajectoryKey
+from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.turns import in_turn
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Origin
@@ -57,6 +59,7 @@ class Experience:
             for recorded in _of_type(bag, PROVENANCE, namespace)
         ]
         self.arenas = arenas_of(bag, namespace)
+        self._agents = self._turns()
         self.published = self._published()
         self.keys = self._arrivals()  # trajectories in the order of the recording, each once
 
@@ -72,11 +75,15 @@ class Experience:
             )
         return found[0]
 
-    @property
-    def arena(self) -> ArenaDescription | None:
-        """The one arena; None if none described itself, or several did."""
-        unique = {arena.arena_id: arena for arena in self.arenas}
-        return next(iter(unique.values())) if len(unique) == 1 else None
+    def arena_of(self, agent_id: str) -> ArenaDescription | None:
+        """An agent's arena: the only one, or the one of its namespace; None if that is none, or
+        several."""
+        places = {_namespace(one) for one in self.origins if one.instance == agent_id}
+        beside = {one.instance for one in self.origins if _namespace(one) in places}
+        found = {arena.arena_id: arena for arena in self.arenas}
+        if len(found) > 1:
+            found = {name: arena for name, arena in found.items() if name in beside}
+        return next(iter(found.values())) if len(found) == 1 else None
 
     @property
     def scoring(self) -> Scoring:
@@ -149,7 +156,19 @@ class Experience:
             < later.accounted.get(AgentKey(*key[:2]), 0)
             and key not in last
         ]
+        if self._agents:
+            within = in_turn(within, self._agents, before)
         return within[: version - before - len(last)] + last
+
+    def _turns(self) -> tuple[str, ...]:
+        """Agents in the order of their turns; empty: there were none."""
+        for origin in self.origins:
+            if origin.learner is not None and "agents" in origin.parameters:
+                config = ALGORITHMS[origin.learner.algorithm].config
+                settings = config.from_json(origin.learner.learner)
+                exact = settings.schedule.in_step == "exact"
+                return tuple(map(str, origin.parameters["agents"])) if exact else ()
+        return ()
 
     def _published(self) -> dict[int, Published]:
         """By version, of the run that the provenance tells of."""
@@ -200,9 +219,16 @@ def recorded_world(bag: Bag, namespace: str | None = None) -> World:
     )
 
 
+def _namespace(origin: Origin) -> str:
+    return origin.node.rpartition("/")[0]
+
+
 def _of_type(bag: Bag, type_name: str, namespace: str | None) -> Iterator[Recorded]:
-    if type_name in bag.types.values():
-        yield from bag.messages([bag.topic_of(type_name, namespace)])
+    if type_name not in bag.types.values():
+        return
+    of_several = type_name in (PROVENANCE, ARENA_INFO)  # each arena of a fleet has its own
+    topics = bag.topics_of(type_name, namespace) if of_several else []
+    yield from bag.messages(topics or [bag.topic_of(type_name, namespace)])
 
 
 def _published(message: Message) -> Published:

@@ -112,13 +112,17 @@ class Bag:
                 "which version 0.1 records and reads"
             )
 
+    def topics_of(self, type_name: str, namespace: str | None = None) -> list[str]:
+        """The topics of a type, below a namespace if one is given."""
+        below = _below(namespace)
+        return [n for n, t in self.types.items() if t == type_name and n.startswith(below)]
+
     def topic_of(self, type_name: str, namespace: str | None = None) -> str:
         """The one topic of a type, below a namespace if one is given.
 
         Raises ForeignBagError if there is none, or several.
         """
-        prefix = "/" if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
-        found = [n for n, t in self.types.items() if t == type_name and n.startswith(prefix)]
+        found, prefix = self.topics_of(type_name, namespace), _below(namespace)
         if len(found) == 1:
             return found[0]
         where = f" below {prefix}" if namespace is not None else ""
@@ -194,6 +198,10 @@ class Bag:
         if topic not in self._stores:
             self._stores[topic] = _store_of(self._connections[topic])
         return self._stores[topic]
+
+
+def _below(namespace: str | None) -> str:
+    return "/" if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
 
 
 def _store_of(entry: Connection) -> Typestore:

@@ -79,7 +79,7 @@ def verify(
     """
     found = Verification(note=_software(experience.learner))
     learner = learner_of(experience)
-    reenactment = _reenactment(experience, found) if arena else None
+    arenas = _FreshArenas(experience, found) if arena else None
     _compare(experience, learner, found)
     for lesson in experience.lessons(learner.network.world):
         if lesson.trajectory is None:
@@ -88,8 +88,8 @@ def verify(
                 f"version {lesson.version}, is not in the bag"
             )
             break
-        if reenactment is not None:
-            _reenact(reenactment, lesson.trajectory, found)
+        if arenas is not None:
+            arenas.hold_against(lesson.trajectory)
         if not found.difference and lesson.version is not None:
             if lesson.version > learner.counters.version + 1:
                 found.incomplete = (
@@ -102,7 +102,7 @@ def verify(
             except PaError as error:
                 found.difference = f"version {lesson.version}: {error}"
             _compare(experience, learner, found)
-        elif reenactment is None:
+        elif arenas is None:
             break
         if progress is not None:
             progress(found)
@@ -137,25 +137,32 @@ def _compare(experience: Experience, learner: Learner, found: Verification) -> N
         found.difference = f"version {counters.version} ({between})"
 
 
-def _reenact(reenactment: Reenactment, trajectory: Trajectory, found: Verification) -> None:
-    name = reenactment.check(trajectory)
-    found.reenacted = reenactment.checked
-    if name is not None:
-        found.altered += 1
-        if len(found.named) < NAMED:
-            found.named.append(name)
+class _FreshArenas:
+    """Arenas like the recorded ones; each agent's transitions are held against its own."""
 
+    def __init__(self, experience: Experience, found: Verification) -> None:
+        self._experience, self._found = experience, found
+        self._made: dict[str, Reenactment] = {}
 
-def _reenactment(experience: Experience, found: Verification) -> Reenactment | None:
-    description = experience.arena
-    if description is None:
-        count = len({arena.arena_id for arena in experience.arenas})
-        found.incomplete = (
-            f"expected one arena's description to hold transitions against, got {count}; "
-            "--no-arena compares weights only"
-        )
-        return None
-    return Reenactment(description, *_asked(experience.origins, description.arena_id))
+    def hold_against(self, trajectory: Trajectory) -> None:
+        """Note what the agent's arena denies, or that it is not known which it was."""
+        found, description = self._found, self._experience.arena_of(trajectory.agent_id)
+        if description is None:
+            count = len({arena.arena_id for arena in self._experience.arenas})
+            found.incomplete = found.incomplete or (
+                "expected one arena's description to hold transitions of "
+                f"{trajectory.agent_id!r} against, got {count}; --no-arena compares weights only"
+            )
+            return
+        if description.arena_id not in self._made:
+            asked = _asked(self._experience.origins, description.arena_id)
+            self._made[description.arena_id] = Reenactment(description, *asked)
+        name = self._made[description.arena_id].check(trajectory)
+        found.reenacted = sum(arena.checked for arena in self._made.values())
+        if name is not None:
+            found.altered += 1
+            if len(found.named) < NAMED:
+                found.named.append(name)
 
 
 def _asked(origins: Iterable[Origin], arena_id: str) -> tuple[str, int | None]:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import get_args
 
+from pa_ros.acting.config import Schedule
 from pa_ros.cli.console import page_beside
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import refuse_occupied, signals_noted, start_nodes, watch
 from pa_ros.tools.launch_params import (
+    arenas_of,
     chosen,
     extended,
     fleet,
+    in_step,
     learning_into,
     load_parameters,
     new_folder,
@@ -20,7 +24,7 @@ from pa_ros.tools.launch_params import (
 )
 from pa_ros.tools.launcher import ChildError, Supervisor, tail
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
-from pa_ros.tools.record import RECORDER, start_recorded, start_recorder
+from pa_ros.tools.record_launch import RECORDER, start_recorded, start_recorder
 
 DEFAULT = "execute_3d"
 EXIT_FAILED = 1
@@ -40,6 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "own, and one learner that hears them all",
     )  # fmt: skip
     parser.add_argument(
+        "--in-step", choices=get_args(Schedule.model_fields["in_step"].annotation),
+        help="who waits for whom: the learner's schedule.in_step (default: the file's)",
+    )  # fmt: skip
+    parser.add_argument(
         "--out", type=Path, metavar="DIR",
         help="where parameters, logs and, if the file names no place, what is learned go "
         "(default: a new runs/launch-<time>)",
@@ -57,6 +65,8 @@ def run(options: argparse.Namespace) -> int:
     wanted = load_parameters(chosen(options.params))
     if options.arenas is not None:
         wanted = fleet(wanted, options.arenas)
+    if options.in_step is not None:
+        wanted = in_step(wanted, options.in_step)
     wanted = extended(wanted, options.extension)
     folder = options.out or new_folder("launch")
     parameters = learning_into(folder, wanted)
@@ -69,7 +79,8 @@ def run(options: argparse.Namespace) -> int:
                 if options.record is None:
                     start_nodes(supervisor, parameters, folder, options.namespace)
                 else:
-                    start_recorder(supervisor, node, options.record, options.namespace)
+                    arenas = arenas_of(parameters)
+                    start_recorder(supervisor, node, options.record, options.namespace, arenas)
                     start_recorded(supervisor, node, parameters, folder)
                 print(f"started {', '.join(supervisor.names)}; logs in {folder / 'log'}")
                 with Display("Graph (Ctrl-C stops it)", figures.rows, figures.line) as display:

@@ -10,7 +10,7 @@ from pathlib import Path
 from pa_ros.bags.repair import repair
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.report import write_report
-from pa_ros.tools.record import BAG_TOPICS, Recorder, RecordingOptions, topics_named
+from pa_ros.tools.record import Recorder, RecordingOptions, topics_named, topics_of
 
 EXIT_FAILED = 1
 REFRESH_S = 0.5
@@ -22,7 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repair", action="store_true", help="make the bag OUT, whose recorder was killed, whole"
     )
-    add_settings(parser, RecordingOptions, "topics", "namespace", "storage", "split_mb", "split_s")
+    add_settings(
+        parser, RecordingOptions, "topics", "namespace", "arenas", "storage", "split_mb", "split_s"
+    )
     add_setting(parser, RecordingOptions, "duration_s", "--duration")
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
     parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if the disk was full"
@@ -53,7 +55,7 @@ def _record(options: argparse.Namespace, how: RecordingOptions) -> int:
     die_with_parent()
     limit_s = how.duration_s or None
     with signals_noted() as interrupted, client_node("record", how.namespace) as node:
-        chosen = topics_named(node, how.topics) if how.topics else BAG_TOPICS
+        chosen = topics_named(node, how.topics) if how.topics else topics_of(how.arenas)
         with Recorder(options.out, node, chosen, how) as recorder:
             print(f"recording into {options.out} (Ctrl-C closes it)", flush=True)
             figures = RecordingFigures(recorder.counts, lambda: (recorder.counts, recorder.lost))

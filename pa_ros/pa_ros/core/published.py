@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 from pa_ros.core.experience import AgentKey, PolicySnapshot, TrajectoryKey
 
+NO_LAG = 2**32 - 1  # as policy_lag: agents act with the newest weights they have, and never wait
+
 
 @dataclass(frozen=True, slots=True)
 class LearnerInfo:
@@ -18,7 +20,7 @@ class LearnerInfo:
     world_digest: str
     architecture: str  # canonical JSON of the actor's configuration
     trajectory_steps: int  # transitions after which a trajectory is sent at the latest
-    policy_lag: int  # trajectories
+    policy_lag: int  # trajectories; NO_LAG: agents don't wait
     exploration: str  # canonical JSON of the exploration noise
     inference: str  # what computes actions: "auto" or "torch"
     control_period: float  # s, of the arena learned about
@@ -27,6 +29,11 @@ class LearnerInfo:
     algorithm: str = "dpg"  # by which it learns, for people: agents act as the rest says
     software_version: str = ""
     stamp_ns: int = 0  # wall time; the learner that came last is followed
+
+    @property
+    def free(self) -> bool:
+        """Whether agents act with the newest weights they have, and never wait."""
+        return self.policy_lag == NO_LAG
 
 
 @dataclass(frozen=True)

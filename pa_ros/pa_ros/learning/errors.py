@@ -35,6 +35,18 @@ class AheadError(TrajectoryError):
     code = "learning.ahead"
 
 
+class TooOldError(TrajectoryError):
+    """A trajectory acted by weights from too many versions before."""
+
+    code = "learning.too_old"
+
+
+class TurnError(TrajectoryError):
+    """A trajectory of an agent that has no turn."""
+
+    code = "learning.turn"
+
+
 class NonFiniteError(TrajectoryError):
     """A number that is not finite."""
 

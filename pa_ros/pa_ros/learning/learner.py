@@ -188,6 +188,7 @@ class Learner:
             "missing_trajectories": self.replay.ledger.missing,
             "lost_trajectories": self.replay.ledger.lost,
             "duplicate_trajectories": self.replay.ledger.duplicates,
+            "too_old_trajectories": self.replay.ledger.too_old,
             **self.engine.metrics(),
         }
 

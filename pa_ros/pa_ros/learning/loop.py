@@ -22,6 +22,7 @@ from pa_ros.acting.agent import Step
 from pa_ros.acting.answer import Act, Load
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import AgentKey, Float64, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.core.settings import Settings
@@ -135,6 +136,11 @@ def train(
     FolderInUseError if another run writes into `config.out`, FolderUsedError if it holds a run that
     is not to be resumed.
     """
+    if learner_config.schedule.in_step == "free":
+        raise ConfigError(
+            "learner.schedule.in_step: expected 'arrival' or 'exact' in one process, got 'free': "
+            "whom nobody waits for has to run beside the learner"
+        )
     with claim(config.out, resume):
         learner = Learner(
             network, learner_config, training_programs, config.seed, environment.scoring

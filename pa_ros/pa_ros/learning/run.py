@@ -9,7 +9,7 @@ from pa_ros import __version__
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.learning.errors import AheadError, DivergedError, TrajectorySizeError
+from pa_ros.learning.errors import AheadError, DivergedError, TooOldError, TrajectorySizeError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
@@ -26,6 +26,7 @@ class LearningRun:
         """`control_period_s`: of the arena. `run_id`: of the run that goes on; empty: another."""
         self.learner = learner
         self.info = _announcement(learner, control_period_s, run_id or uuid4().hex)
+        self._schedule = learner.config.schedule
         self._latest: TrajectoryKey | None = None  # that led to the newest version
 
     def opening(self) -> list[PublishedPolicy]:
@@ -50,10 +51,10 @@ class LearningRun:
         recording's.
         """
         ledger = self.learner.replay.ledger
-        ledger.check(trajectory)
-        self._check_ahead(trajectory)
+        self.check(trajectory)
         try:
             self._check_length(trajectory)
+            self._check_age(trajectory)
             if self.learner.consume(trajectory).insert.accepted:
                 self._latest = trajectory.key
         except DivergedError:
@@ -62,6 +63,11 @@ class LearningRun:
             if ledger.is_new(trajectory.key):
                 ledger.record(trajectory.key, trajectory.held_from)
             raise
+
+    def check(self, trajectory: Trajectory) -> None:
+        """Raise SupersededAgentError or AheadError for a trajectory that is not to be heard."""
+        self.learner.replay.ledger.check(trajectory)
+        self._check_ahead(trajectory)
 
     def policy(self) -> PublishedPolicy:
         """The newest weights, and what is accounted for by now."""
@@ -78,12 +84,27 @@ class LearningRun:
         """An agent waits for weights that account for all but `policy_lag` of its trajectories."""
         accounted = self.learner.replay.ledger.accounted().get(trajectory.agent, 0)
         first = max(accounted, trajectory.held_from)
-        farthest = first + self.info.policy_lag + AHEAD
+        farthest = first + self._schedule.policy_lag + AHEAD
         if trajectory.sequence > farthest:
             raise AheadError(
                 f"trajectory: expected at most number {farthest} of {trajectory.agent_id!r}, of "
                 f"whose trajectories those before {first} are accounted for, got "
                 f"{trajectory.sequence}: does someone else send under its name?"
+            )
+
+    def _check_age(self, trajectory: Trajectory) -> None:
+        """Free agents act with whatever weights they have: what too old ones did is left out."""
+        schedule, replay = self._schedule, self.learner.replay
+        age = self.learner.counters.version - trajectory.policy_version
+        if schedule.in_step != "free" or age <= schedule.oldest_policy:
+            return
+        if trajectory.run_id == self.info.run_id and replay.ledger.is_new(trajectory.key):
+            replay.ledger.too_old += 1
+            raise TooOldError(
+                f"trajectory: expected one acted by weights of at most schedule.oldest_policy = "
+                f"{schedule.oldest_policy} versions before {self.learner.counters.version}, got "
+                f"number {trajectory.sequence} of {trajectory.agent_id!r}, acted by version "
+                f"{trajectory.policy_version}"
             )
 
     def _check_length(self, trajectory: Trajectory) -> None:
@@ -104,7 +125,7 @@ def _announcement(learner: Learner, control_period_s: float, run_id: str) -> Lea
         world_digest=network.world.digest,
         architecture=network.architecture,
         trajectory_steps=acting.schedule.trajectory_steps,
-        policy_lag=acting.schedule.policy_lag,
+        policy_lag=acting.schedule.announced_lag,
         exploration=acting.exploration.to_json(),
         inference=acting.inference,
         control_period=control_period_s,

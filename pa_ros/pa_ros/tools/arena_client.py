@@ -24,13 +24,14 @@ class ArenaServiceError(PaError):
 
 
 class ArenaClient:
-    """The services of the arena in a node's namespace."""
+    """The services of the arena in a node's namespace, or in one below it."""
 
-    def __init__(self, node: Node, spin: Spin | None = None) -> None:
+    def __init__(self, node: Node, spin: Spin | None = None, namespace: str = "") -> None:
         """`spin` serves callbacks until a condition holds or a time is up; whether it holds."""
         self._spin = spin or partial(spin_until, node)
-        self._reset = node.create_client(RESET[1], RESET[0])
-        self._pause = node.create_client(PAUSE[1], PAUSE[0])
+        below = f"{namespace}/" if namespace else ""
+        self._reset = node.create_client(RESET[1], below + RESET[0])
+        self._pause = node.create_client(PAUSE[1], below + PAUSE[0])
 
     def reset(self, request: ResetRequest, timeout_s: float) -> Outcome:
         """Begin an episode; where the arena then stands. Raises ArenaServiceError."""

@@ -102,13 +102,33 @@ def fleet(parameters: Parameters, arenas: int) -> Parameters:
 
 
 def gathered(parameters: Parameters) -> Parameters:
-    """A fleet whose learner is told where its arenas are."""
-    arenas = [place.rpartition("/")[0] for place in parameters if place.endswith("/sim_node")]
+    """A fleet whose agents bear their arenas' names unless the file says otherwise, and whose
+    learner is told where its arenas are, and the names of its agents in their order."""
+    arenas = arenas_of(parameters)
     if not arenas or "learner_node" not in parameters:
         return parameters
-    if arenas == [""]:
-        return parameters
-    return merged(parameters, {"learner_node": {"arenas": arenas}})
+    places = [f"{arena}/agent_node" for arena in arenas]
+    learn = [place for place in places if parameters.get(place, {}).get("learning") is True]
+    named = {place: {"agent_id": _namespace(place)} | parameters[place] for place in learn}
+    agents = [str(values["agent_id"]) for values in named.values()]
+    if len(set(agents)) != len(agents):
+        raise ConfigError(f"agent_id: expected another one in each arena, got {agents}")
+    of_learner = {"arenas": arenas, "agents": agents} | parameters["learner_node"]
+    return merged(parameters, {**named, "learner_node": of_learner})
+
+
+def arenas_of(parameters: Parameters) -> list[str]:
+    """Namespaces of a fleet's arenas; none: it is not one."""
+    arenas = [_namespace(place) for place in parameters if place.endswith("/sim_node")]
+    return [] if arenas == [""] else arenas
+
+
+def in_step(parameters: Parameters, way: str) -> Parameters:
+    """Parameters whose learner is told who waits for whom. ConfigError if there is no learner."""
+    options = parameters.get("learner_node", {}).get("options", [])
+    return merged(parameters, {
+        "learner_node": {"options": [*options, f"learner.schedule.in_step={way}"]}
+    })  # fmt: skip
 
 
 def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> Parameters:

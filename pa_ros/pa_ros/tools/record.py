@@ -9,11 +9,10 @@ the same whatever else the process does.
 from __future__ import annotations
 
 import json
-import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,10 +31,7 @@ from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import Topic
-from pa_ros.tools.arena_client import ArenaClient
-from pa_ros.tools.graph import DISCOVERY_S, present, start_nodes, watch
-from pa_ros.tools.launch_params import Parameters, merged
-from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_class, message_type, register
 
@@ -55,9 +51,8 @@ BAG_TOPICS = (
     topics.CLOCK,
     topics.DIAGNOSTICS,
 )
+OF_LEARNER = (topics.LEARNER_INFO, topics.TRAJECTORIES, topics.POLICY_WEIGHTS)
 DRAIN_S: Final = 0.005
-RECORDER: Final = "recorder"  # its name among the processes of a launch
-READY_S: Final = 30.0
 FLUSH_S: Final = 1.0  # what a SIGKILL can cost
 _TURN: Final = 500  # messages of one topic per turn, so that none starves
 
@@ -67,6 +62,9 @@ class RecordingOptions(BagOptions):
 
     topics: tuple[str, ...] = Field((), description="by name; none: all of pa_ros")
     namespace: str = Field("", description="of the arena to record")
+    arenas: tuple[str, ...] = Field(
+        (), description="of a fleet: namespaces of its arenas, below that of its learner"
+    )
     duration_s: float = Field(0.0, ge=0, description="seconds; then stop; 0: until stopped")
 
 
@@ -199,7 +197,7 @@ class _Line:
         self.type_name = message_type(one.type)
         self.losses = Losses(lambda: node.count_publishers(name))
         self.said: deque[bytes] = deque(maxlen=100)  # what goes into the metadata too
-        self._keeps = one in (topics.PROVENANCE, topics.ARENA_INFO)
+        self._keeps = one.type in (topics.PROVENANCE.type, topics.ARENA_INFO.type)
         self._subscription = node.create_subscription(
             one.type, one.name, lambda _: None, reader_qos(one.reader), raw=True
         )
@@ -250,6 +248,17 @@ def offered_qos(profile: QoSProfile) -> Qos:
     )
 
 
+def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
+    """All of pa_ros, of one arena or of a fleet's."""
+    within = [
+        one.within(arena)
+        for arena in arenas
+        for one in BAG_TOPICS
+        if one not in OF_LEARNER and not one.name.startswith("/")
+    ]
+    return (*BAG_TOPICS, *within)
+
+
 def topics_named(node: Node, names: Iterable[str]) -> list[Topic]:
     """Topics by name: ours, and any other that someone publishes now. Raises BagError."""
     ours = {node.resolve_topic_name(one.name): one for one in BAG_TOPICS}
@@ -280,39 +289,3 @@ def _stranger(node: Node, name: str) -> Topic:
         depth=topics.STEP.depth,
     )
     return Topic(name, message_class(found[0].topic_type), profile, profile)
-
-
-def start_recorder(supervisor: Supervisor, node: Node, folder: Path, namespace: str = "") -> None:
-    """Record everything in a process of its own; returns once it listens. Raises ChildError."""
-    command = [sys.executable, "-m", "pa_ros", "record", str(folder), "--namespace", namespace]
-    supervisor.start(RECORDER, command)
-    probe = topics.TRAJECTORIES.publisher(node)
-    ready = watch(
-        node, supervisor, lambda: None, lambda: probe.get_subscription_count() > 0, READY_S
-    )
-    node.destroy_publisher(probe)
-    if not ready:
-        raise BagError(f"record: expected the recorder to listen within {READY_S:g} s")
-
-
-def start_recorded(
-    supervisor: Supervisor, node: Node, parameters: Parameters, folder: Path
-) -> None:
-    """Start nodes, in the namespace of `node`, so that a recorder hears them from the first step.
-
-    Their arena stands still until everyone has found everyone, since what is sent to some is lost
-    to the others. Raises ChildError, or BagError if they are not all there in READY_S.
-    """
-    arena = parameters.get("sim_node")
-    held = arena is not None and not arena.get("paused", False)
-    changes = {"sim_node": {"paused": True}} if held else {}
-    start_nodes(supervisor, merged(parameters, changes), folder, node.get_namespace())
-
-    def gathered() -> bool:
-        return present(node, parameters) == set(parameters)
-
-    if not watch(node, supervisor, lambda: None, gathered, READY_S):
-        raise BagError(f"record: expected {', '.join(parameters)} within {READY_S:g} s")
-    if held:
-        watch(node, supervisor, lambda: None, lambda: False, DISCOVERY_S)
-        ArenaClient(node).pause(False, READY_S)

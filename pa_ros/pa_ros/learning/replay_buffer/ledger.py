@@ -62,6 +62,7 @@ class Ledger:
 
     duplicates: int = 0
     lost: int = 0  # will not come: their agent gave them up, or is gone
+    too_old: int = 0  # came, but were not learned from for the age of the weights that acted
     accounts: dict[str, Account] = field(default_factory=dict)
 
     @property
@@ -122,7 +123,8 @@ class Ledger:
             )
             for agent_id, one in values["accounts"].items()
         }
-        return cls(int(values["duplicates"]), int(values["lost"]), accounts)
+        counts = int(values["duplicates"]), int(values["lost"]), int(values.get("too_old", 0))
+        return cls(*counts, accounts)
 
     @classmethod
     def _of_0_1(cls, values: dict[str, Any]) -> Ledger:
@@ -131,7 +133,7 @@ class Ledger:
             str(agent_id): Account(0, int(following), _intervals(values["missing"][agent_id]))
             for agent_id, following in values["next"].items()
         }
-        return cls(int(values["duplicates"]), 0, accounts)
+        return cls(int(values["duplicates"]), accounts=accounts)
 
 
 def _intervals(values: Any) -> Intervals:

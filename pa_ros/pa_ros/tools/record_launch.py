@@ -1,0 +1,67 @@
+"""Launching nodes so that a recorder, in a process of its own, hears them from the first step."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from rclpy.node import Node
+
+from pa_ros.bags.errors import BagError
+from pa_ros.ros import topics
+from pa_ros.tools.arena_client import ArenaClient
+from pa_ros.tools.graph import DISCOVERY_S, present, start_nodes, watch
+from pa_ros.tools.launch_params import Parameters, merged
+from pa_ros.tools.launcher import Supervisor
+
+RECORDER: Final = "recorder"  # its name among the processes of a launch
+READY_S: Final = 30.0
+
+
+def start_recorder(
+    supervisor: Supervisor,
+    node: Node,
+    folder: Path,
+    namespace: str = "",
+    arenas: Sequence[str] = (),
+) -> None:
+    """Record everything in a process of its own; returns once it listens. Raises ChildError."""
+    command = [sys.executable, "-m", "pa_ros", "record", str(folder), "--namespace", namespace]
+    command += ["--arenas", *arenas] if arenas else []
+    supervisor.start(RECORDER, command)
+    probe = topics.TRAJECTORIES.publisher(node)
+    ready = watch(
+        node, supervisor, lambda: None, lambda: probe.get_subscription_count() > 0, READY_S
+    )
+    node.destroy_publisher(probe)
+    if not ready:
+        raise BagError(f"record: expected the recorder to listen within {READY_S:g} s")
+
+
+def start_recorded(
+    supervisor: Supervisor, node: Node, parameters: Parameters, folder: Path
+) -> None:
+    """Start nodes, in the namespace of `node`, so that a recorder hears them from the first step.
+
+    Their arenas stand still until everyone has found everyone, since what is sent to some is lost
+    to the others. Raises ChildError, or BagError if they are not all there in READY_S.
+    """
+    held = [
+        place
+        for place, values in parameters.items()
+        if place.endswith("sim_node") and not values.get("paused", False)
+    ]
+    changes = {place: {"paused": True} for place in held}
+    start_nodes(supervisor, merged(parameters, changes), folder, node.get_namespace())
+
+    def gathered() -> bool:
+        return present(node, parameters) == set(parameters)
+
+    if not watch(node, supervisor, lambda: None, gathered, READY_S):
+        raise BagError(f"record: expected {', '.join(parameters)} within {READY_S:g} s")
+    if held:
+        watch(node, supervisor, lambda: None, lambda: False, DISCOVERY_S)
+    for place in held:
+        ArenaClient(node, namespace=place.rpartition("/")[0]).pause(False, READY_S)

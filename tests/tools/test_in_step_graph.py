@@ -1,0 +1,113 @@
+"""Fleets in step: exact, one seed and one result; free, nobody waits."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+import yaml
+from recorded_runs import SMALL
+from recording import pa_ros
+from waiting import DEADLINE_S, wait_for
+
+from pa_ros.bags.experience import Experience
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.verify import verify
+from pa_ros.ros.topics import POLICY_WEIGHTS
+from pa_ros.tools.client import client_node
+from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters, fleet, in_step
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+
+pytestmark = pytest.mark.graph
+ONE: Parameters = {
+    "sim_node": {"seed": 4},
+    "agent_node": {"seed": 4, "learning": True, "weights": "topic"},
+    "learner_node": {"seed": 4, "options": list(SMALL)},
+}
+ROUNDS = 4
+
+
+def recorded(folder: Path) -> Path:
+    """A bag of two arenas in step, launched as a person does, and interrupted."""
+    folder.mkdir()
+    params = folder / "params.yaml"
+    params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in ONE.items()}))
+    words = ("--params", params, "--arenas", "2", "--in-step", "exact")
+    folders = ("--out", folder / "run", "--record", folder / "bag")
+    with pa_ros("launch", *words, *folders) as process:
+        try:
+            storage = folder / "bag" / "bag.mcap"
+            wait_for(lambda: storage.exists() and storage.stat().st_size > 3_000_000, "recording")
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0, err
+    return folder / "bag"
+
+
+def published(folder: Path) -> dict[int, str]:
+    """The first versions that such a fleet publishes, with their hashes."""
+    hashes: dict[int, str] = {}
+
+    def hear(message: Message) -> None:
+        snapshot = codec.decode_weights(message).snapshot
+        hashes.setdefault(snapshot.version, codec.weights_checksum(snapshot))
+
+    with Supervisor(folder / "log") as supervisor, client_node("watcher") as node:
+        POLICY_WEIGHTS.subscribe(node, hear)
+        start_nodes(supervisor, in_step(fleet(ONE, 2), "exact"), folder)
+        enough = lambda: max(hashes, default=0) >= 2 * ROUNDS  # noqa: E731
+        assert watch(node, supervisor, lambda: None, enough, DEADLINE_S)
+    return hashes
+
+
+def test_two_arenas_in_step_learn_the_same_bits_again_and_their_bag_is_verified(tmp_path: Path):
+    with Bag(recorded(tmp_path / "recorded")) as opened:
+        experience = Experience(opened)
+        found = verify(experience)
+    assert found.equal, found
+    assert found.compared >= ROUNDS and found.reenacted >= found.frames
+    again = published(tmp_path / "again")
+    assert all(version % 2 == 0 for version in again)  # a round is two trajectories
+    common = again.keys() & experience.published.keys()
+    assert (
+        max(common) >= ROUNDS and again[max(common)] == experience.published[max(common)].checksum
+    )
+
+
+def test_free_agents_act_on_while_the_learner_stands_still_and_what_gets_too_old_is_counted(
+    tmp_path: Path,
+):
+    figures = GraphFigures()
+    parameters = in_step(fleet(ONE, 2), "free")
+    parameters["learner_node"]["options"] += ["learner.schedule.oldest_policy=3"]
+
+    def least(name: str) -> float:
+        return figures.value("agent_node", name, min) or 0
+
+    with Supervisor(tmp_path / "log") as supervisor, client_node("watcher") as node:
+        watch_diagnostics(node, figures)
+        learner = start_nodes(supervisor, parameters, tmp_path)["learner_node"]
+
+        def until(condition) -> bool:
+            return watch(node, supervisor, lambda: None, condition, DEADLINE_S)
+
+        assert until(lambda: least("trajectories") >= 2 and figures.value("learner_node", "frames"))
+        os.kill(learner, signal.SIGSTOP)
+        try:
+            then = least("trajectories")
+            assert until(lambda: least("trajectories") >= then + 8)
+        finally:
+            os.kill(learner, signal.SIGCONT)
+        assert until(lambda: (figures.value("learner_node", "too_old_trajectories") or 0) > 0)
+        learned = figures.value("learner_node", "frames") or 0
+        assert until(lambda: (figures.value("learner_node", "frames") or 0) > learned)
+        counted = figures.value("learner_node", "rejected_trajectories") or 0
+        assert counted >= (figures.value("learner_node", "too_old_trajectories") or 0)
