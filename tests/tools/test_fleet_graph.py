@@ -54,11 +54,11 @@ def test_two_arenas_feed_one_learner_and_the_death_of_one_does_not_stop_it(tmp_p
 
 def test_an_agent_acts_on_when_its_arena_starts_again(tmp_path: Path):
     """Though the clock of another arena begins anew."""
-    obeyed: list[int] = []  # stamps of the steps that a command led to
+    obeyed: list[str] = []  # arenas of the steps that a command led to
 
     def hear(message: Message) -> None:
         if codec.decode_executed(message):
-            obeyed.append(codec.header_stamp(message))
+            obeyed.append(codec.arena_of(message))
 
     with Supervisor(tmp_path / "log") as supervisor, client_node("watcher") as node:
         OBJECT_FEATURES.subscribe(node, hear)
@@ -66,7 +66,7 @@ def test_an_agent_acts_on_when_its_arena_starts_again(tmp_path: Path):
         start_nodes(supervisor, nodes, tmp_path)
         assert watch(node, supervisor, lambda: None, lambda: len(obeyed) > 300, DEADLINE_S)
         supervisor.stop(["sim_node"])
-        first_life = max(obeyed)
+        first = obeyed[-1]
         start_nodes(supervisor, {"sim_node": {"seed": 4}}, tmp_path)
-        begun = lambda: obeyed[-1] < first_life  # noqa: E731
+        begun = lambda: obeyed[-1] != first  # noqa: E731
         assert watch(node, supervisor, lambda: None, begun, DEADLINE_S)
