@@ -134,8 +134,8 @@ class Session:
 
     def apply(self, command: Command) -> Iterator[Frame]:
         """Act for one control period as commanded, clamped to [-1, 1]; see `advance`."""
-        action = np.clip(command.action, -1.0, 1.0)
-        exact = bool((action == command.action).all())
+        exact = bool(np.abs(command.action).max() <= 1.0)
+        action = command.action if exact else np.clip(command.action, -1.0, 1.0)
         self.clamped += not exact
         stands = self.frame.observation
         answered = exact and bool(command.agent_id) and command.stamp_ns == stands.stamp_ns

@@ -118,12 +118,9 @@ def _poke(name, index, value):
     [
         (0, _set("object_count", 4), errors.FeatureNamesError),  # 20 features each, not 16
         (0, _set("object_count", 3), errors.SizeError),
-        (
-            0,
-            lambda message: setattr(message.hand_pose.position, "x", math.nan),
-            errors.NonFiniteError,
-        ),
-        (0, lambda message: setattr(message.hand_pose.position, "z", 1e300), errors.RangeError),
+        (0, _set("hand_pose", [0.0] * 6), errors.SizeError),
+        (0, _poke("hand_pose", 0, math.nan), errors.NonFiniteError),
+        (0, _poke("hand_pose", 2, 1e300), errors.RangeError),
         (0, _set("object_count", 0), errors.RangeError),
         (0, _set("object_count", 2**32 - 1), errors.RangeError),
         (0, _set("hand_index", 5), errors.RangeError),

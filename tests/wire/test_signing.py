@@ -67,8 +67,9 @@ def test_a_signature_survives_the_wire(name):
     message, store = sign(signer(), name), installed_types()
     kind = message_type(type(message))
     again: Any = store.deserialize_cdr(to_cdr(store, message), kind)
-    for field in message.signature.get_fields_and_field_types():
-        sent, came = getattr(message.signature, field), getattr(again.signature, field)
+    mark, read = message.signature[0], again.signature[0]
+    for field in mark.get_fields_and_field_types():
+        sent, came = getattr(mark, field), getattr(read, field)
         assert bytes(sent) == bytes(came) if field == "mac" else sent == came
 
 
@@ -133,9 +134,10 @@ def test_sign_covers_who_and_when():
     message = sign(signer(), "JointCommand")
     for change in ({"sender": "/a"}, {"incarnation": 9}, {"counter": 9}):
         altered = codec.encode_command(dataclasses.replace(sample_step()[2]))
-        altered.signature = type(message.signature)(
-            **{name: getattr(message.signature, name) for name in
-               ("sender", "incarnation", "counter", "mac")} | change)  # fmt: skip
+        mark = message.signature[0]
+        altered.signature = [type(mark)(
+            **{name: getattr(mark, name) for name in
+               ("sender", "incarnation", "counter", "mac")} | change)]  # fmt: skip
         with pytest.raises(ForgedError):
             Checker(KEY).check(altered)
 

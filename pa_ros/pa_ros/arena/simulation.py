@@ -55,7 +55,7 @@ class Simulation:
         Raises CommandError (and moves nothing) if mis-sized or not finite.
         """
         command = self.checked(joint_velocity)
-        self.data.ctrl[:] = np.clip(command, -self._limits, self._limits)
+        self._control[:] = np.minimum(np.maximum(command, -self._limits), self._limits)
         mujoco.mj_step(self.model, self.data, self.config.substeps)
         if self._warnings.any():  # MuJoCo itself goes on, from the start if all blew up
             self._placed = False
@@ -130,6 +130,6 @@ class Simulation:
         rows = slice(self._hand, self._hand + 1 + blocks)
         self._position, self._quaternion = self.data.xpos[rows], self.data.xquat[rows]
         self._rotation = self.data.xmat[self._hand]
-        self._warnings = self.data.warning.number
+        self._warnings, self._control = self.data.warning.number, self.data.ctrl
         arm = slice(self._joints)
         self._arm_position, self._arm_velocity = self.data.qpos[arm], self.data.qvel[arm]

@@ -102,7 +102,7 @@ class Signer:
         mark = types.Signature(
             sender=self._sender, incarnation=self._incarnation, counter=self._counters[kind]
         )
-        signed.signature = mark
+        signed.signature = [mark]
         mark.mac = _mac(self._key, signed)
         return message
 
@@ -117,10 +117,11 @@ class Checker:
     def check(self, message: Message) -> None:
         """Raise UnsignedError, ForgedError or ReplayedError; then the message is not to be used."""
         signed: Any = message
-        mark, kind = signed.signature, type(message)
+        kind = type(message)
         name = kind.__name__
-        if not mark.mac:
-            raise UnsignedError(f"{name}: expected a signature, got none (sender {mark.sender!r})")
+        if not signed.signature:
+            raise UnsignedError(f"{name}: expected a signature, got none")
+        mark = signed.signature[0]
         if not hmac.compare_digest(bytes(mark.mac), _mac(self._key, signed)):
             raise ForgedError(
                 f"{name}: expected contents signed with this graph's key, got others in the name "
@@ -161,7 +162,7 @@ class _Heard:
 
 
 def _mac(key: bytes, signed: Any) -> bytes:
-    mark = signed.signature
+    mark = signed.signature[0]
     made = hmac.new(key, digestmod=hashlib.sha256)
     about = f"{type(signed).__name__}\0{mark.sender}\0{mark.incarnation}\0{mark.counter}"
     for part in (about.encode(), *_contents(signed)):

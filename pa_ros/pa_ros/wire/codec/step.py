@@ -47,10 +47,7 @@ def encode_observation(
     features.hand_index = observation.hand_index
     features.object_count = len(observation.objects)
     features.features = float32_field(observation.objects)
-    x, y, z, *quaternion = observation.hand_pose.tolist()
-    at, turned = features.hand_pose.position, features.hand_pose.orientation
-    at.x, at.y, at.z = x, y, z
-    turned.x, turned.y, turned.z, turned.w = quaternion
+    features.hand_pose = float64_field(observation.hand_pose)
     joints = JointState()
     write_stamp(joints.header.stamp, observation.stamp_ns)
     joints.header.frame_id = context.arena_id
@@ -135,9 +132,7 @@ def decode_objects(message: ObjectFeatures, width: int | None = None) -> tuple[F
         expected = f"{width} of each of {count} objects"
         raise errors.FeatureNamesError("object_features.features", expected, received)
     shape = (count, width or received)
-    features = read_float32("object_features.features", message.features, shape)
-    _check_sane("object_features.features", features)
-    return features, hand_index
+    return read_float32("object_features.features", message.features, shape, LARGEST), hand_index
 
 
 def decode_hand_pose(message: ObjectFeatures) -> Float64:
@@ -147,11 +142,7 @@ def decode_hand_pose(message: ObjectFeatures) -> Float64:
     """
     if not hasattr(message, "hand_pose"):
         return np.full(7, np.nan)
-    at, turned = message.hand_pose.position, message.hand_pose.orientation
-    pose = (at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w)
-    read = read_float64("object_features.hand_pose", pose, (7,))
-    _check_sane("object_features.hand_pose", read)
-    return read
+    return read_float64("object_features.hand_pose", message.hand_pose, (7,), LARGEST)
 
 
 def objects_and_hand(where: str, message: ObjectFeatures | Trajectory) -> tuple[int, int]:
@@ -171,20 +162,12 @@ def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, 
     if not set(names) <= set(received):
         raise errors.JointNamesError("joint_states.name", names, received)
     shape = (len(received),)
-    position = read_float64("joint_states.position", joints.position, shape)
-    velocity = read_float64("joint_states.velocity", joints.velocity, shape)
-    _check_sane("joint_states.position", position)
-    _check_sane("joint_states.velocity", velocity)
+    position = read_float64("joint_states.position", joints.position, shape, LARGEST)
+    velocity = read_float64("joint_states.velocity", joints.velocity, shape, LARGEST)
     if not names or received == names:
         return position, velocity
     order = [received.index(name) for name in names]
     return position[order], velocity[order]
-
-
-def _check_sane(field: str, values: Float32 | Float64) -> None:
-    largest = np.abs(values).max(initial=0.0)
-    if largest > LARGEST:
-        raise errors.RangeError(field, f"within ±{LARGEST:g}", largest)
 
 
 def encode_verdict(
