@@ -34,7 +34,7 @@ from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire.interfaces import JointCommand, Message
 from pa_ros.wire.records import ArenaDescription, Command, ProgramRequest
 from pa_ros.world.world import World
 
@@ -58,6 +58,7 @@ class AgentNode(Node):
         self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
+        self._message = JointCommand()  # filled anew for each
         self._commands = self._trajectories = 0
         self._core_s = 0.0  # spent in the policy itself
         self._reported = (0, 0.0)  # commands and core_s at the last report
@@ -151,10 +152,7 @@ class AgentNode(Node):
         arena, book = self._arenas.current, self._book
         assert arena is not None and book is not None
         observation = codec.decode_observation(
-            parts["features"],
-            parts["joints"],
-            arena.joint_names,
-            arena.world.object_features,
+            parts["features"], parts["joints"], arena.joint_names, arena.world.object_features
         )
         if observation.stamp_ns == self._handled:
             self._answer_again()
@@ -214,7 +212,7 @@ class AgentNode(Node):
         )
         self._commands += 1
         self._watch.progress()
-        self._commands_out.publish(codec.encode_command(self._command))
+        self._commands_out.publish(codec.encode_command(self._command, self._message))
 
     def _choose(self) -> None:
         """Decide on the next command: to hold still, if the program can't be acted on."""

@@ -45,6 +45,7 @@ class SimNode(Node):
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
         self._announced: Ordered | None = None
+        self._sent = codec.StepMessages()
         self._sent_at = -math.inf
         self._listened = False
         self._rate = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
@@ -138,11 +139,14 @@ class SimNode(Node):
         observation = frame.observation
         arena_id, evaluation = self.session.arena_id, frame.evaluation
         context = StepContext(arena_id, evaluation, frame.executed, frame.program)
-        features, joints = codec.encode_observation(observation, self._joint_names, context)
+        sent = self._sent
+        features, joints = codec.encode_observation(observation, self._joint_names, context, sent)
         self._joints.publish(joints)
         self._features.publish(features)
-        self._verdict.publish(codec.encode_verdict(frame.verdict, evaluation, arena_id))
-        self._clock_topic.publish(codec.encode_clock(observation.stamp_ns))
+        self._verdict.publish(
+            codec.encode_verdict(frame.verdict, evaluation, arena_id, sent.verdict)
+        )
+        self._clock_topic.publish(codec.encode_clock(observation.stamp_ns, sent.clock))
         self._sent_at = time.monotonic()
 
     def _send_again(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import inf
 
 import numpy as np
@@ -67,6 +67,7 @@ class Session:
         self.clamped = 0  # commands that were outside [-1, 1]
         self.rewards = {kind: deque[float](maxlen=RECENT) for kind in (False, True)}
         every = config.eval_every_episodes
+        self._condition_of = lru_cache(config.condition_of)
         self._next = {False: config.first_episode, True: config.first_episode // (every or 1)}
         self._evaluation_due = False
         self._user: Ordered | None = None  # the newest program that someone sent
@@ -90,7 +91,7 @@ class Session:
         if request.episode is not None and index > LAST_EPISODE:
             raise EpisodeError(f"episode: expected a number up to {LAST_EPISODE}, got {index}")
         condition = self.config.eval_condition if evaluation else self.config.condition
-        drawn_from = self.config.condition_of(condition)
+        drawn_from = self._condition_of(condition)
         episode = generate(self.arena, self.task.design, drawn_from, self.config.seed, index)
         program = self._program_of(episode, evaluation, request.program)
         self.task.reset_to(episode)

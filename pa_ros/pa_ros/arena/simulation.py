@@ -26,7 +26,7 @@ class Simulation:
     def __init__(self, config: ArenaConfig, schema: ObjectSchema = PAPER) -> None:
         self.config, self._schema = config, schema
         self._joints = config.joints
-        self._limits = np.array(config.joint_speed_limits)
+        self._limits, self._substeps = np.array(config.joint_speed_limits), config.substeps
         self._world = lru_cache(maxsize=128)(self._build)  # by the blocks' looks, in order
         self._placed = False
 
@@ -56,7 +56,7 @@ class Simulation:
         """
         command = self.checked(joint_velocity)
         self._control[:] = np.minimum(np.maximum(command, -self._limits), self._limits)
-        mujoco.mj_step(self.model, self.data, self.config.substeps)
+        mujoco.mj_step(self.model, self.data, self._substeps)
         if self._warnings.any():  # MuJoCo itself goes on, from the start if all blew up
             self._placed = False
             kind = mujoco.mjtWarning(int(self._warnings.argmax())).name

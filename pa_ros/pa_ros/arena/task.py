@@ -52,7 +52,7 @@ class ReachTask:
         self.seed = seed
         self.simulation = Simulation(config, self.design.schema)
         self._episode: Episode | None = None
-        self._stamp_ns = 0
+        self._stamp_ns, self._period_ns = 0, config.control_period_ns
         self._step = 0
 
     @property
@@ -79,7 +79,7 @@ class ReachTask:
         self._episode, self.verifier = episode, verifier
         self._step, self._programs = 0, 0
         self.program_id = f"{episode.index}.0"
-        self._stamp_ns += self.config.control_period_ns
+        self._stamp_ns += self._period_ns
         return self._observe()
 
     def set_program(
@@ -111,7 +111,7 @@ class ReachTask:
             raise EpisodeError(f"the episode was truncated at step {self._step}: expected a reset")
         self.simulation.advance(joint_velocity)
         self._step += 1
-        self._stamp_ns += self.config.control_period_ns
+        self._stamp_ns += self._period_ns
         return self._observe()
 
     def _verifier(self, episode: Episode, program: Program) -> Verifier:

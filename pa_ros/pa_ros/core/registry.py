@@ -27,9 +27,12 @@ class Registry(Generic[T]):
 
     def __getitem__(self, name: str) -> T:
         """ConfigError, with the known names, for a name that is none."""
-        if name not in self._items:
-            raise ConfigError(f"unknown {self.kind}: expected one of {list(self)}, got {name!r}")
-        return self._items[name]
+        try:
+            return self._items[name]
+        except KeyError:
+            raise ConfigError(
+                f"unknown {self.kind}: expected one of {list(self)}, got {name!r}"
+            ) from None
 
     def __contains__(self, name: object) -> bool:
         return name in self._items

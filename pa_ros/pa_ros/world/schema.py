@@ -38,7 +38,7 @@ class OneHot:
         """Of the features."""
         return tuple(f"{group}_{value.lower()}" for value in self.values)
 
-    @property
+    @cached_property
     def prototypes(self) -> dict[str, tuple[float, ...]]:
         """What a value looks like."""
         rows = np.eye(len(self.values)).tolist()

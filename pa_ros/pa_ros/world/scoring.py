@@ -91,7 +91,7 @@ class Scoring:
         as numbers."""
         threshold = self.threshold(relation)
         measures = self._measures(relation, objects, hand_pose).tolist()
-        return self._judge(min((measures[i] for i in targets), default=inf), threshold)
+        return self._judge(min([measures[i] for i in targets], default=inf), threshold)
 
     def threshold(self, relation: str) -> float:
         """ConfigError, with the known ones, for a relation that is not scored here."""
@@ -106,7 +106,7 @@ class Scoring:
     ) -> Float64:
         """Of each object, [..., N]."""
         poses, meant, hand = objects[..., :POSE].astype(np.float64), RELATIONS[relation], None
-        if hand_pose is not None and meant.frame == "base":
+        if meant.frame == "base" and hand_pose is not None:
             # agents are told float32, and relabeling has no more than that
             hand = hand_pose.astype(np.float32).astype(np.float64)[..., None, :]
         return meant.measures(poses, hand)

@@ -31,6 +31,7 @@ from pa_ros.wire.codec.services import (
 )
 from pa_ros.wire.codec.stamp import decode_clock, encode_clock, header_stamp
 from pa_ros.wire.codec.step import (
+    StepMessages,
     arena_of,
     decode_command,
     decode_context,
@@ -49,6 +50,7 @@ from pa_ros.wire.codec.step import (
 from pa_ros.wire.codec.weights import decode_weights, encode_weights, weights_checksum
 
 __all__ = [
+    "StepMessages",
     "arena_of",
     "decode_arena_info",
     "decode_clock",

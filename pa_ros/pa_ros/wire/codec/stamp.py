@@ -24,9 +24,9 @@ def header_stamp(message: Any) -> int:
     return read_stamp(message.header.stamp)
 
 
-def encode_clock(stamp_ns: int) -> Clock:
-    """Simulation time for /clock."""
-    message = Clock()
+def encode_clock(stamp_ns: int, into: Clock | None = None) -> Clock:
+    """Simulation time for /clock; perhaps in a message that has been sent."""
+    message = into or Clock()
     write_stamp(message.clock, stamp_ns)
     return message
 

@@ -1,8 +1,13 @@
-"""One control step: observation (object_features and joint_states), verdict, joint command."""
+"""One control step: observation (object_features and joint_states), verdict, joint command.
+
+What is encoded at every step may be written `into` messages that have been sent: making them
+takes longer than filling them.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +22,7 @@ from pa_ros.core.experience import (
 from pa_ros.wire import errors
 from pa_ros.wire.arrays import float32_field, float64_field, read_float32, read_float64
 from pa_ros.wire.codec.stamp import header_stamp, write_stamp
-from pa_ros.wire.interfaces import JointCommand, JointState, ObjectFeatures, Trajectory
+from pa_ros.wire.interfaces import Clock, JointCommand, JointState, ObjectFeatures, Trajectory
 from pa_ros.wire.interfaces import Verdict as VerdictMessage
 from pa_ros.wire.records import Command, StepContext, StepMark
 
@@ -25,30 +30,41 @@ HAND_FRAME = "hand"
 MAX_OBJECTS = 64
 LARGEST = 1e4  # m, rad, rad/s: far beyond any arena, and far within what networks can add up
 NO_CONTEXT = StepContext()
+NO_COMMAND = Executed(CommandKey("", 0, 0), np.empty(0, np.float32))
+
+
+@dataclass
+class StepMessages:
+    """Of one control step of an arena."""
+
+    features: ObjectFeatures = field(default_factory=ObjectFeatures)
+    joints: JointState = field(default_factory=JointState)
+    verdict: VerdictMessage = field(default_factory=VerdictMessage)
+    clock: Clock = field(default_factory=Clock)
 
 
 def encode_observation(
     observation: Observation,
     joint_names: tuple[str, ...],
     context: StepContext = NO_CONTEXT,
+    into: StepMessages | None = None,
 ) -> tuple[ObjectFeatures, JointState]:
     """The two messages of one observation; they share one stamp."""
-    features = ObjectFeatures()
+    features = into.features if into else ObjectFeatures()
+    joints = into.joints if into else JointState()
     write_stamp(features.header.stamp, observation.stamp_ns)
     features.header.frame_id = HAND_FRAME
     features.episode = observation.episode
     features.step = observation.step
     features.arena_id, features.evaluation = context.arena_id, context.evaluation
-    if context.executed is not None:
-        agent_id, incarnation, number = context.executed.command
-        features.commanded_by, features.commanded_incarnation = agent_id, incarnation
-        features.command_id, features.applied = number, float32_field(context.executed.action)
+    executed = context.executed or NO_COMMAND
+    features.commanded_by, features.commanded_incarnation, features.command_id = executed.command
+    features.applied = float32_field(executed.action)
     features.program_id, features.program = observation.program_id, context.program
     features.hand_index = observation.hand_index
     features.object_count = len(observation.objects)
     features.features = float32_field(observation.objects)
     features.hand_pose = float64_field(observation.hand_pose)
-    joints = JointState()
     write_stamp(joints.header.stamp, observation.stamp_ns)
     joints.header.frame_id = context.arena_id
     joints.name = list(joint_names)
@@ -159,7 +175,7 @@ def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, 
     """Positions (rad) and velocities (rad/s) of the joints named, in that order; of all as they
     come if none is named. Raises SizeError, NonFiniteError, RangeError, JointNamesError."""
     received = tuple(joints.name)
-    if not set(names) <= set(received):
+    if received != names and not set(names) <= set(received):
         raise errors.JointNamesError("joint_states.name", names, received)
     shape = (len(received),)
     position = read_float64("joint_states.position", joints.position, shape, LARGEST)
@@ -171,10 +187,13 @@ def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, 
 
 
 def encode_verdict(
-    verdict: Verdict, evaluation: bool = False, arena_id: str = ""
+    verdict: Verdict,
+    evaluation: bool = False,
+    arena_id: str = "",
+    into: VerdictMessage | None = None,
 ) -> VerdictMessage:
     """The verifier's word on one step."""
-    message = VerdictMessage()
+    message = into or VerdictMessage()
     write_stamp(message.header.stamp, verdict.stamp_ns)
     message.arena_id = arena_id
     message.episode = verdict.episode
@@ -206,9 +225,9 @@ def decode_verdict(message: VerdictMessage) -> Verdict:
     )
 
 
-def encode_command(command: Command) -> JointCommand:
+def encode_command(command: Command, into: JointCommand | None = None) -> JointCommand:
     """An agent's answer to one observation."""
-    message = JointCommand()
+    message = into or JointCommand()
     write_stamp(message.header.stamp, command.stamp_ns)
     message.episode = command.episode
     message.step = command.step

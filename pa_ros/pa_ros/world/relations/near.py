@@ -12,8 +12,8 @@ HOVER = 0.6  # where the script holds the hand above the target's center, as par
 
 def _distance(hand: Float64, objects: Float64) -> Float64:
     """From the hand, where positions in its own frame begin."""
-    x, y, z = objects[..., 0], objects[..., 1], objects[..., 2]
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
+    squares = objects[..., :3] * objects[..., :3]
+    return np.asarray(np.sqrt(squares[..., 0] + squares[..., 1] + squares[..., 2]))
 
 
 def _above_it(hand: Float64, target: Float64, threshold: float) -> Float64:
