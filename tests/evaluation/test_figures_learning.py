@@ -5,6 +5,7 @@ import json
 import pytest
 
 from pa_ros.cli.main import main
+from pa_ros.evaluation.pictures import learning
 from pa_ros.evaluation.pictures.learning import is_curves, learning_figure
 from pa_ros.evaluation.scoring.tables import TableError
 from pa_ros.evaluation.studies.experiments import experiment_named, summarize, write_table
@@ -57,3 +58,33 @@ def test_a_table_without_rows_is_refused(tmp_path):
     table.with_suffix(".json").write_text(json.dumps({}))
     with pytest.raises(TableError, match="at least one row"):
         learning_figure(table)
+
+
+def drawn(monkeypatch, tmp_path, count, lengths):
+    """Figure of a table of so many seeds."""
+    figures = []
+    monkeypatch.setattr(learning, "save", lambda figure, path: figures.append(figure))
+    curves = {seed: rows(*(0.1 * i for i in range(lengths(seed)))) for seed in range(count)}
+    summaries = [summarize(seed, own) for seed, own in curves.items()]
+    table = write_table(tmp_path, experiment_named("programmable-2L"), curves, summaries)
+    learning_figure(table)
+    return figures[0]
+
+
+def test_few_seeds_are_each_a_line_and_the_legend_says_which(monkeypatch, tmp_path):
+    figure = drawn(monkeypatch, tmp_path, 3, lambda seed: 4 + seed)
+    (axes,) = figure.axes
+    assert not axes.collections, "a band over three seeds hides them"
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[-3:] == ["seed 0", "seed 1", "seed 2"] and axes.get_legend() is None
+
+
+def test_a_mean_of_many_goes_on_past_the_shortest_seed_and_the_band_is_explained(
+    monkeypatch, tmp_path
+):
+    figure = drawn(monkeypatch, tmp_path, 7, lambda seed: 4 if seed == 0 else 6)
+    (axes,) = figure.axes
+    means = [line for line in axes.lines if line.get_linewidth() == 2 and len(line.get_xdata())]
+    assert [max(line.get_xdata()) for line in means] == [6000.0, 6000.0]
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "95 % interval of the mean" in labels and "mean of the seeds" in labels

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pa_ros.evaluation.pictures.variants import in_words
 from pa_ros.evaluation.results import write_algorithms, write_variants
 from pa_ros.evaluation.scoring.tables import TableError, read_rows
 from pa_ros.evaluation.studies.experiments import EXPERIMENTS, Experiment, summarize, write_table
@@ -83,3 +84,20 @@ def test_nothing_to_compare_is_refused(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1]})
     with pytest.raises(TableError, match="expected programmable-2L and a variant"):
         write_variants("programmable-2L", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ("", ""),
+        ("learner.updates.discount=0.99", "discount 0.99"),
+        ("learner.noise_sigma=0.3", "exploration noise σ 0.3"),  # as tables of 0.1 name it
+        (
+            "learner.relabel=none learner.programs_per_transition=1",
+            "relabeling: no, programs for each transition: 1",
+        ),
+        ("learner.replay.batch_size=32", "batch size 32"),
+    ],
+)
+def test_a_variant_is_called_what_it_changes(changed: str, words: str) -> None:
+    assert in_words(changed) == words

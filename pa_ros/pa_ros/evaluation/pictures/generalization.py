@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from pa_ros.arena import ReachTask, RenderError
+from pa_ros.arena.constants import TABLE_SIDE_M
 from pa_ros.arena.render import render, top_view
 from pa_ros.evaluation.pictures.drawing import heat_map, save
 from pa_ros.evaluation.scoring.agents import TrainedAgent
@@ -30,6 +31,19 @@ BOX, SEEDS, SCRIPT, BLIND_MARK = "#8fb8de", "#1f4e79", "#555555", "#c0392b"
 COLORS = 256  # of the palette
 GROUPS = ("only-color", "blocks-2", "ignore-new", "reach-new-shape", "depth-3")
 """Conditions before which a line is drawn."""
+WORDS = {
+    "train": "trained programs",
+    RANDOM_WEIGHTS: "random weights",
+    "eval": "held-out programs",
+    "only-color": "color alone",
+    "only-shape": "shape alone",
+    "not-color": "not a color",
+    "not-shape": "not a shape",
+    "ignore-new": "new kinds beside it",
+    "reach-new-shape": "new shape",
+    "reach-new-color": "new color",
+    "reach-new-both": "both new",
+}
 
 
 def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
@@ -46,14 +60,21 @@ def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
         _column(axes, x, [row for row in rows if row.condition == summary.condition], summary)
         if summary.condition in GROUPS and x > 0:
             axes.axvline(x - 0.5, color="#cccccc", linewidth=0.8)
+    axes.fill_between([], [], color=BOX, label="middle half of the episodes (whiskers 5 % to 95 %)")
     axes.plot([], [], "o", color=SEEDS, markersize=4, label="mean of each seed")
     axes.plot([], [], color=SCRIPT, linewidth=2, label="scripted, knows the target")
     axes.plot([], [], color=BLIND_MARK, linewidth=2, label="best that ignores the program")
-    names = ["random weights" if s.condition == RANDOM_WEIGHTS else s.condition for s in summaries]
+    names = [_in_words(summary.condition) for summary in summaries]
     axes.set_xticks(range(len(names)), names, rotation=45, ha="right")
     axes.set(ylabel="reward per step", ylim=(-1.05, 1.05), title=title)
-    axes.legend(loc="lower left", fontsize=8, ncols=3, bbox_to_anchor=(0, 0.06))
+    figure.legend(loc="outside lower center", fontsize=8, ncols=4, frameon=False)
     save(figure, path, COLORS)
+
+
+def _in_words(condition: str) -> str:
+    kind, _, count = condition.rpartition("-")
+    counted = {"blocks": f"{count} blocks", "depth": f"programs {count} deep"}
+    return WORDS.get(condition) or counted.get(kind, condition)
 
 
 def _column(axes: Axes, x: int, rows: Sequence[Row], summary: Summary) -> None:
@@ -96,7 +117,9 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
             ("best", "worst"), extremes(list(view.looks(condition, episodes))), strict=True
         ):
             _case(axes[row], view.show(look), look)
-            axes[row][0].set_ylabel(f"{condition}: {case}\nmargin {look.margin:+.2f}", fontsize=9)
+            axes[row][0].set_ylabel(
+                f"{_in_words(condition)}: {case}\nmargin {look.margin:+.2f}", fontsize=9
+            )
             row += 1
     for _, table in axes[:-1]:
         table.set_xticklabels([])
@@ -106,8 +129,15 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
 
 def _case(axes: Sequence[Axes], task: ReachTask, look: Look) -> None:
     picture, table = axes
-    picture.imshow(_picture(task))
-    picture.set(xticks=[], yticks=[])
+    image, half = _picture(task)
+    if half is None:
+        picture.imshow(image)
+        picture.set(xticks=[], yticks=[])
+    else:
+        picture.imshow(image, extent=(-half, half, -half, half))
+        picture.set(xticks=(-half, 0, half), yticks=(-half, 0, half))
+        picture.set_xlabel("x (m)", fontsize=7, labelpad=1)
+        picture.tick_params(labelsize=6)
     picture.set_title(f"target: {named(look)}", fontsize=8)
     kinds = [block.kind for block in look.episode.blocks]
     heat_map(table, kinds, look.phi, look.p, look.words)
@@ -115,9 +145,9 @@ def _case(axes: Sequence[Axes], task: ReachTask, look: Look) -> None:
     table.set_title(str(look.episode.program), fontsize=6.5, family="monospace")
 
 
-def _picture(task: ReachTask) -> NDArray[np.uint8]:
-    """Rendered where there is OpenGL, else from above, [H, W, 3]."""
+def _picture(task: ReachTask) -> tuple[NDArray[np.uint8], float | None]:
+    """Rendered where there is OpenGL, else from above with half its side in m; [H, W, 3]."""
     try:
-        return render(task.simulation, 400, 300)
+        return render(task.simulation, 400, 300), None
     except RenderError:
-        return top_view(task, 300)
+        return top_view(task, 300), TABLE_SIDE_M / 2

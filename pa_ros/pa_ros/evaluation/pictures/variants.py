@@ -7,10 +7,44 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pa_ros.evaluation.pictures.drawing import save
 from pa_ros.evaluation.studies.experiments import SOLVED, SeedSummary
 from pa_ros.evaluation.studies.variants import Variant
+
+WORDS = {
+    "self_weight": "the hand attends to itself: {}",
+    "rule": "relabeling: {}",
+    "programs_per_transition": "programs for each transition: {}",
+    "discount": "discount {}",
+    "reward_scale": "rewards × {}",
+    "critic_output_bias": "the critic begins at {}",
+    "decay": "detectors forget at first: {}",
+    "gain": "detectors' rate × {}",
+    "action_l2": "price on large actions: {}",
+    "sigma": "exploration noise σ {}",
+    "position_scale": "positions × {}",
+    "detector_init_scale": "random detectors at first, × {}",
+    "relations_see_properties": "f, r and attention see properties: {}",
+}
+_OLDER = {  # names of 0.1, which tables of its runs hold
+    "relabel": "rule",
+    "detector_decay": "decay",
+    "detector_gain": "gain",
+    "noise_sigma": "sigma",
+}
+
+
+def in_words(changed: str) -> str:
+    """What a variant changed, such as "learner.updates.discount=0.99 …", for a reader."""
+    return ", ".join(_in_words(*part.partition("=")[::2]) for part in changed.split())
+
+
+def _in_words(path: str, value: str) -> str:
+    name = path.rpartition(".")[2]
+    form = WORDS.get(_OLDER.get(name, name), f"{name.replace('_', ' ')} {{}}")
+    return form.format({"0": "no", "true": "yes", "false": "no", "none": "no"}.get(value, value))
 
 
 def variants_figure(
@@ -18,7 +52,7 @@ def variants_figure(
 ) -> None:
     """Held-out scores and frames to solve, of each variant's `seeds` (by its label)."""
     figure, (scores, frames) = plt.subplots(
-        1, 2, figsize=(9, 1 + 0.32 * len(rows)), sharey=True, layout="constrained"
+        1, 2, figsize=(11, 1.4 + 0.32 * len(rows)), sharey=True, layout="constrained"
     )
     for y, row in enumerate(reversed(rows)):
         color = "#d33682" if row.changed else "#268bd2"
@@ -30,10 +64,18 @@ def variants_figure(
         if missing := len(own) - len(solved):
             frames.text(1.0, y, f"{missing} never ", transform=frames.get_yaxis_transform(),
                         ha="right", va="center", fontsize=8)  # fmt: skip
-    names = [row.label.partition(".")[2] or "as it is" for row in reversed(rows)]
+    names = [in_words(row.changed) or "nothing changed" for row in reversed(rows)]
     scores.set_yticks(range(len(rows)), names)
     scores.axvline(SOLVED, color="grey", linestyle=":", linewidth=1)
-    scores.set(xlabel=f"held-out score after {rows[0].frames:g} frames", xlim=(-0.1, 1.05))
-    frames.set(xlabel=f"frames to {SOLVED} to stay", xlim=(0, 1.25 * rows[0].frames))
-    figure.suptitle(f"{rows[0].label.partition('.')[0]}: each dot is a seed", fontsize=11)
+    scores.set(xlabel=f"held-out score after {rows[0].frames:,.0f} frames", xlim=(-0.1, 1.05))
+    frames.set(
+        xlabel=f"frames until {SOLVED}, and never below again", xlim=(0, 1.25 * rows[0].frames)
+    )
+    frames.xaxis.set_major_locator(MaxNLocator(5))
+    frames.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+    figure.suptitle(
+        f"{rows[0].label.partition('.')[0]}, one thing changed: each dot is a seed, the line the "
+        "95 % interval of their mean",
+        fontsize=10,
+    )
     save(figure, path)
