@@ -6,23 +6,20 @@ import time
 import uuid
 from pathlib import Path
 
-import numpy as np
 from rclpy.node import Node
 
 from agent_node.config import AgentConfig
 from agent_node.programs import ProgramBook
 from agent_node.steps import StepMatcher
 from agent_node.watch import Watch
+from agent_node.weights import fixed, random_policy
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Load, Wait
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
-from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import AgentKey, Observation
 from pa_ros.language import Program
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.learning.protocols import protocol_named
-from pa_ros.networks.parameters import initial_actor
 from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
@@ -30,13 +27,13 @@ from pa_ros.ros.arenas import Arenas
 from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import HealthReporter
+from pa_ros.ros.learners import LEARNER_ID, Learners
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import JointCommand, Message
-from pa_ros.wire.records import ArenaDescription, Command, ProgramRequest
-from pa_ros.world.world import World
+from pa_ros.wire.records import ArenaDescription, Command, Health, ProgramRequest
 
 
 class AgentNode(Node):
@@ -53,7 +50,7 @@ class AgentNode(Node):
         self._arenas = Arenas()
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
-        self._learner: LearnerInfo | None = None  # the newest announced
+        self._learners = Learners()
         self._watch = Watch(self.config.stuck_after_s)
         self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
@@ -65,7 +62,7 @@ class AgentNode(Node):
         self._make_publishers()
         self._make_subscriptions()
         alone = topics.JOINT_COMMANDS, f"{self.agent_id}/{self.agent.key.incarnation}"
-        HealthReporter(self, self.refusals, self._collect, alone)
+        HealthReporter(self, self.refusals, self._collect, alone, hear=self._on_health)
         source = self.config.checkpoint or self.config.weights
         doing = "explores and learns" if self.config.learning else "executes programs"
         self.get_logger().info(f"agent {self.agent_id}: {doing}, with weights from {source}")
@@ -81,7 +78,7 @@ class AgentNode(Node):
             return LearningAgent(key, self.config.seed)
         agent = Agent(key)
         if self.config.weights == "checkpoint":
-            agent.offer(_fixed(load_policy(Path(self.config.checkpoint))))
+            agent.offer(fixed(load_policy(Path(self.config.checkpoint))))
         return agent  # random weights need the arena's vocabulary first
 
     def _make_publishers(self) -> None:
@@ -131,7 +128,7 @@ class AgentNode(Node):
             self._handled, self._command = -1, None
             self.get_logger().info(f"arena {arena.arena_id}: design {arena.design}, {arena.preset}")
         if self.config.weights == "random" and not self.agent.has_weights:
-            self.agent.offer(_fixed(_random_policy(arena.world, self.config)))
+            self.agent.offer(fixed(random_policy(arena.world, self.config)))
         early, self._early = self._early, []
         for request in early:
             self._on_program(request)
@@ -243,12 +240,16 @@ class AgentNode(Node):
         self._status_out.publish(codec.encode_program_status(judgement))
 
     def _on_learner(self, message: Message) -> None:
-        self._learner = codec.decode_learner_info(message)
-        self._follow()
+        if self._learners.announce(codec.decode_learner_info(message)):
+            self._follow()
+
+    def _on_health(self, health: Health) -> None:
+        if self._learners.heard(health.values.get(LEARNER_ID, "")):
+            self._follow()
 
     def _follow(self) -> None:
         """Act for the learner in this arena, once both have announced themselves."""
-        arena, learner = self._arenas.current, self._learner
+        arena, learner = self._arenas.current, self._learners.current
         if arena is not None and learner is not None:
             facts = arena.world.digest, arena.control_period, arena.thresholds, arena.reward
             self.agent.follow(learner, ArenaFacts(*facts))
@@ -257,11 +258,14 @@ class AgentNode(Node):
     def _on_policy(self, message: Message) -> None:
         arena = self._arenas.current
         digest = arena.world.digest if arena is not None else None
-        self.agent.offer(codec.decode_weights(message, digest))
+        policy = codec.decode_weights(message, digest)
+        if self._learners.weights(policy.learner_id):
+            self._follow()
+        self.agent.offer(policy)
         self._act()
 
     def _send_again(self) -> None:
-        """Trajectories that the awaited weights should have taken in: perhaps none heard them."""
+        """What the awaited weights should have taken in: perhaps none heard it."""
         late = self._watch.idle_s > self.config.resend_period_s
         if isinstance(self.agent, LearningAgent):
             for trajectory in self.agent.overdue(late):
@@ -284,15 +288,4 @@ class AgentNode(Node):
         if isinstance(self.agent, LearningAgent):
             values["interrupted"] = str(self.agent.interrupted)
             values["lost_trajectories"] = str(self.agent.lost)
-        return *self._watch.state(self.agent, self._arenas), values
-
-
-def _fixed(snapshot: PolicySnapshot) -> PublishedPolicy:
-    """Weights that no learner published here."""
-    return PublishedPolicy(snapshot, "")
-
-
-def _random_policy(world: World, config: AgentConfig) -> PolicySnapshot:
-    network = protocol_named("ours").network_config(world, config.network)
-    tensors = initial_actor(network, np.random.default_rng(config.seed))
-    return PolicySnapshot(0, network.architecture, world.digest, tensors)
+        return *self._watch.state(self.agent, self._arenas, self._learners), values

@@ -13,6 +13,7 @@ from pa_ros.core.experience import AgentKey, Executed
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas
 from pa_ros.ros.health import ERROR, OK, WARN
+from pa_ros.ros.learners import Learners
 
 QUIET_S = 1.0  # without observations for so long, the agent waits for them
 SAID_S = 3.0  # what was over at once is worth a word for so long
@@ -57,14 +58,14 @@ class Watch:
         """Since the newest command."""
         return self._clock() - self._progress_at
 
-    def state(self, agent: Agent, arenas: Arenas) -> tuple[int, str]:
+    def state(self, agent: Agent, arenas: Arenas, learners: Learners) -> tuple[int, str]:
         """Level and message."""
         trouble = self._trouble(agent, arenas)
         if trouble is not None:
             return trouble
-        if arenas.rivals:
-            others = ", ".join(arenas.rivals)
-            return WARN, f"steps of other arenas come, too ({others}): stop all but one sim_node"
+        alarm = arenas.alarm or learners.alarm
+        if alarm:
+            return WARN, alarm
         if self._clock() - self._foreign_at < SAID_S:
             return WARN, f"the arm obeys {self._foreign!r}, too: stop one of the agents"
         if self._is_overtaken(agent):

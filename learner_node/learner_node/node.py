@@ -14,7 +14,7 @@ from learner_node.config import LearnerNodeConfig
 from learner_node.watch import Watch
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.learning.errors import FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.newest import newest_whole
@@ -23,10 +23,11 @@ from pa_ros.ros.arenas import Arenas, OtherArenaError
 from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, WARN, HealthReporter
+from pa_ros.ros.learners import LEARNER_ID
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
-from pa_ros.wire.errors import RewardError, WorldError
+from pa_ros.wire.errors import ArenaFactError, RewardError, WireError, WorldError
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription
 from pa_ros.world import reward_from
@@ -109,12 +110,12 @@ class LearnerNode(Node):
         changed = self._arenas.announce(arena)
         if self.worker is None or changed:
             self._belong(arena)
-        ours = self.worker.world.digest if self.worker else arena.world.digest
-        if ours != arena.world.digest:
-            raise WorldError("arena_info.world_digest", ours, arena.world.digest)
-        reward = self.worker.run.info.reward if self.worker else arena.reward
-        if reward != arena.reward:
-            raise RewardError("arena_info.reward", reward, arena.reward)
+        if self.worker is not None:
+            try:
+                _check_facts(self.worker.run.info, arena)
+            except PaError as error:
+                self._watch.refused(f"an arena: {error}")
+                raise
 
     def _on_step(self, message: Message) -> None:
         """Until something was learned: which arena is there, and not only said to be."""
@@ -170,7 +171,7 @@ class LearnerNode(Node):
         try:
             trajectory = codec.decode_trajectory(message, self.worker.world)
         except PaError as error:
-            self._watch.refused(str(error))
+            self._watch.refused(f"trajectories: {error}")
             raise
         self._watch.came(trajectory.agent)
         self.worker.submit(trajectory)
@@ -179,7 +180,7 @@ class LearnerNode(Node):
         """What the worker refuses."""
         self.refusals.refuse(where, error)
         if where == topics.TRAJECTORIES.name:
-            self._watch.refused(str(error))
+            self._watch.refused(f"trajectories: {error}")
 
     def _publish(self, policy: PublishedPolicy) -> None:
         self._weights.publish(codec.encode_weights(policy))
@@ -208,6 +209,7 @@ class LearnerNode(Node):
         frames_per_s, updates_per_s = self._health_pace.since_last(metrics)
         values = {
             "run_id": worker.run.info.run_id,
+            LEARNER_ID: worker.run.info.learner_id,
             "engine": worker.engine,
             "backlog": str(worker.backlog),
             "rejected_trajectories": str(worker.rejected),
@@ -233,3 +235,16 @@ class LearnerNode(Node):
             f"updates {metrics['updates']:,.0f} ({updates_per_s:.0f}/s), "
             f"weights version {metrics['version']:.0f}{loss}"
         )
+
+
+def _check_facts(learner: LearnerInfo, arena: ArenaDescription) -> None:
+    """Raise a WireError unless an arena is one that the learner's experience may come from."""
+    facts: list[tuple[str, object, object, type[WireError]]] = [
+        ("world_digest", learner.world_digest, arena.world.digest, WorldError),
+        ("reward", learner.reward, arena.reward, RewardError),
+        ("control_period", learner.control_period, arena.control_period, ArenaFactError),
+        ("thresholds", learner.thresholds, arena.thresholds, ArenaFactError),
+    ]
+    for name, ours, theirs, refusal in facts:
+        if ours != theirs:
+            raise refusal(f"arena_info.{name} of {arena.arena_id!r}", ours, theirs)

@@ -37,7 +37,7 @@ class Watch:
         self._agents[agent] = now
 
     def refused(self, reason: str) -> None:
-        """A trajectory was refused."""
+        """Something was refused; `reason`: what, and why."""
         self._refusal, self._refused_at = reason, self._clock()
 
     def at_work(self, agent: AgentKey) -> bool:
@@ -57,7 +57,7 @@ class Watch:
         if trouble:
             return ERROR, trouble
         if self._refusal and now - self._refused_at < REFUSED_S:
-            return WARN, f"refuses trajectories: {self._refusal}"
+            return WARN, f"refuses {self._refusal}"
         if not self._any:
             return WARN, (
                 f"waits for an agent that learns ({name}): does agent_node run, with the "

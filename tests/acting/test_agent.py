@@ -186,8 +186,6 @@ def test_a_greedy_agent_takes_the_announced_learners_weights_whatever_came_first
         agent.offer(PublishedPolicy(snapshot(10, other), "strange", "stranger"))
     agent.offer(published(2))
     assert agent.version == 2
-    agent.follow(replace(LEARNER, learner_id="before", stamp_ns=0), FACTS)  # came before: ignored
-    agent.offer(published(3))
     with pytest.raises(LearnerRequestError, match="world_digest"):
         agent.follow(again(LEARNER, 4, world_digest="f" * 16), FACTS)
     agent.offer(published(4))
@@ -286,7 +284,7 @@ def test_a_resumed_learner_gets_again_what_was_in_flight() -> None:
     arm.agent.offer(published(1, mine=1, learner=resumed))
     assert [(o.sequence, o.held_from) for o in arm.agent.unaccounted] == [(1, 1), (2, 1)]
     assert isinstance(arm.agent.answer(), Wait) and arm.agent.lost == 0
-    with pytest.raises(PolicyError, match="one of the learner that came last, got version 2"):
+    with pytest.raises(PolicyError, match="one of the learner that is followed, got version 2"):
         arm.agent.offer(published(2, mine=2))  # of the learner that is gone
     arm.agent.offer(published(2, mine=2, learner=resumed))
     assert isinstance(arm.agent.answer(), Load)
@@ -305,15 +303,24 @@ def test_another_run_gets_nothing_that_was_made_for_the_one_before(arm) -> None:
     assert [(o.run_id, o.held_from) for o in arm.sent] == [("run", 0), ("another", 1)]
 
 
-def test_the_learner_that_came_last_is_followed() -> None:
+def test_an_agent_goes_on_with_another_learner_and_back_with_what_each_published_meanwhile() -> (
+    None
+):
     arm = Arm(following(LEARNER))
-    earlier = replace(LEARNER, learner_id="earlier", run_id="other", stamp_ns=0)
-    arm.agent.follow(earlier, FACTS)
-    with pytest.raises(PolicyError, match="'earlier', which came before"):
-        arm.agent.offer(published(7, learner=earlier))
+    other = replace(LEARNER, learner_id="other", run_id="other")
+    for version in range(12):
+        arm.agent.offer(published(version, mine=version, learner=other))  # kept, and not used
     arm.reset(0)
     arm.run(10)
-    assert {one.run_id for one in arm.sent} == {"run"}
+    assert {(one.run_id, one.policy_version) for one in arm.sent} == {("run", 0)}
+    arm.agent.follow(other, FACTS)
+    with pytest.raises(PolicyError, match="'learner', which was before"):
+        arm.agent.offer(published(1, mine=1))
+    arm.run(1)
+    assert arm.agent.version == 8  # the first of those kept that accounts for all but policy_lag
+    arm.agent.follow(LEARNER, FACTS)
+    arm.run(1)
+    assert arm.agent.version == 1
 
 
 @pytest.mark.parametrize(

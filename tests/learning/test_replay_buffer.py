@@ -22,7 +22,7 @@ from pa_ros.learning.errors import (
 )
 from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer, hand_first
-from pa_ros.learning.replay_buffer.ledger import Ledger
+from pa_ros.learning.replay_buffer.ledger import UNTAKEN, Ledger
 
 
 def test_memory_at_full_capacity() -> None:
@@ -133,6 +133,21 @@ def test_ledger_agrees_with_a_set(arrivals) -> None:
     assert ledger.accounted() == first_absent
     assert ledger.missing == sum(max(there) + 1 for there in sequences.values()) - len(seen)
     assert Ledger.from_metadata(json.loads(json.dumps(ledger.to_metadata()))) == ledger
+
+
+def test_of_an_agent_that_only_sent_what_was_refused_nothing_is_missed_or_lost() -> None:
+    ledger, stranger = Ledger(), TrajectoryKey("stranger", 1, 90)
+    ledger.record(stranger, 80, taken=False)
+    ledger.record(stranger._replace(sequence=180), 170, taken=False)
+    assert not ledger.is_new(stranger)
+    assert ledger.missing == ledger.lost == 0 and "stranger" in ledger.accounts
+    ledger.record(stranger._replace(sequence=200), 190)  # it can be learned from after all
+    assert ledger.missing == 10 and ledger.lost == 0
+    ledger.record(stranger._replace(sequence=210), 210)
+    assert ledger.missing == 0 and ledger.lost == 19
+    for number in range(2 * UNTAKEN):
+        ledger.record(TrajectoryKey(f"stranger {number}", 1, 0), taken=False)
+    assert len(ledger.accounts) == UNTAKEN + 1 and ledger.accounts["stranger"].next == 211
 
 
 def test_a_huge_gap_costs_nothing() -> None:

@@ -74,7 +74,7 @@ def test_in_real_time_trajectories_come_seldom(watch, clock) -> None:
 
 def test_refusals_and_what_is_missing_are_said_while_they_last(watch, clock) -> None:
     watch.came(A)
-    watch.refused("expected 5 objects, got 64")
+    watch.refused("trajectories: expected 5 objects, got 64")
     assert watch.state("", 0, 0, frames(clock)) == (
         WARN,
         "refuses trajectories: expected 5 objects, got 64",

@@ -142,7 +142,7 @@ def test_a_strangers_arena_and_experience_do_not_bind_a_learner_against_the_real
         assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 300)
         probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(strange))  # and later
         assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 600)
-        assert probe.message("agent_node") == "acting"
+        assert probe.until(lambda: probe.message("agent_node") == "acting")
 
 
 def test_a_learner_waits_a_while_for_an_arena_that_it_can_go_on_in(tmp_path: Path) -> None:
@@ -164,9 +164,51 @@ def test_a_learner_waits_a_while_for_an_arena_that_it_can_go_on_in(tmp_path: Pat
 def test_two_learners_are_an_alarm_and_agents_follow_one() -> None:
     with graph(SimNode, AgentNode, LearnerNode, agent_node__learning=True) as probe:
         assert probe.until(lambda: probe.message("learner_node") == "learning")
+        agent, first = probe.nodes[1].agent, probe.nodes[2].worker.run.info.run_id
         with process("learner_node"):
             assert probe.until(lambda: "not alone on /policy_w" in probe.message("learner_node"))
             assert probe.health["/learner_node"].level == WARN
+            assert probe.until(lambda: "other learners run, too" in probe.message("agent_node"))
+            then = probe.count(topics.TRAJECTORIES)
+            assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > then + 10)
+            probe.heard["trajectories"].clear()
+            assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > 10)
+            assert {m.run_id for m in probe.heard["trajectories"]} == {first}
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
+        assert probe.until(lambda: probe.message("agent_node") == "acting")
+        assert agent.interrupted == 0
+
+
+def test_agents_go_on_with_the_learner_that_stays() -> None:
+    with graph(SimNode, AgentNode, agent_node__learning=True) as probe:
+        with process("learner_node"):
+            assert probe.until(lambda: probe.message("agent_node") == "acting")
+            probe.nodes.append(LearnerNode())
+            assert probe.until(lambda: "other learners run, too" in probe.message("agent_node"))
+        run_id = probe.nodes[2].worker.run.info.run_id
+        heard = probe.heard["trajectories"]
+        assert probe.until(lambda: bool(heard) and heard[-1].run_id == run_id)
+        then = probe.count(topics.TRAJECTORIES)
+        assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > then + 10)
+        assert probe.until(lambda: probe.message("agent_node") == "acting")
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
+
+
+def test_strangers_that_do_no_harm_are_said_all_the_same() -> None:
+    arena = replace(ARENA, arena_id="strange", thresholds=(9.0,), control_period=7.0)
+    nobodys = PublishedPolicy(learners.snapshot(9), "nobody's", "nobody")
+    with graph(SimNode, AgentNode, LearnerNode, agent_node__learning=True) as probe:
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
+        for topic, message, said in (
+            (topics.ARENA_INFO, codec.encode_arena_info(arena), "another arena describes itself"),
+            (topics.POLICY_WEIGHTS, codec.encode_weights(nobodys), "never announced itself"),
+        ):
+            probe.speaker(topic).publish(message)
+            assert probe.until(lambda: said in probe.message("agent_node"))  # noqa: B023
+            assert probe.health["/agent_node"].level == WARN
+            assert probe.until(lambda: probe.message("agent_node") == "acting")
+        assert probe.value("learner_node", "refused.wire.arena_fact") == "1"
+        assert probe.until(lambda: probe.message("learner_node") == "learning")
 
 
 def _weights(shape: list[int], architecture: str = "{}") -> Any:

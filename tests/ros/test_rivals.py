@@ -47,9 +47,20 @@ def test_a_description_alone_takes_no_arenas_place(clock) -> None:
     for name in ("other", "never described"):
         with pytest.raises(OtherArenaError, match=f"'one', whose steps come, got .* '{name}"):
             arenas.step(name)
-    assert arenas.rivals == ["other"]
+    assert arenas.rivals == ["other"] and "steps of other arenas come, too (other)" in arenas.alarm
     clock.now += RIVAL_S
-    assert arenas.rivals == []
+    assert arenas.rivals == [] and arenas.alarm == ""
+
+
+def test_an_arena_that_is_only_said_to_be_there_is_an_alarm_for_a_while(clock) -> None:
+    arenas = Arenas(clock)
+    arenas.announce(ONE)
+    arenas.step("one")
+    assert arenas.alarm == ""
+    arenas.announce(OTHER)
+    assert "another arena describes itself here (other), sends no steps" in arenas.alarm
+    clock.now += RIVAL_S
+    assert arenas.alarm == ""
 
 
 def test_an_arena_that_is_silent_gives_way(clock) -> None:

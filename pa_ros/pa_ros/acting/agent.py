@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import OrderedDict, deque
 from dataclasses import dataclass
 from itertools import count
 
@@ -38,7 +38,7 @@ class Step:
     ends_episode: bool = False  # nothing is to be done about it any more
 
 
-EARLY_POLICIES = 8  # kept of a learner that has not announced itself yet
+EARLY_LEARNERS, EARLY_POLICIES = 4, 4  # kept of learners that may come to be followed
 
 
 class Agent:
@@ -49,9 +49,9 @@ class Agent:
 
     def __init__(self, key: AgentKey) -> None:
         self.key = key
-        self.refusal = ""  # why it does not act for the learner that came last; empty: it does
+        self.refusal = ""  # why it does not act for the learner; empty: it does
         self._learner: LearnerInfo | None = None  # whose weights alone are used; None: anyone's
-        self._early: deque[PublishedPolicy] = deque(maxlen=EARLY_POLICIES)
+        self._early: OrderedDict[str, deque[PublishedPolicy]] = OrderedDict()  # by learner
         self.sent: Executed | None = None  # the newest command, as it is when carried out
         self._numbers = count(1)
         self._rule: Newest | Account = Newest()
@@ -78,14 +78,11 @@ class Agent:
         return policy.snapshot.version
 
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
-        """Act with this learner's weights alone, unless the learner followed has come after it.
+        """Act with this learner's weights alone.
 
         Those in use act until its own have come. Raises LearnerRequestError, and changes nothing,
         if its weights cannot act in this arena.
         """
-        current = self._learner
-        if current is not None and learner.stamp_ns < current.stamp_ns:
-            return
         check_words(learner, arena)
         network_of(learner)
         self._learner = learner
@@ -102,14 +99,14 @@ class Agent:
         try:
             self._take(policy)
         except PolicyError:
-            self._early.append(policy)  # their learner may announce itself yet
+            self._keep(policy)  # their learner may come to be followed
             raise
 
     def _take(self, policy: PublishedPolicy) -> None:
         learner, actor = self._learner, self._actor
         if learner is not None and learner.learner_id != policy.learner_id:
             raise PolicyError(
-                f"policy: expected weights of the learner that announced itself last, "
+                f"policy: expected weights of the learner that is followed, "
                 f"{learner.learner_id!r}, got version {policy.snapshot.version} of "
                 f"{policy.learner_id!r}"
             )
@@ -124,10 +121,16 @@ class Agent:
         self._rule.receive(policy)
 
     def _offer_early(self, learner: LearnerInfo) -> None:
-        early = [policy for policy in self._early if policy.learner_id == learner.learner_id]
-        self._early.clear()
-        for policy in early:
+        for policy in self._early.pop(learner.learner_id, ()):
             self.offer(policy)
+
+    def _keep(self, policy: PublishedPolicy) -> None:
+        """Weights of a learner that is not followed."""
+        kept = self._early.setdefault(policy.learner_id, deque(maxlen=EARLY_POLICIES))
+        kept.append(policy)
+        self._early.move_to_end(policy.learner_id)
+        while len(self._early) > EARLY_LEARNERS:
+            self._early.popitem(last=False)
 
     def observe(self, step: Step) -> Trajectory | None:
         """Take in a step; the trajectory to be sent, if that completed one."""

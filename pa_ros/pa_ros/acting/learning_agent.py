@@ -34,7 +34,7 @@ class LearningAgent(Agent):
         self._seed, self._first_sequence = seed, first_sequence
         self._account: Account | None = None
         self._builder: TrajectoryBuilder | None = None
-        self._past: set[str] = set()  # learners that another has come after
+        self._past: set[str] = set()  # learners that were followed
 
     @property
     def lost(self) -> int:
@@ -57,15 +57,12 @@ class LearningAgent(Agent):
         return [] if self._account is None else self._account.overdue(late and self.waiting)
 
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
-        """Act for this learner in this arena, unless the learner followed has come after it.
+        """Act for this learner in this arena, and for the one followed until now no more.
 
         Raises LearnerRequestError, and then does not act, if it cannot do as the learner asks.
         """
         current = None if self._account is None else self._account.learner
         other = current is not None and current.learner_id != learner.learner_id
-        if current is not None and other and learner.stamp_ns < current.stamp_ns:
-            self._past.add(learner.learner_id)
-            return
         try:
             check_arena(learner, arena)
             if current is None or not _goes_on(current, learner):
@@ -79,18 +76,19 @@ class LearningAgent(Agent):
         self.refusal = ""
         if current is not None and other:
             self._past.add(current.learner_id)
+        self._past.discard(learner.learner_id)
         self._offer_early(learner)
 
     def offer(self, policy: PublishedPolicy) -> None:
         """Weights have come. Raises PolicyError if they cannot be used, or are not the learner's
         that this agent follows."""
-        if policy.learner_id in self._past:
-            raise PolicyError(
-                f"policy: expected one of the learner that came last, got version "
-                f"{policy.snapshot.version} of {policy.learner_id!r}, which came before"
-            )
         if self._account is None or policy.learner_id != self._account.learner.learner_id:
-            self._early.append(policy)
+            self._keep(policy)
+            if policy.learner_id in self._past:
+                raise PolicyError(
+                    f"policy: expected one of the learner that is followed, got version "
+                    f"{policy.snapshot.version} of {policy.learner_id!r}, which was before"
+                )
         else:
             self._take(policy)
             if self._account.overtaken:

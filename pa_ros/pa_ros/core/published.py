@@ -28,7 +28,7 @@ class LearnerInfo:
     reward: str  # canonical JSON: name and parameters, of the arena learned about
     algorithm: str = "dpg"  # by which it learns, for people: agents act as the rest says
     software_version: str = ""
-    stamp_ns: int = 0  # wall time; the learner that came last is followed
+    stamp_ns: int = 0  # wall time; of one run, the learner that came last is followed
 
     @property
     def free(self) -> bool:

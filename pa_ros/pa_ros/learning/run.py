@@ -61,7 +61,7 @@ class LearningRun:
             raise
         except PaError:
             if ledger.is_new(trajectory.key):
-                ledger.record(trajectory.key, trajectory.held_from)
+                ledger.record(trajectory.key, trajectory.held_from, taken=False)
             raise
 
     def check(self, trajectory: Trajectory) -> None:

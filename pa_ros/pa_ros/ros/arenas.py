@@ -33,6 +33,7 @@ class Arenas:
         self._clock = clock
         self._known: OrderedDict[str, ArenaDescription] = OrderedDict()
         self._heard: dict[str, float] = {}  # when a step of an arena came last
+        self._stranger, self._stranger_at = "", -math.inf  # only said to be there
 
     def announce(self, arena: ArenaDescription) -> bool:
         """An arena describes itself; whether it is the one that counts now."""
@@ -41,6 +42,8 @@ class Arenas:
         current = self.current
         if current is None or arena.arena_id == current.arena_id or not self._alive(current):
             self.current = arena
+        else:
+            self._stranger, self._stranger_at = arena.arena_id, self._clock()
         self._forget()
         return self.current is arena
 
@@ -71,6 +74,21 @@ class Arenas:
         mine = "" if self.current is None else self.current.arena_id
         since = self._clock() - RIVAL_S
         return sorted(name for name, at in self._heard.items() if name != mine and at > since)
+
+    @property
+    def alarm(self) -> str:
+        """What a person should know and do; empty: nothing."""
+        rivals, stranger = self.rivals, self._stranger
+        if rivals:
+            others = ", ".join(rivals)
+            return f"steps of other arenas come, too ({others}): stop all but one sim_node"
+        mine = "" if self.current is None else self.current.arena_id
+        if self._clock() - self._stranger_at < RIVAL_S and stranger != mine:
+            return (
+                f"another arena describes itself here ({stranger}), sends no steps, and is not "
+                "believed: find who publishes it, or sign with auth_key_file"
+            )
+        return ""
 
     def _forget(self) -> None:
         """The arenas that described themselves longest ago, but for the one that counts."""

@@ -34,11 +34,14 @@ class HealthReporter:
         alone: tuple[Topic, str],
         progress: Callable[[], str] | None = None,
         progress_s: float = PROGRESS_S,
+        hear: Callable[[Health], None] | None = None,
     ) -> None:
-        """`alone`: a topic on which one process alone should speak, and this one's name."""
+        """`alone`: a topic on which one process alone should speak, and this one's name. `hear`: is
+        told what any node says."""
         self._node, self._refusals, self._collect = node, refusals, collect
         topic, instance = alone
         self._rivals = Rivals(node.resolve_topic_name(topic.name), instance)
+        self._hearing = [self._rivals.note, *([hear] if hear is not None else [])]
         DIAGNOSTICS.subscribe(node, refusals.guard(DIAGNOSTICS.name, self._hear))
         self._said: tuple[int, str] | None = None
         self._publisher = DIAGNOSTICS.publisher(node)
@@ -61,7 +64,8 @@ class HealthReporter:
 
     def _hear(self, message: Message) -> None:
         for entry in codec.decode_diagnostics(message):
-            self._rivals.note(entry)
+            for note in self._hearing:
+                note(entry)
 
     def _say(self, level: int, message: str) -> None:
         """Log what has changed since it was logged last."""

@@ -46,7 +46,7 @@ def run_node(
     that is not ROS's is refused.
     """
     prepare_environment()
-    die_with_parent()
+    die_with_parent(grace_s)
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
-import sys
+import threading
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
 PARENT = "PA_ROS_PARENT"  # process id of the launcher; set for the children it must take along
-_PR_SET_PDEATHSIG = 1
+PARENT_S = 0.25  # between two looks whether it is there
 
 
-def die_with_parent() -> None:
-    """In a child that a launcher started: be killed when the launcher's main thread ends.
+def die_with_parent(grace_s: float = 10.0) -> None:
+    """In a child that a launcher started: stop, as at SIGTERM, when the launcher has ended.
 
-    SIGKILL, because a SIGTERM can hang in rclpy; what matters on disk is written atomically.
+    So a learner writes its checkpoint, and a recorder closes its bag. Who has not ended `grace_s`
+    later is killed.
     """
-    parent = os.environ.pop(PARENT, None)
-    if parent is None or not sys.platform.startswith("linux"):
+    given = os.environ.pop(PARENT, None)
+    if given is None:
         return
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != int(parent):  # it died before the call above
+    parent = int(given)
+    if os.getppid() != parent:
         raise SystemExit(1)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_S)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(grace_s)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
 def ros_arguments(

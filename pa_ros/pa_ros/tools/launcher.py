@@ -55,9 +55,9 @@ class Supervisor:
     """Starts children, notices when one ends, stops them all; a context manager that stops.
 
     Each child has its own session and process group, so a terminal's Ctrl-C reaches it only
-    through us. It is told whose child it is and has the kernel kill it when that thread ends,
-    however it ends (`pa_ros.ros.process.die_with_parent`, which every node calls): start children
-    from the main thread. stdout and stderr go to `<name>.log`.
+    through us. It is told whose child it is and stops by itself when we have ended, however that
+    was (`pa_ros.ros.process.die_with_parent`, which every node calls). stdout and stderr go to
+    `<name>.log`.
     """
 
     def __init__(

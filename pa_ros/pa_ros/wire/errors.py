@@ -62,6 +62,12 @@ class RewardError(WireError):
     code = "wire.reward"
 
 
+class ArenaFactError(WireError):
+    """Another control period, or other thresholds, than the arena's that is learned about."""
+
+    code = "wire.arena_fact"
+
+
 class DtypeError(WireError):
     """A tensor of another type than float32."""
 

@@ -10,6 +10,7 @@ from pa_ros.learning.errors import SupersededAgentError
 from pa_ros.world import Trajectory
 
 Intervals = list[tuple[int, int]]  # [first, end) of sequence numbers
+UNTAKEN = 256  # agents remembered that only sent what was refused
 
 
 @dataclass
@@ -19,11 +20,12 @@ class Account:
     incarnation: int
     next: int  # one more than the largest sequence number seen, or given up
     gaps: Intervals = field(default_factory=list)  # skipped, not arrived since
+    taken: bool = True  # whether anything of it was; if not, nothing of it is missed or lost
 
     @property
     def missing(self) -> int:
         """Trajectories that were skipped and may still come."""
-        return sum(end - first for first, end in self.gaps)
+        return sum(end - first for first, end in self.gaps) if self.taken else 0
 
     @property
     def accounted(self) -> int:
@@ -36,7 +38,7 @@ class Account:
         self.gaps = [(max(first, before), end) for first, end in self.gaps if end > before]
         skipped = max(0, before - self.next)
         self.next = max(self.next, before)
-        return was - self.missing + skipped
+        return was - self.missing + skipped if self.taken else 0
 
     def record(self, sequence: int) -> None:
         """An arrival; numbers skipped before it become missing."""
@@ -88,18 +90,28 @@ class Ledger:
             return True
         return any(first <= key.sequence < end for first, end in account.gaps)
 
-    def record(self, key: TrajectoryKey, held_from: int = 0) -> None:
+    def record(self, key: TrajectoryKey, held_from: int = 0, taken: bool = True) -> None:
         """Record an arrival that `is_new`, from an agent that still holds what is asked.
 
         Of a new account, nothing before `held_from` is missed; else what the agent holds no more
-        and has not arrived is lost.
+        and has not arrived is lost. `taken`: whether it is learned from; what an agent of which
+        nothing ever was says of its other trajectories is not believed.
         """
         account = self.accounts.get(key.agent_id)
         if account is None or account.incarnation != key.incarnation:
             self.lost += account.missing if account else 0
-            account = self.accounts[key.agent_id] = Account(key.incarnation, held_from)
+            account = Account(key.incarnation, held_from, taken=False)
+            self.accounts.pop(key.agent_id, None)  # the newest last
+            self.accounts[key.agent_id] = account
+            self._forget_untaken()
         self.lost += account.give_up(held_from)
         account.record(key.sequence)
+        account.taken |= taken
+
+    def _forget_untaken(self) -> None:
+        untaken = [name for name, account in self.accounts.items() if not account.taken]
+        for name in untaken[:-UNTAKEN]:
+            del self.accounts[name]
 
     def accounted(self) -> dict[AgentKey, int]:
         """Of each agent, the first trajectory that is not accounted for."""
@@ -119,7 +131,10 @@ class Ledger:
             return cls._of_0_1(values)
         accounts = {
             str(agent_id): Account(
-                int(one["incarnation"]), int(one["next"]), _intervals(one["gaps"])
+                int(one["incarnation"]),
+                int(one["next"]),
+                _intervals(one["gaps"]),
+                bool(one.get("taken", True)),
             )
             for agent_id, one in values["accounts"].items()
         }

@@ -107,12 +107,11 @@ def campaign(config: ChaosConfig, say: Say = print, kept: Path | None = None) ->
 
 
 def _plan(rows: list[Row], cycles: int) -> Iterator[Row]:
-    """As many cycles, kind by kind, each row as often as any other."""
-    share = [cycles // len(rows) + (i < cycles % len(rows)) for i in range(len(rows))]
-    for kind in dict.fromkeys(row.fault.kind for row in rows):
-        these = [(row, n) for row, n in zip(rows, share, strict=True) if row.fault.kind == kind]
-        for turn in range(max(n for _, n in these)):
-            yield from (row for row, n in these if turn < n)
+    """As many cycles, all rows in turn and in each turn kind by kind, so that a campaign that is cut
+    short has done every row."""
+    kinds = list(dict.fromkeys(row.fault.kind for row in rows))
+    turn = sorted(rows, key=lambda row: kinds.index(row.fault.kind))
+    yield from itertools.islice(itertools.cycle(turn), cycles)
 
 
 def _parts(plan: list[Row]) -> Iterator[list[Row]]:

@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable
 from typing import Final
 
-from pa_ros.tools.chaos.faults import DOWN_S, STOPPED_S, Fault, Kind
+from pa_ros.tools.chaos.faults import STOPPED_S, Fault, Kind
 from pa_ros.tools.chaos.stage import LAUNCHER, RECORDER, START_S, Stage, StageError
 
 SILENT: Final = "a launcher says nothing on the graph"
@@ -17,8 +17,8 @@ def launcher_faults() -> list[Fault]:
     """On a stage whose nodes and recorder `pa_ros launch` has started."""
     kind: Kind = "launched"
     return [
-        Fault("launcher: SIGKILL", _signal(signal.SIGKILL), _launch_again, DOWN_S * 2, kind, SILENT,
-              empties=True),
+        Fault("launcher: SIGKILL", _signal(signal.SIGKILL), _launch_again, STOPPED_S * 2, kind,
+              SILENT, empties=True),
         Fault("launcher: SIGTERM", _signal(signal.SIGTERM), _launch_again, STOPPED_S * 2, kind,
               SILENT, empties=True),
         Fault("launcher: SIGSTOP 5 s", _signal(signal.SIGSTOP), _continue, STOPPED_S, kind, SILENT),

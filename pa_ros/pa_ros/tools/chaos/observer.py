@@ -15,6 +15,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Float64, TrajectoryKey
 from pa_ros.core.published import LearnerInfo
 from pa_ros.ros import topics
+from pa_ros.ros.learners import LEARNER_ID, Learners
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Health
@@ -37,7 +38,7 @@ class Observer:
 
     def __init__(self, node: Node) -> None:
         self.arena: ArenaDescription | None = None
-        self.learner: LearnerInfo | None = None
+        self._learners = Learners()
         self.account = Account()
         # How many trajectories each agent has sent: one more than the highest number heard. Who
         # listens to a newcomer is found by it one after the other, and we may not be the first.
@@ -64,6 +65,11 @@ class Observer:
             (topics.DIAGNOSTICS, self._on_diagnostics),
         ):
             topic.subscribe(node, callback)
+
+    @property
+    def learner(self) -> LearnerInfo | None:
+        """The one that agents act for."""
+        return self._learners.current
 
     def value(self, node: str, key: str) -> float:
         """A figure that a node reported last; 0 if it has not."""
@@ -148,10 +154,7 @@ class Observer:
             info = codec.decode_learner_info(message)
         except PaError:
             return
-        if info.learner_id == STRANGER:
-            return
-        if self.learner is None or info.stamp_ns >= self.learner.stamp_ns:
-            self.learner = info
+        if info.learner_id != STRANGER and self._learners.announce(info):
             self.last["learner_info"] = message
 
     def _on_trajectory(self, message: Message) -> None:
@@ -189,6 +192,7 @@ class Observer:
             if not health.name.startswith(self._prefix):
                 continue
             self._health[health.name] = health, time.monotonic()
+            self._learners.heard(health.values.get(LEARNER_ID, ""))
             said = f"{health.name.rpartition('/')[2]}: {health.message}"
             if health.level:
                 self._seen.append((time.monotonic(), said))
