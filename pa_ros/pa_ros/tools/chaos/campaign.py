@@ -107,8 +107,8 @@ def campaign(config: ChaosConfig, say: Say = print, kept: Path | None = None) ->
 
 
 def _plan(rows: list[Row], cycles: int) -> Iterator[Row]:
-    """As many cycles, all rows in turn and in each turn kind by kind, so that a campaign that is cut
-    short has done every row."""
+    """As many cycles: all rows in turn, and in each turn kind by kind, so that a campaign that is
+    cut short has done every row."""
     kinds = list(dict.fromkeys(row.fault.kind for row in rows))
     turn = sorted(rows, key=lambda row: kinds.index(row.fault.kind))
     yield from itertools.islice(itertools.cycle(turn), cycles)
