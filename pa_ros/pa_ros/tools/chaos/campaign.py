@@ -21,11 +21,12 @@ from pa_ros.tools.chaos.faults_disk import disk_faults
 from pa_ros.tools.chaos.faults_launcher import launcher_faults
 from pa_ros.tools.chaos.faults_messages import message_faults
 from pa_ros.tools.chaos.invariants import mis_joined, orphans, shared_memory
-from pa_ros.tools.chaos.stage import MARK, Stage, executing, learning, staged, with_key
+from pa_ros.tools.chaos.stage import MARK, Stage, StageError, executing, learning, staged, with_key
 from pa_ros.tools.chaos.strangers import stranger_faults
 from pa_ros.tools.domain import use_domain
 
 SHORT: Final = ("agent_node: SIGKILL", "learner_node: SIGKILL", "sim_node: SIGSTOP 5 s")
+ATTEMPTS: Final = 3  # to bring up a stage, on a machine that may be busy
 PER_STAGE: Final = 12  # cycles, so that a recording stays short enough to be re-enacted
 Say = Callable[[str], None]
 
@@ -101,8 +102,13 @@ def campaign(config: ChaosConfig, say: Say = print, kept: Path | None = None) ->
     with tempfile.TemporaryDirectory(prefix="pa_ros-chaos-") as made:
         folder = kept or Path(made)
         for number, part in enumerate(_parts(plan)):
+            attempts = 0
             while part and time.monotonic() < deadline:
-                _on_one_stage(folder / str(number), number, part, deadline, say)
+                attempts += 1
+                if _on_one_stage(folder / f"{number}-{attempts}", number, part, deadline, say):
+                    attempts = 0
+                elif attempts == ATTEMPTS:
+                    raise StageError(f"stage: expected one in {ATTEMPTS} attempts, got none")
     return rows
 
 
@@ -121,10 +127,12 @@ def _parts(plan: list[Row]) -> Iterator[list[Row]]:
             yield kept[begun : begun + PER_STAGE]
 
 
-def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, say: Say) -> None:
-    """Cycles on one graph, as long as it recovers; what was done is taken from `part`."""
+def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, say: Say) -> bool:
+    """Cycles on one graph, as long as it recovers; what was done is taken from `part`.
+
+    False if the graph did not come to work, so that no harm could be done to it.
+    """
     kind, memory = part[0].fault.kind, shared_memory()
-    folder = folder / str(len(part))
     parameters = executing() if kind == "executing" else learning()
     if kind == "keyed":
         parameters = with_key(parameters, folder)
@@ -143,11 +151,12 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, s
                     break
     except PaError as error:
         if not done:
-            part.pop(0).cycles.append(Cycle("", time.time(), failures=[str(error)]))
-            return
+            say(str(error))
+            return False
         done[-1].failures.append(str(error))
     if done:
         _check_afterwards(stage, done, agents, memory, say)
+    return True
 
 
 def _check_afterwards(

@@ -13,7 +13,7 @@ from pa_ros.tools.chaos.invariants import orphans
 from pa_ros.tools.chaos.stage import MARK, Stage
 
 READY_S: Final = 20.0
-RECOVER_S: Final = 45.0
+RECOVER_S: Final = 90.0
 SEEN_S: Final = 3.0  # of the design's invariant 12
 HELD_RAD: Final = 2e-3  # that an arm which holds may settle by
 SETTLE_S: Final = 1.0  # until commands that stopped are noticed
