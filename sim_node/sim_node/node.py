@@ -143,10 +143,12 @@ class SimNode(Node):
         features, joints = codec.encode_observation(observation, self._joint_names, context, sent)
         self._joints.publish(joints)
         self._features.publish(features)
-        self._verdict.publish(
-            codec.encode_verdict(frame.verdict, evaluation, arena_id, sent.verdict)
-        )
-        self._clock_topic.publish(codec.encode_clock(observation.stamp_ns, sent.clock))
+        if self._verdict.get_subscription_count():  # greedy agents need none
+            self._verdict.publish(
+                codec.encode_verdict(frame.verdict, evaluation, arena_id, sent.verdict)
+            )
+        if self._clock_topic.get_subscription_count():
+            self._clock_topic.publish(codec.encode_clock(observation.stamp_ns, sent.clock))
         self._sent_at = time.monotonic()
 
     def _send_again(self) -> None:
