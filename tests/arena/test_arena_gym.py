@@ -1,5 +1,6 @@
 """The Gymnasium environment."""
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -42,6 +43,19 @@ def test_seed_fixes_the_sequence_of_episodes() -> None:
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first[0], first[1])
     assert not np.array_equal(first[0], env.reset(seed=5)[0])
+
+
+def test_a_flat_observation_tells_relations_apart_where_there_are_several() -> None:
+    design = design_named("2-L")
+    several = replace(design, vocabulary=design.vocabulary.asking("NEAR", "ABOVE", "BEHIND"))
+    env, seen = ReachEnv(design=several), set()
+    for _ in range(12):
+        flat, info = env.reset()
+        assert flat.shape == env.observation_space.shape
+        asked = np.flatnonzero(flat[-3:])
+        assert several.vocabulary.relations[int(asked.item())] == info["program"].split("(")[0]
+        seen.add(int(asked.item()))
+    assert len(seen) > 1
 
 
 def test_the_same_kind_is_always_at_the_same_place() -> None:

@@ -29,9 +29,10 @@ SEED_RANGE = 2**31 - 1
 class ReachEnv(gymnasium.Env[Any, Float32]):
     """Reach for one named block.
 
-    Observation, float32 [A + F · K + V]: the arm's A features; F features for each of the K
+    Observation, float32 [A + F · K + V + R]: the arm's A features; F features for each of the K
     kinds of block in the design, always at the same place and zero if absent (paper, appendix
-    "Canonical"); 1 at the V vocabulary words that describe the target. Action, [J] in [-1, 1]:
+    "Canonical"); 1 at the V vocabulary words that describe the target; where the design has several
+    relations, 1 at the one of the R that is asked for. Action, [J] in [-1, 1]:
     parts of the joint speed limits. With `observation="structured"` a `Dict` of objects, arm and
     program (`pa_ros.arena.structured`), for programs of any kind. Reward ±1, or as `reward` has
     it. Episodes are truncated, never terminated. `info` has the program, the distance (m) and
@@ -64,7 +65,7 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
             self._slot = {kind: i for i, kind in enumerate(self.design.pool)}
         self.world = world_of(self.config, self.design)
         size = self.world.arm_features + self.world.object_features * len(self._slot)
-        size += len(self.design.vocabulary.words)
+        size += len(self.design.vocabulary.words) + self.design.vocabulary.relation_inputs
         self.observation_space: spaces.Space[Any]
         self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self._observed: Callable[[Observation], Any] = self._flat
@@ -114,12 +115,18 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         slots = np.zeros((len(self._slot), self.world.object_features), dtype=np.float32)
         for block, row in zip(blocks, observation.objects[1:], strict=True):
             slots[self._slot[block.kind]] = row
-        goal = np.zeros(len(self.design.vocabulary.words), dtype=np.float32)
-        target = blocks[self.task.verifier.targets[0] - 1].kind
-        for word in target.words:
-            if word in self.design.vocabulary.row:
-                goal[self.design.vocabulary.row[word]] = 1.0
-        return np.concatenate([self.world.arm(observation), slots.ravel(), goal])
+        return np.concatenate([self.world.arm(observation), slots.ravel(), self._goal()])
+
+    def _goal(self) -> Float32:
+        """What is asked for, [V + R]."""
+        vocabulary, program = self.design.vocabulary, self.task.program
+        words = np.zeros(len(vocabulary.words), dtype=np.float32)
+        target = self.task.episode.blocks[self.task.verifier.targets[0] - 1].kind
+        words[[vocabulary.row[word] for word in target.words if word in vocabulary.row]] = 1.0
+        relations = np.zeros(vocabulary.relation_inputs, dtype=np.float32)
+        if len(relations):
+            relations[vocabulary.relation_row[program.relation]] = 1.0
+        return np.concatenate([words, relations])
 
     def _info(self, verdict: Verdict) -> dict[str, Any]:
         return {
