@@ -13,7 +13,7 @@ from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 POSE = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])  # of a hand
 PROGRAMS = tuple(
     parse(f"NEAR(HAND, AND({words}))", WORDS) for words in ("RED, CUBE", "BLUE, SPHERE")

@@ -2,6 +2,7 @@
 
 import io
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -40,7 +41,8 @@ def test_rows_stand_under_their_titles_and_what_is_not_known_is_a_dash():
 
 def test_without_a_terminal_a_line_says_now_and_then_how_far_it_is(monkeypatch):
     clock = iter([0.0, 1.0, 6.0, 7.0, 12.0])
-    monkeypatch.setattr(training_view.time, "monotonic", lambda: next(clock))
+    ours = SimpleNamespace(monotonic=lambda: next(clock))  # not the whole process's
+    monkeypatch.setattr(training_view, "time", ours)
     stream = io.StringIO()
     with TrainingView(2_000, stream) as view:
         for episode in range(1, 5):  # a resumed run: it begins at 1,000

@@ -41,7 +41,7 @@ FEATURES, JOINTS = codec.encode_observation(
 SETTINGS = DPGConfig().changed(
     **{"replay.capacity_frames": 500, "replay.batch_size": 4, "replay.warmup_frames": 5}
 )
-WORLD = World(PAPER, PAPER.vocabulary)
+WORLD = World(PAPER, PAPER.vocabulary, joints=6)
 ORIGIN = Origin("/sim_node", "a", "0.2", "numpy 2", 0, {"a": 1}, "2-L", "jaco", "fast", WORLD)
 JUDGEMENT = ProgramJudgement("p", "/sim_node", True, "NEAR(HAND, RED)")
 

@@ -43,7 +43,9 @@ def hide(
     objects = np.stack([scene(*kinds)] * len(drawn))
     following = objects + (0.5 * (np.arange(16) < 7)).astype(np.float32)
     program = np.tile(np.array(rows, np.int32), (len(drawn), 1))
-    PropertyDropout(table, World(PAPER, ALL), probability).hide(drawn, objects, following, program)
+    PropertyDropout(table, World(PAPER, ALL, joints=6), probability).hide(
+        drawn, objects, following, program
+    )
     assert (following[..., 7:] == objects[..., 7:]).all()
     assert (following[..., :7] == objects[..., :7] + np.float32(0.5)).all()
     assert (objects[..., :7] == scene(*kinds)[..., :7]).all()
@@ -96,7 +98,7 @@ def test_the_extremes_of_what_is_drawn() -> None:
 def test_programs_that_join_the_table_are_heeded() -> None:
     table = ProgramTable(ALL)
     rows = [table.add(parse("NEAR(HAND, AND(RED, CUBE))", ALL))]
-    dropout = PropertyDropout(table, World(PAPER, ALL), 1.0)
+    dropout = PropertyDropout(table, World(PAPER, ALL, joints=6), 1.0)
     for text, hidden in (("AND(BLUE, CUBE)", 3), ("AND(GREEN, SPHERE)", 2)):
         objects = np.stack([scene(*BLOCKS)] * 5)
         rows[1:] = [table.add(parse(f"NEAR(HAND, {text})", ALL))]

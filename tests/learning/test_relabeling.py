@@ -15,7 +15,7 @@ from pa_ros.world.schema import COLORS, PAPER, SHAPES
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=(*SHAPES, "C"), color=(*COLORS, "A"))
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 TEXTS = tuple(f"NEAR(HAND, AND({c}, {s}))" for c in COLORS[:3] for s in SHAPES[:3]) + (
     "NEAR(HAND, OR(CUBE, BLUE))",
     "NEAR(HAND, NOT(RED))",

@@ -344,7 +344,7 @@ def test_says_why_it_does_not_apply() -> None:
     assert why_not_fused(network.changed(kind="canonical"), config) == ""
     many = tuple(f"COLOR{i}" for i in range(_fused.MAX_SLOTS + 1))
     color = PropertyGroup("color", many, OneHot(many))
-    world = World(ObjectSchema((color,)), Vocabulary.of(color=many))
+    world = World(ObjectSchema((color,)), Vocabulary.of(color=many), joints=6)
     assert "slots" in why_not_fused(network.changed(world=world, kind="canonical"), config)
     assert why_not_fused(network.changed(world=world), config) == ""
     assert "float64" in why_not_fused(network, dpg(config, engine__dtype="float64"))

@@ -25,7 +25,7 @@ from pa_ros.world.world import World
 WORDS = Vocabulary.of(
     shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A")
 )
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
 # some of ∂Q/∂a is clipped, some is not
 CONFIG = dpg(actor__gradient_clip=0.05, actor__action_l2=0.02)

@@ -21,7 +21,7 @@ from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "BLUE"))
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 CONFIG = NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=9)
 
 

@@ -16,7 +16,7 @@ from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("BLUE", "A"))
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,7 @@ def test_json_round_trip(kind) -> None:
 
 def test_architecture_tells_actors_apart_and_nothing_else() -> None:
     config = NetworkConfig(world=WORLD)
+    other_words = Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A"))
     same = [config.changed(kind="distilled-critic"), config.changed(critic_output_bias=-100.0)]
     other = [
         config.changed(hidden=151),
@@ -56,9 +57,7 @@ def test_architecture_tells_actors_apart_and_nothing_else() -> None:
         config.changed(kind="canonical"),
         config.changed(kind="true-properties"),
         config.changed(world=World(PAPER, WORDS, joints=7)),
-        config.changed(
-            world=World(PAPER, Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A")))
-        ),
+        config.changed(world=World(PAPER, other_words, joints=6)),
     ]
     assert {c.architecture for c in same} == {config.architecture}
     assert len({c.architecture for c in [config, *other]}) == 1 + len(other)

@@ -26,7 +26,7 @@ from pa_ros.world.world import World
 WORDS = Vocabulary.of(
     shape=("CUBE", "SPHERE", "CYLINDER", "C"), color=("RED", "GREEN", "BLUE", "A", "B")
 )
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 TEXTS = (
     "NEAR(HAND, AND(RED, CUBE))",
     "NEAR(HAND, GREEN)",

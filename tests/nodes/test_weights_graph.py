@@ -25,7 +25,7 @@ from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
 WORDS = design_named("2-L").vocabulary
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 
 
 LEARNER = replace(
@@ -36,7 +36,7 @@ LEARNER = replace(
 
 
 def policy(version: int = 0, vocabulary: Vocabulary = WORDS, **options) -> PublishedPolicy:
-    network = NetworkConfig(world=World(PAPER, vocabulary), **{"hidden": 16, **options})
+    network = NetworkConfig(world=World(PAPER, vocabulary, joints=6), **{"hidden": 16, **options})
     tensors = initial_actor(network, np.random.default_rng(0))
     snapshot = PolicySnapshot(version, network.architecture, network.world.digest, tensors)
     return PublishedPolicy(snapshot, LEARNER.run_id, LEARNER.learner_id)

@@ -209,7 +209,7 @@ def test_what_would_mix_up_a_fleet_is_refused():
     both = LEARNING | {"agent_node": {"learning": True, "agent_id": "me"}}
     with pytest.raises(ConfigError, match=r"agent_id: expected another one in each arena"):
         fleet(both, 2)
-    exact = ["learner.schedule.in_step=exact"]
+    exact = ("learner.schedule.in_step=exact",)
     with pytest.raises(ConfigError, match="expected the agent_id of each that learns"):
         LearnerNodeConfig(arenas=("a", "b"), options=exact)
     with pytest.raises(ConfigError, match="agents: expected each once"):

@@ -24,7 +24,7 @@ from pa_ros.world.world import World
 
 DIGEST = "0123456789abcdef"
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 
 
 def trajectory(seed: int = 0, length: int = 3, count: int = 5, **fields) -> Trajectory:

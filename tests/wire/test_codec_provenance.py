@@ -12,7 +12,7 @@ from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
-WORLD = World(PAPER, WORDS)
+WORLD = World(PAPER, WORDS, joints=6)
 
 ORIGIN = Origin(
     node="/arena1/learner_node",

@@ -28,7 +28,7 @@ from pa_ros.world.world import World
 
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=200)
 
-WORLD = World(PAPER, Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE")))
+WORLD = World(PAPER, Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE")), joints=6)
 ARENA = ArenaDescription(
     mode=Mode.LOCKSTEP,
     design="2-L",

@@ -38,7 +38,7 @@ def test_words_are_true_of_what_is_near_enough() -> None:
     scene = np.stack([row, row, np.zeros_like(row)])
     scene[1, 16] = 0.06  # of no size that has a word
     words = Vocabulary.of(shape=("CUBE", "C"), color=("RED", "BLUE"), size=("SMALL", "LARGE", "X"))
-    truth = World(SIZED, words).truth(scene[None])
+    truth = World(SIZED, words, joints=6).truth(scene[None])
     assert truth.shape == (1, 3, 7) and truth.dtype == np.float32
     named = [{w for w, true in zip(words.words, one, strict=True) if true} for one in truth[0]]
     assert named == [{"CUBE", "BLUE", "SMALL"}, {"CUBE", "BLUE"}, set()]
@@ -130,7 +130,7 @@ def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
     ]
     fewer = Vocabulary.of(shape=("CUBE",), color=("RED",), size=("SMALL", "LARGE"))
     others = [
-        World(PAPER, PAPER.vocabulary),
+        World(PAPER, PAPER.vocabulary, joints=6),
         World(PAPER, PAPER.vocabulary, joints=7),
         World(SIZED, SIZED.vocabulary, joints=6),
         World(SIZED, fewer, joints=7),

@@ -19,7 +19,7 @@ from pa_ros.world import Trajectory
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
-_WORLD = World(PAPER, PAPER.vocabulary)
+_WORLD = World(PAPER, PAPER.vocabulary, joints=6)
 JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, _WORLD.joints + 1))
 _OBJECTS = 5
 _TRANSITIONS = 100

@@ -70,7 +70,7 @@ class Protocol:
         """
         given = dict(map(self._split, options))
         changed = Protocol(self.name, {**self.values, **given}, self.algorithm)
-        changed.network_config(World(PAPER, PAPER.vocabulary))
+        changed.network_config(World(PAPER, PAPER.vocabulary, joints=6))
         _ = changed.learner
         return changed
 

@@ -24,4 +24,4 @@ def with_world(values: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f"{name}: expected {size}, got {values[name]!r}")
     words = Vocabulary.of(shape=tuple(values["shapes"]), color=tuple(values["colors"]))
     kept = {k: v for k, v in values.items() if k not in (*_SIZES, "shapes", "colors")}
-    return kept | {"world": World(PAPER, words).to_data()}
+    return kept | {"world": World(PAPER, words, joints=6).to_data()}

@@ -30,7 +30,7 @@ class World:
 
     schema: ObjectSchema
     vocabulary: Vocabulary
-    joints: int = 6
+    joints: int
 
     def __post_init__(self) -> None:
         ours, theirs = [g.name for g in self.schema], list(self.vocabulary.by_group)
