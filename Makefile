@@ -11,12 +11,13 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: reference install install-dev install-bench install-console run train test fuzz bench same-results lint sanitize clean
+.PHONY: reference install install-dev install-bench install-console install-film run train test fuzz bench same-results lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
 install-bench: $(VENV)/.installed-bench
 install-console: $(VENV)/.installed-console
+install-film: $(VENV)/.installed-film
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -35,6 +36,10 @@ $(VENV)/.installed-bench: $(VENV)/.installed
 
 $(VENV)/.installed-console: $(VENV)/.installed
 	$(PIP_INSTALL) $(call extra,console)
+	touch $@
+
+$(VENV)/.installed-film: $(VENV)/.installed
+	$(PIP_INSTALL) $(call extra,film)
 	touch $@
 
 run: install

@@ -131,7 +131,7 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     arguments = ["--episode", "7", "--evaluation", "--side", "96", "--out", str(out)]
     assert main(["bag", "film", str(stepped), *arguments]) == 0
     with Image.open(out) as film:
-        assert film.format == "GIF" and film.size == (96, 96)
+        assert film.format == "GIF" and film.size == (96, 128)  # with its caption
         assert film.info["duration"] == 100
         pictures = [np.asarray(one.convert("RGB")) for one in ImageSequence.Iterator(film)]
     shown = len(pictures)
@@ -139,10 +139,27 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     assert STEPS // 2 < shown <= STEPS + 1  # equal pictures in a row are stored once
     assert main(["bag", "film", str(stepped), "--episode", "8", "--out", str(out)]) == 2
     assert "expected an episode of 7 to 7, got 8" in capsys.readouterr().err
-    movie = tmp_path / "film.mp4"
+    movie = tmp_path / "film.avi"
     assert main(["bag", "film", str(stepped), *arguments[:-1], str(movie)]) == 2
-    assert "expected a file that ends in .gif, got '.mp4'" in capsys.readouterr().err
+    assert "expected a file that ends in .gif or .mp4, got '.avi'" in capsys.readouterr().err
     assert not movie.exists()
+
+
+def test_a_film_tells_the_program_the_step_and_the_reward(stepped, tmp_path, monkeypatch):
+    said = []
+
+    def caption(picture, lines):
+        said.append(lines)
+        return picture
+
+    monkeypatch.setattr("pa_ros.bags.film.captioned", caption)
+    out = str(tmp_path / "film.gif")
+    arguments = ["--episode", "7", "--side", "64", "--out", out]
+    assert main(["bag", "film", str(stepped), *arguments]) == 0
+    steps = acted()[: STEPS + 1]
+    for (program, state), (_, verdict, _, asked, _) in zip(said, steps, strict=True):
+        assert program == str(asked) and f"distance {verdict.distance:.2f} m" in state
+    assert said[0][1].startswith("step 0") and f"step {STEPS}   reward" in said[-1][1]
 
 
 def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):

@@ -72,7 +72,7 @@ def _check(model: mujoco.MjModel, arm: Arm, blocks: int) -> None:
 
 def _arm_contact(config: ArenaConfig) -> str:
     affinity = SOLID | BLOCK if config.arm_touches_blocks else SOLID
-    return f'contype="0" conaffinity="{affinity}" rgba="0.25 0.25 0.28 1"'
+    return f'contype="0" conaffinity="{affinity}" rgba="0.8 0.82 0.86 1"'
 
 
 def _block(config: ArenaConfig, index: int, look: Look) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -18,12 +19,24 @@ from pa_ros.core.experience import Float64
 from pa_ros.world.relations import RELATIONS
 
 CAMERA = "overview"
+MARK_M, MARK_RGBA = 0.065, (1.0, 1.0, 1.0, 1.0)
 _INCH_PX = 100
 _refusals: list[str] = []  # of OpenGL in this process: none, or one
 
 
-def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]:
-    """Rendered RGB picture of the present moment, [height, width, 3].
+def draw(task: ReachTask, side_px: int, rendered: bool) -> NDArray[np.uint8]:
+    """The present moment, targets marked: in perspective (RenderError without OpenGL) or from
+    above, [side, side, 3] RGB."""
+    if not rendered:
+        return top_view(task, side_px)
+    return render(task.simulation, side_px, side_px, task.verifier.targets)
+
+
+def render(
+    simulation: Simulation, width: int, height: int, marked: Sequence[int] = ()
+) -> NDArray[np.uint8]:
+    """Rendered RGB picture of the present moment, [height, width, 3]; a ring lies on the table
+    around each object that is `marked`.
 
     MuJoCo reads the variable MUJOCO_GL ("egl" or "osmesa") when it is first imported. Raises
     RenderError if there is no such OpenGL on this machine; then nor is there later in this
@@ -36,6 +49,8 @@ def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]
             warnings.simplefilter("ignore")  # GLFW's, on a machine without a display
             with mujoco.Renderer(simulation.model, height, width) as renderer:
                 renderer.update_scene(simulation.data, CAMERA)
+                for index in marked:
+                    _mark(renderer.scene, simulation.positions[index])
                 return np.asarray(renderer.render(), dtype=np.uint8)
     except Exception as error:  # each OpenGL back end has its own kinds of failure
         refusal = (
@@ -45,6 +60,20 @@ def render(simulation: Simulation, width: int, height: int) -> NDArray[np.uint8]
         if not isinstance(error, ValueError):  # which is about the size
             _refusals.append(refusal)
         raise RenderError(refusal) from error
+
+
+def _mark(scene: mujoco.MjvScene, place: Float64) -> None:
+    """A bright disk on the table under a block, larger than it; dropped where the scene is full."""
+    if scene.ngeom < scene.maxgeom:
+        mujoco.mjv_initGeom(
+            scene.geoms[scene.ngeom],
+            mujoco.mjtGeom.mjGEOM_CYLINDER,
+            np.array([MARK_M, 0.001, 0.0]),
+            np.array([place[0], place[1], 0.002]),
+            np.eye(3).ravel(),
+            np.array(MARK_RGBA, dtype=np.float32),
+        )
+        scene.ngeom += 1
 
 
 def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Block, Episode
-from pa_ros.arena.render import render, top_view
+from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
+from pa_ros.arena.render import draw
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
 from pa_ros.core.experience import Float32
 from pa_ros.language import parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import ArenaDescription
-
-Picture = NDArray[np.uint8]
 
 
 class Stage:
@@ -72,44 +69,31 @@ class Stage:
 def film(
     episode: RecordedEpisode, arena: ArenaDescription, path: Path, rendered: bool, side_px: int
 ) -> int:
-    """Write an endless GIF at the speed of the arena; its number of pictures.
+    """Write a GIF or an MP4 at the speed of the arena; its number of pictures.
 
     `rendered`: in perspective, by OpenGL (RenderError if this machine has none), not from above.
     """
-    check_film(path)
-    stage = Stage(episode, arena)
-    pictures = _pictures(episode, stage, rendered, side_px)
-    first = Image.fromarray(next(pictures))
-    following = (Image.fromarray(picture) for picture in pictures)
-    try:
-        first.save(
-            path,
-            format="GIF",
-            save_all=True,
-            append_images=following,
-            duration=round(1000 * arena.control_period),
-            loop=0,
-        )
-    except OSError as error:
-        raise BagError(f"film: {path}: {error}") from error
-    return len(episode.rows)
-
-
-def check_film(path: Path) -> None:
-    """Raise BagError unless the file's name says what is written."""
-    if path.suffix.lower() != ".gif":
-        raise BagError(f"film: {path}: expected a file that ends in .gif, got {path.suffix!r}")
+    check_movie(path)
+    pictures = _pictures(episode, Stage(episode, arena), rendered, side_px)
+    return write_movie(path, pictures, arena.control_period)
 
 
 def _pictures(
     episode: RecordedEpisode, stage: Stage, rendered: bool, side_px: int
 ) -> Iterator[Picture]:
-    draw: Callable[[], Picture] = lambda: top_view(stage.task, side_px)  # noqa: E731
-    if rendered:
-        draw = lambda: render(stage.task.simulation, side_px, side_px)  # noqa: E731
     for row in episode.rows:
         stage.show(row)
-        yield draw()
+        yield captioned(draw(stage.task, side_px, rendered), _caption(row))
+
+
+def _caption(row: Row) -> tuple[str, str]:
+    """The program; the step and what it earned, where that is recorded."""
+    parts = [f"step {row.step}"]
+    if np.isfinite(row.reward):
+        parts.append(f"reward {row.reward:+.2f}")
+    if np.isfinite(row.distance):
+        parts.append(f"distance {row.distance:.2f} m")
+    return row.program or "no program", "   ".join(parts)
 
 
 def _kind(features: Float32, design: Design) -> Kind:

@@ -8,7 +8,7 @@ from pathlib import Path
 from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.reader import Bag
-from pa_ros.core.errors import ConfigError
+from pa_ros.cli.film import add_look, check_look
 
 EXIT_PARTIAL = 1  # some of the bag could not be looked at
 
@@ -22,12 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export.add_argument(
         "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
     )
-    film = actions.add_parser("film", help="an episode as a GIF, drawn from what was recorded")
-    film.add_argument("--out", type=Path, required=True, metavar="FILE.gif")
+    film = actions.add_parser("film", help="an episode as a GIF or MP4, from what was recorded")
+    film.add_argument("--out", type=Path, required=True, metavar="FILE.gif|FILE.mp4")
     film.add_argument("--episode", type=int, required=True, metavar="N")
     film.add_argument("--evaluation", action="store_true", help="the evaluation episode N")
-    film.add_argument("--rendered", action="store_true", help="in perspective; needs OpenGL")
-    film.add_argument("--side", type=int, default=360, metavar="PIXELS", help="(%(default)s)")
+    add_look(film)
     for action in (info, export, film):
         action.add_argument("bag", type=Path, metavar="BAG")
         action.add_argument("--namespace", help="of the arena, if several were recorded")
@@ -63,8 +62,7 @@ def _film(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.film import film
 
-    if not 64 <= options.side <= 2000:
-        raise ConfigError(f"--side: expected 64 to 2000 pixels, got {options.side}")
+    check_look(options)
     arenas = arenas_of(bag, options.namespace)
     if not arenas:
         raise ProvenanceError(f"bag: {bag.path}: no arena_info in it: which arena is unknown")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,8 @@ from pa_ros.tools.graph import signals_noted
 if TYPE_CHECKING:
     from pa_ros.console.server import ConsoleSettings
     from pa_ros.tools.client import Node
+
+POLITE = 5  # beside arena, agents and learner, whose machine it is
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +33,7 @@ def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal comes."""
     kind, serve_graph, serve_bag = _installed()
     settings = settings_from(options, kind)
+    os.nice(POLITE)
     with signals_noted() as interrupted:
         if options.bag is not None:
             serve_bag(options.bag, settings, options.namespace or None, interrupted, _announce)

@@ -21,6 +21,7 @@ COMMANDS = {
     "figures": ("pa_ros.cli.figures", "draw the pictures of the experiments' tables"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
     "bench": ("pa_ros.cli.bench", "measure what things cost on this machine"),
+    "film": ("pa_ros.cli.film", "an agent that executes six programs, as a GIF or MP4"),
     "launch": ("pa_ros.cli.launch", "start nodes and show one live table"),
     "send": ("pa_ros.cli.send", "send a program to a running graph"),
     "record": ("pa_ros.cli.record", "record a running graph into a rosbag2 bag"),

@@ -32,7 +32,7 @@ from pa_ros.wire.records import ArenaDescription, Mode, ProgramRequest
 REMEMBERED = 256  # programs by id
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0
-LOCKSTEP_S = 0.5  # learning takes every core: its steps are sampled
+LOCKSTEP_S = 1.0  # learning takes every core: a step of it is looked at, then nobody listens
 LOCKSTEP_DEPTH = 4
 EXAMPLES = 12
 
@@ -90,14 +90,17 @@ class LiveConsole:
             self._rest()
             return
         lockstep = self._arena is not None and self._arena.mode is Mode.LOCKSTEP
-        if lockstep and now - self._looked < LOCKSTEP_S:
-            return
-        self._looked = now
         if self._sampler is None:
+            if lockstep and now - self._looked < LOCKSTEP_S:
+                return
             depth = LOCKSTEP_DEPTH if lockstep else DEPTH
             self._sampler = Sampler(self._sampled, self._namespace, depth)
         self._weights.attend()
-        self._look(self._sampler.take())
+        steps = self._sampler.take()
+        self._look(steps)
+        if lockstep and steps:
+            self._looked = now
+            self._listen_no_more()
         self._page.say("History", self.history.html() + self._services.html())
         if now - self._plotted > FIGURES_S:
             self._plotted = now
@@ -105,18 +108,19 @@ class LiveConsole:
             self._page.say("Alarms", _alarms(self.figures))
 
     def _rest(self) -> None:
+        self._listen_no_more()
+        self._weights.rest()
+
+    def _listen_no_more(self) -> None:
         if self._sampler is not None:
             self._sampler.close()
             self._sampler = None
-        self._weights.rest()
 
     def _attend(self, namespace: str) -> None:
         """Turn to the arena of a namespace."""
         for entity in self._open:
             self._node.destroy_subscription(entity)
-        if self._sampler is not None:
-            self._sampler.close()
-            self._sampler = None
+        self._listen_no_more()
         self._namespace = namespace.strip("/")
         self._arena: ArenaDescription | None = None
         self._vocabulary: Vocabulary | None = None

@@ -1,0 +1,54 @@
+"""A film of an agent that executes the six programs of the demonstration, in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from pa_ros.arena import ReachTask
+from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
+from pa_ros.arena.render import draw
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.language import parse
+from pa_ros.tools.demo.scenes import DemoProgram, demo_programs, find_scene
+
+EVERY = 2  # control steps for each picture
+HELD = 8  # steps that a reached target is shown for
+LONGEST = 60  # steps of a program
+
+
+def film_execution(
+    agent: TrainedAgent, path: Path, seed: int, side_px: int, rendered: bool, fast: float = 1.0
+) -> int:
+    """Write a GIF or MP4 of the six programs, one scene each; its number of pictures.
+
+    `fast`: how much faster than the arena. ConfigError for a file of another kind or a design with
+    nothing held out, RenderError for a file that can't be written or `rendered` without OpenGL.
+    """
+    check_movie(path)
+    period_s = EVERY * agent.arena.control_period_ns / 1e9 / fast
+    return write_movie(path, _pictures(agent, seed, side_px, rendered), period_s)
+
+
+def _pictures(agent: TrainedAgent, seed: int, side_px: int, rendered: bool) -> Iterator[Picture]:
+    task = ReachTask(agent.arena, agent.design, seed)
+    for program in demo_programs(agent.design):
+        scene = find_scene(agent.arena, agent.design, seed, program)
+        task.reset_to(scene.episode)
+        for said in _executed(agent, task, program):
+            yield captioned(draw(task, side_px, rendered), (program.text, said))
+
+
+def _executed(agent: TrainedAgent, task: ReachTask, program: DemoProgram) -> Iterator[str]:
+    """What to say at each picture's step, the task being there."""
+    parsed = parse(program.text, agent.design.vocabulary)
+    observation, verdict = task.set_program(parsed)
+    policy, held = agent.policy, 0
+    for step in range(LONGEST + 1):
+        held = held + 1 if verdict.satisfied else 0
+        if step % EVERY == 0 or held == HELD:
+            state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} m away"
+            yield f"{program.kind}   step {step}   {state}"
+        if held == HELD:
+            return
+        observation, verdict = task.step(policy(observation, parsed))

@@ -1,0 +1,97 @@
+"""Films: written as what their name says, with a caption, or refused in a line."""
+
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from pa_ros.arena.errors import RenderError
+from pa_ros.arena.movie import captioned, check_movie, write_movie
+from pa_ros.cli.main import main
+from pa_ros.core.errors import ConfigError
+
+RED, GREEN = (217, 38, 38), (38, 166, 51)
+
+
+def pictures(count, side=65):
+    for i in range(count):
+        picture = np.full((side, side, 3), 230, dtype=np.uint8)
+        picture[i : i + 8, i : i + 8] = RED if i < count // 2 else GREEN
+        yield picture
+
+
+def test_a_gif_has_every_picture_and_colors_that_come_later(tmp_path):
+    path = tmp_path / "film.gif"
+    assert write_movie(path, pictures(6), 0.2) == 6
+    with Image.open(path) as film:
+        assert film.info["duration"] == 200 and film.info["loop"] == 0
+        shown = [np.asarray(one.convert("RGB")).astype(int) for one in ImageSequence.Iterator(film)]
+    assert len(shown) == 6
+    for i, color in ((0, RED), (5, GREEN)):
+        assert np.abs(shown[i][i + 4, i + 4] - color).max() < 40
+
+
+def test_an_mp4_can_be_read_again_also_of_odd_sides(tmp_path):
+    av = pytest.importorskip("av")
+    path = tmp_path / "film.mp4"
+    assert write_movie(path, pictures(6), 0.1) == 6
+    with av.open(str(path)) as film:
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+        assert film.streams.video[0].average_rate == 10
+    assert len(frames) == 6 and frames[0].shape == (66, 66, 3)
+    assert np.abs(frames[0][4, 4].astype(int) - RED).max() < 60
+
+
+def test_without_the_extra_an_mp4_is_refused_by_its_name(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(ConfigError, match=r"programmable-agents\[film\]"):
+        check_movie(tmp_path / "film.mp4")
+    check_movie(tmp_path / "film.gif")
+
+
+def test_a_caption_stands_below_and_is_cut_to_the_width():
+    picture = np.zeros((60, 90, 3), dtype=np.uint8)
+    short = captioned(picture, ["RED", "step 1"])
+    assert (short[:60] == picture).all() and short.shape[1:] == (90, 3)
+    long = captioned(picture, ["RED" * 50, "step 1"])
+    assert long.shape == short.shape and (long[60:, -4:] == 255).all(), "a margin stays"
+    assert captioned(picture, ["", ""]).min() == 0 and (captioned(picture, [""])[60:] == 255).all()
+
+
+@pytest.mark.parametrize("kind", ["gif", "mp4"])
+def test_a_file_that_cannot_be_written_is_refused_in_a_line(tmp_path, kind):
+    if kind == "mp4":
+        pytest.importorskip("av")
+    with pytest.raises(RenderError, match="absent"):
+        write_movie(tmp_path / "absent" / f"film.{kind}", pictures(2), 0.1)
+
+
+def test_the_shipped_agent_is_filmed_and_reaches_what_it_is_told(tmp_path, capsys, monkeypatch):
+    said = []
+    monkeypatch.setattr(
+        "pa_ros.tools.demo.film.captioned", lambda p, lines: said.append(lines) or p
+    )
+    out = tmp_path / "film.gif"
+    assert main(["film", "--out", str(out), "--seed", "1", "--side", "64"]) == 0
+    assert capsys.readouterr().out == f"{len(said)} pictures in {out}\n"
+    ends = {program: state for program, state in said}
+    assert len(ends) == 6 and all(state.endswith("reached") for state in ends.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "refused"),
+    [
+        (["--out", "x.avi"], "ends in .gif or .mp4"),
+        (["--out", "x.gif", "--side", "9"], "expected 64 to 2000 pixels, got 9"),
+        (["--out", "x.gif", "--seed", "-1"], "got -1"),
+        (["--out", "x.gif", "--checkpoint", "nowhere"], "nowhere"),
+    ],
+)
+def test_bad_options_are_refused_and_leave_nothing(
+    arguments, refused, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["film", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert refused in error and error.count("\n") == 1 and not list(tmp_path.iterdir())
