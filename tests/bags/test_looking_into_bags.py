@@ -131,7 +131,7 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     arguments = ["--episode", "7", "--evaluation", "--side", "96", "--out", str(out)]
     assert main(["bag", "film", str(stepped), *arguments]) == 0
     with Image.open(out) as film:
-        assert film.format == "GIF" and film.size == (96, 128)  # with its caption
+        assert film.format == "GIF" and film.size == (96, 126)  # with its caption
         assert film.info["duration"] == 100
         pictures = [np.asarray(one.convert("RGB")) for one in ImageSequence.Iterator(film)]
     shown = len(pictures)
