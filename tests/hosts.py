@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+BAD_LINK = Path(__file__).with_name("bad_link.py")
 # What the wheels' programs need that are not Python's.
 LIBRARIES = f"{sysconfig.get_path('platlib')}/ros_fastrtps.libs:{sys.prefix}/lib"
 # What this process has set for itself, and a child on another host must not inherit.
@@ -57,6 +58,26 @@ class Hosts:
             ip("-n", name, "link", "set", "eth0", "up")
             ip("-n", name, "route", "add", "224.0.0.0/4", "dev", "eth0")
             ip("-n", self._switch, "link", "set", f"port{host}", "master", "bridge", "up")
+
+    def worsen(self, host: int, *options: str, log: Path = Path(os.devnull)) -> None:
+        """Put a bad link (its options: `bad_link.py`) between a host's port and the switch."""
+        inside = ["ip", "netns", "exec"]
+        ip("-n", self._switch, "link", "set", f"port{host}", "nomaster", "promisc", "on")
+        ip("-n", self._switch, "link", "add", f"up{host}", "type", "veth", "peer", "name",
+           f"plug{host}")  # fmt: skip
+        ip("-n", self._switch, "link", "set", f"up{host}", "promisc", "on", "up")
+        ip("-n", self._switch, "link", "set", f"plug{host}", "master", "bridge", "up")
+        for name in self.names:
+            self._finish_frames([*inside, name], "eth0")
+        words = [*inside, self._switch, sys.executable, str(BAD_LINK), f"port{host}", f"up{host}"]
+        with log.open("ab") as output:
+            self._processes.append(
+                subprocess.Popen([*words, *options], stdout=output, stderr=output)
+            )
+
+    def _finish_frames(self, within: list[str], interface: str) -> None:
+        code = f"import bad_link; bad_link.no_offload({interface!r})"
+        subprocess.run([*within, sys.executable, "-c", code], check=True, cwd=BAD_LINK.parent)
 
     def cable(self, host: int, plugged: bool) -> None:
         """Pull a host's cable, or plug it in."""

@@ -25,6 +25,7 @@ class Watch:
         self._usual_s = 0.0  # between trajectories, smoothed
         self._any = False
         self._agents: dict[AgentKey, float] = {}
+        self._heard: dict[str, tuple[float, float]] = {}  # by name: when last; s between
         self._refusal, self._refused_at = "", 0.0
 
     def came(self, agent: AgentKey) -> None:
@@ -35,6 +36,10 @@ class Watch:
         self._any, self._came_at = True, now
         self._agents = {name: at for name, at in self._agents.items() if now - at < AT_WORK_S}
         self._agents[agent] = now
+        before, usual_s = self._heard.get(agent.agent_id, (now, 0.0))
+        since_s = now - before
+        smoothed_s = usual_s + 0.2 * (since_s - usual_s) if usual_s else since_s
+        self._heard[agent.agent_id] = now, smoothed_s
 
     def refused(self, reason: str) -> None:
         """Something was refused; `reason`: what, and why."""
@@ -77,4 +82,17 @@ class Watch:
             )
         if missing:
             return WARN, f"{missing} trajectories are missing: their agent sends them again"
-        return OK, "learning"
+        return self._silent(now) or (OK, "learning")
+
+    def _silent(self, now: float) -> tuple[int, str] | None:
+        """Of several agents one that is not heard any more; it is forgotten after a while."""
+        for name, (at, usual_s) in list(self._heard.items()):
+            silent_s, patience_s = now - at, max(IDLE_S, PATIENCE * usual_s)
+            if silent_s > patience_s + AT_WORK_S:
+                del self._heard[name]
+            elif usual_s and silent_s > patience_s and len(self._heard) > 1:
+                return WARN, (
+                    f"no trajectory of {name!r} for {silent_s:.0f} s, the others' are learned "
+                    "from: do its sim_node and agent_node run?"
+                )
+        return None

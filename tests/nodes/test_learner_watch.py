@@ -86,3 +86,34 @@ def test_refusals_and_what_is_missing_are_said_while_they_last(watch, clock) -> 
     clock.now += AT_WORK_S
     assert not watch.at_work(A)
     assert watch.state("disk full", 0, 0, 0) == (ERROR, "disk full")
+
+
+def test_an_agent_that_falls_silent_is_named_while_others_are_heard_and_then_forgotten(
+    watch, clock
+) -> None:
+    fast, slow = AgentKey("fast", 1), AgentKey("slow", 1)
+    for tick in range(60):
+        watch.came(fast)
+        if tick % 20 == 0:  # every 6 s, which is usual for it
+            watch.came(slow)
+        assert watch.state("", 0, 0, frames(clock)) == (OK, "learning")
+        clock.now += 0.3
+    said = []
+    for _ in range(int((AT_WORK_S + 25) / 0.3)):
+        watch.came(fast)
+        said.append(watch.state("", 0, 0, frames(clock)))
+        clock.now += 0.3
+    assert [level for level, _ in said[:20]] == [OK] * 20
+    assert any(
+        level == WARN and message.startswith("no trajectory of 'slow'") for level, message in said
+    )
+    assert said[-1] == (OK, "learning")
+
+
+def test_whose_turn_it_is_is_named_when_all_wait_for_it(watch, clock) -> None:
+    watch.came(A)
+    watch.state("", 0, 3, 7.0, "b")
+    clock.now += IDLE_S + 1
+    watch.came(A)
+    level, message = watch.state("", 0, 3, 7.0, "b")
+    assert level == WARN and message.startswith("waits for 'b', whose turn it is")

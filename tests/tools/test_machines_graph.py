@@ -6,8 +6,9 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -42,14 +43,27 @@ class Site:
         environment = self._common | self._environment(host)
         self.hosts.run(host, words, environment, log)
 
-    def begin(self) -> None:
+    def begin(self, *options: str, **learner: object) -> None:
         arenas = ["arena1", "arena2"]
-        out = str(self.folder / "run")
-        self.run(0, "learner_node", options=SMALL, arenas=arenas, out=out)
+        learner |= {"options": [*SMALL, *options], "out": str(self.folder / "run")}
+        self.run(0, "learner_node", arenas=arenas, **learner)
         for host, arena in enumerate(arenas, start=1):
             self.run(host, "sim_node", f"/{arena}", seed=host)
             agent = {"learning": True, "learner": "/", "agent_id": arena, "stuck_after_s": 3.0}
             self.run(host, "agent_node", f"/{arena}", **agent)
+
+    def record(self, bag: Path, topics: Sequence[str]) -> None:
+        """Some topics, on the learner's host, from before it begins."""
+        words = [sys.executable, "-m", "pa_ros", "record", bag, "--arenas", "arena1", "arena2"]
+        environment = self._common | self._environment(0)
+        log = self.folder / "record.log"
+        self.hosts.run(0, [*words, "--topics", *topics], environment, log)
+        wait_for(lambda: "recording" in (log.read_text() if log.exists() else ""), "a recorder")
+
+    @property
+    def ledger(self) -> dict[str, Any]:
+        """As the newest checkpoint has it."""
+        return dict(read_metadata(checkpoint_of(self.folder / "run"))["replay"]["ledger"])
 
     @property
     def frames(self) -> int:
@@ -71,8 +85,7 @@ def three(tmp_path: Path) -> Iterator[Callable[[Callable[[int], dict[str, str]]]
 def ended(site: Site) -> dict[str, dict[str, object]]:
     """The learner's account of each agent, once it has saved and all have ended."""
     site.hosts.stop()
-    metadata = read_metadata(checkpoint_of(site.folder / "run"))
-    return dict(metadata["replay"]["ledger"]["accounts"])
+    return dict(site.ledger["accounts"])
 
 
 def test_arenas_on_other_hosts_train_a_learner_and_a_cut_cable_loses_nothing(three):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import tempfile
+from pathlib import Path
 
 from pa_ros.cli.options import file_to_write
 from pa_ros.core.report import Report, write_report
@@ -23,6 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--minutes", type=float, default=60.0, metavar="X", help="endurance: how long (%(default)s)"
     )
+    parser.add_argument(
+        "--seeds", type=int, default=3, metavar="N", help="fleet: of each size (%(default)s)"
+    )
+    parser.add_argument(
+        "--arenas", type=int, nargs="+", default=[1, 2, 4, 8], metavar="N",
+        help="fleet: how many, at ten times real time (%(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--growth", action="store_true",
         help="learner: time of an update against blocks, batch and programs; "
@@ -72,6 +81,19 @@ def _train(options: argparse.Namespace) -> Report:
     return (bench_graph_loop if options.graph else bench_loop)(options.network)
 
 
+def _fleet(options: argparse.Namespace) -> Report:
+    from pa_ros.benchmarks.fleet import bench_fleet, runs_in
+    from pa_ros.benchmarks.fleet_figure import draw_fleet
+
+    if options.json is None:
+        with tempfile.TemporaryDirectory() as name:
+            return bench_fleet(Path(name), options.seeds, options.arenas)
+    folder = options.json.with_suffix(".runs")
+    report = bench_fleet(folder, options.seeds, options.arenas)
+    draw_fleet(options.json.with_suffix(".png"), runs_in(folder))
+    return report
+
+
 def _load(_: argparse.Namespace) -> Report:
     from pa_ros.benchmarks.load import bench_load
 
@@ -94,6 +116,7 @@ BENCHMARKS = {
     "codec": _codec,
     "console": _console,
     "endurance": _endurance,
+    "fleet": _fleet,
     "sim": _sim,
     "graph": _graph,
     "learner": _learner,

@@ -55,7 +55,9 @@ def _record(options: argparse.Namespace, how: RecordingOptions) -> int:
     die_with_parent()
     limit_s = how.duration_s or None
     with signals_noted() as interrupted, client_node("record", how.namespace) as node:
-        chosen = topics_named(node, how.topics) if how.topics else topics_of(how.arenas)
+        chosen = topics_of(how.arenas)
+        if how.topics:
+            chosen = tuple(topics_named(node, how.topics, how.arenas))
         with Recorder(options.out, node, chosen, how) as recorder:
             print(f"recording into {options.out} (Ctrl-C closes it)", flush=True)
             figures = RecordingFigures(recorder.counts, lambda: (recorder.counts, recorder.lost))

@@ -259,9 +259,9 @@ def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
     return (*BAG_TOPICS, *within)
 
 
-def topics_named(node: Node, names: Iterable[str]) -> list[Topic]:
+def topics_named(node: Node, names: Iterable[str], arenas: Sequence[str] = ()) -> list[Topic]:
     """Topics by name: ours, and any other that someone publishes now. Raises BagError."""
-    ours = {node.resolve_topic_name(one.name): one for one in BAG_TOPICS}
+    ours = {node.resolve_topic_name(one.name): one for one in topics_of(arenas)}
     wanted = [node.resolve_topic_name(name) for name in names]
     strangers = [name for name in wanted if name not in ours]
 

@@ -18,10 +18,11 @@ from pa_ros.core.settings import Settings
 from pa_ros.tools.chaos.cycles import Cycle, run_cycle
 from pa_ros.tools.chaos.faults import Fault, executing_faults, order_faults, process_faults
 from pa_ros.tools.chaos.faults_disk import disk_faults
+from pa_ros.tools.chaos.faults_fleet import fleet_faults
 from pa_ros.tools.chaos.faults_launcher import launcher_faults
 from pa_ros.tools.chaos.faults_messages import message_faults
 from pa_ros.tools.chaos.invariants import mis_joined, orphans, shared_memory
-from pa_ros.tools.chaos.stage import MARK, Stage, executing, learning, staged, with_key
+from pa_ros.tools.chaos.stage import MARK, Stage, executing, fleet, learning, staged, with_key
 from pa_ros.tools.chaos.strangers import stranger_faults
 from pa_ros.tools.domain import use_domain
 
@@ -76,7 +77,8 @@ class Row:
 def all_faults() -> list[Fault]:
     """Every row, those of one kind together."""
     return [*process_faults(), *order_faults(), *disk_faults(), *stranger_faults(),
-            *launcher_faults(), *message_faults(), *executing_faults()]  # fmt: skip
+            *launcher_faults(), *message_faults(), *executing_faults(),
+            *fleet_faults()]  # fmt: skip
 
 
 def chosen(config: ChaosConfig) -> list[Fault]:
@@ -136,7 +138,7 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, s
     False if the graph did not come to work, so that no harm could be done to it.
     """
     kind, memory = part[0].fault.kind, shared_memory()
-    parameters = executing() if kind == "executing" else learning()
+    parameters = {"executing": executing, "fleet": fleet}.get(kind, learning)()
     if kind == "keyed":
         parameters = with_key(parameters, folder)
     done: list[Cycle] = []

@@ -46,7 +46,11 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
     try:
         fault.strike(stage)
         struck = time.monotonic()
+        version = observer.account.version
         stage.until(_noting(stage, cycle, struck, lambda: False), fault.hold_s)
+        if fault.goes_on and observer.account.version <= version + ADVANCE:
+            cycle.failures.append(f"others were held up: version {observer.account.version} "
+                                  f"{fault.hold_s:g} s after version {version}")  # fmt: skip
         if fault.empties and (left := orphans(stage.mark, MARK)):
             cycle.failures.append(f"processes left behind: {left}")
         if fault.halts:

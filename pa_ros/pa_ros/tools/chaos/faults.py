@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from pa_ros.tools.chaos.stage import NODES, RECORDER, START_S, Stage
 
-Kind = Literal["learning", "keyed", "launched", "relayed", "executing"]
+Kind = Literal["learning", "keyed", "launched", "relayed", "executing", "fleet"]
 DOWN_S: Final = 3.0  # that a process that ended stays away
 STOPPED_S: Final = 5.0
 TROUBLE_S: Final = 4.0  # that messages are meddled with, or a second process is there
@@ -32,6 +32,7 @@ class Fault:
     silent: str = ""  # why no node is to say anything; empty: one must
     damages: int = 0  # checkpoints that may be lost by it
     halts: bool = False  # the arm must hold
+    goes_on: bool = False  # the learner learns on meanwhile, from another arena
     empties: bool = False  # no process may be left meanwhile
     ready: Callable[[Stage], bool] = lambda _: True  # what is waited for before it
 

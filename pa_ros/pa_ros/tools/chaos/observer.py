@@ -120,11 +120,11 @@ class Observer:
         Negative if more was learned than published.
         """
         account, accounted, dead = self.account, 0, 0
-        living = self.text("agent_node", "agent_id")
+        living = {entry.values.get("agent_id") for entry, _ in self._health.values()}
         for agent, sent in self.published.items():
             taken = min(account.accounted.get(agent, 0), sent)
             accounted += taken
-            dead += sent - taken if agent.agent_id != living else 0
+            dead += sent - taken if agent.agent_id not in living else 0
         refused = self.value("learner_node", "rejected_trajectories")
         told = max(0.0, refused - self.forgeries)  # of ours
         told += self.value("learner_node", "lost_trajectories")
@@ -175,7 +175,9 @@ class Observer:
         if version < self._reached.get(policy.learner_id, 0):
             self.went_back += version >= self.learner.first_version
         self._reached = {policy.learner_id: version}
-        self.account = Account(version, dict(policy.accounted))
+        # Of an agent that came back under its name, what its former incarnation was credited with.
+        accounted = self.account.accounted | dict(policy.accounted)
+        self.account = Account(version, accounted)
         self.last["policy_weights"] = message
 
     def _on_joints(self, message: Message) -> None:

@@ -55,6 +55,19 @@ def learning() -> Parameters:
     }
 
 
+def fleet() -> Parameters:
+    """The same with a second arena, which feeds the same learner; agents are called as arenas."""
+    one = learning()
+    named = one["agent_node"] | {"agent_id": "arena1"}
+    return {
+        **one,
+        "agent_node": named,
+        "learner_node": one["learner_node"] | {"arenas": ["", "arena2"]},
+        "arena2/sim_node": one["sim_node"] | {"seed": 5},
+        "arena2/agent_node": named | {"seed": 5, "agent_id": "arena2"},
+    }
+
+
 def executing() -> Parameters:
     """An arena by the clock and an agent that moves its arm."""
     return {
@@ -140,7 +153,8 @@ class Stage:
         """Start a node, or a second one `beside` it."""
         self._starts += 1
         label = f"{name}-second" if beside else name
-        self._pids[label] = self._supervisor.start(label, self._command(name, beside))
+        command = self._command(name, beside)
+        self._pids[label] = self._supervisor.start(_process(label), command)
 
     def _command(self, name: str, beside: bool) -> list[str]:
         namespace = self.node.get_namespace()
@@ -149,7 +163,7 @@ class Stage:
                 self.bags.append(self.folder / f"bag-{len(self.bags)}")
             command = [sys.executable, "-m", "pa_ros", "record", str(self.bags[-1])]
             return [*command, "--namespace", namespace]
-        path = self.folder / f"{name}-{self._starts}.yaml"
+        path = self.folder / f"{_process(name)}-{self._starts}.yaml"
         if name == LAUNCHER:
             if not beside:
                 self.bags.append(self.folder / f"bag-{len(self.bags)}")
@@ -159,7 +173,9 @@ class Stage:
             return [sys.executable, "-m", "pa_ros", "launch", "--params", str(path), *into]
         write_parameters(path, {name: self._values(name, beside)}, namespace)
         rules = remaps(name) if self._kind == "relayed" else {}
-        return [*node_command(name, path, namespace), *ros_arguments(remaps=rules)[1:]]
+        within, _, node = name.rpartition("/")
+        place = f"{namespace}/{within}" if within else namespace
+        return [*node_command(node, path, place), *ros_arguments(remaps=rules)[1:]]
 
     def _values(self, name: str, beside: bool = False) -> dict[str, Any]:
         """A node's parameters; the learner goes on where there is something to go on from."""
@@ -167,6 +183,8 @@ class Stage:
         if name == "learner_node":
             out = self.folder / ("second" if beside else "run")
             values |= {"out": str(out.resolve()), "resume": holds_checkpoint(out)}
+        if name.endswith("/agent_node"):  # in a fleet
+            values["learner"] = self.node.get_namespace()
         return values
 
     def signal(self, name: str, number: signal.Signals) -> None:
@@ -190,7 +208,7 @@ class Stage:
 
     def stop(self, name: str) -> int:
         """Stop it as Ctrl-C does; its exit status."""
-        return self._supervisor.stop([name]).get(name, 0)
+        return self._supervisor.stop([_process(name)]).get(_process(name), 0)
 
     def ended(self, name: str) -> bool:
         """Whether it has ended by itself."""
@@ -201,13 +219,18 @@ class Stage:
             return True
 
     def log(self, name: str) -> str:
-        path = self.folder / "log" / f"{name}.log"
+        path = self.folder / "log" / f"{_process(name)}.log"
         return path.read_text(errors="replace") if path.exists() else ""
 
     def end(self) -> None:
         """Stop everything, the recorder last."""
         self._supervisor.stop([n for n in self._supervisor.names if n != RECORDER])
         self._supervisor.stop()
+
+
+def _process(name: str) -> str:
+    """A node's name among processes and files."""
+    return name.replace("/", ".")
 
 
 @contextmanager
