@@ -11,7 +11,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: reference install install-dev install-bench install-console install-film run train test fuzz bench same-results lint sanitize clean
+.PHONY: reference install install-dev install-bench install-console install-film run train test fuzz bench same-results links lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -47,6 +47,10 @@ run: install
 
 train: install
 	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out runs/train
+
+# What a fleet on three hosts makes of a bad link and of a cut of half a minute; needs root.
+links: install-dev
+	$(BIN)/python -m pytest -q -s -p no:xdist tests/tools/links.py
 
 # What docs and parameter files say of settings, from the settings.
 reference: install

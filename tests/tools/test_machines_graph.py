@@ -3,89 +3,23 @@ pulled and plugged in again. The hosts are network namespaces that the test make
 
 from __future__ import annotations
 
-import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
-from hosts import Hosts, hosts, why_not
-from recorded_runs import SMALL
-from waiting import wait_for
+from hosts import hosts
+from sites import NO_HOSTS, SUBNET, Site, ended
 
-from pa_ros.learning.checkpoints import read_metadata
-from pa_ros.learning.folder import checkpoint_of
-
-NO_HOSTS = why_not()
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
 CUT_S = 5.0
-SUBNET = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-
-
-class Site:
-    """The three hosts' processes, and how far the learner is by its own log."""
-
-    def __init__(self, made: Hosts, folder: Path, environment: Callable[[int], dict[str, str]]):
-        self.hosts, self.folder = made, folder
-        self._environment = environment
-        common = {"ROS_DOMAIN_ID": "3", "ROS_LOG_DIR": str(folder)}
-        self._common = common | {"OMP_NUM_THREADS": "1"}
-
-    def run(self, host: int, node: str, namespace: str = "", **parameters: object) -> None:
-        path = self.folder / f"{host}-{node}.yaml"
-        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
-        log = self.folder / f"{host}-{node}.log"
-        words = [sys.executable, "-m", f"{node}.main", "--ros-args", "--params-file", path]
-        words += ["-r", f"__ns:={namespace}"] if namespace else []
-        environment = self._common | self._environment(host)
-        self.hosts.run(host, words, environment, log)
-
-    def begin(self, *options: str, **learner: object) -> None:
-        arenas = ["arena1", "arena2"]
-        learner |= {"options": [*SMALL, *options], "out": str(self.folder / "run")}
-        self.run(0, "learner_node", arenas=arenas, **learner)
-        for host, arena in enumerate(arenas, start=1):
-            self.run(host, "sim_node", f"/{arena}", seed=host)
-            agent = {"learning": True, "learner": "/", "agent_id": arena, "stuck_after_s": 3.0}
-            self.run(host, "agent_node", f"/{arena}", **agent)
-
-    def record(self, bag: Path, topics: Sequence[str]) -> None:
-        """Some topics, on the learner's host, from before it begins."""
-        words = [sys.executable, "-m", "pa_ros", "record", bag, "--arenas", "arena1", "arena2"]
-        environment = self._common | self._environment(0)
-        log = self.folder / "record.log"
-        self.hosts.run(0, [*words, "--topics", *topics], environment, log)
-        wait_for(lambda: "recording" in (log.read_text() if log.exists() else ""), "a recorder")
-
-    @property
-    def ledger(self) -> dict[str, Any]:
-        """As the newest checkpoint has it."""
-        return dict(read_metadata(checkpoint_of(self.folder / "run"))["replay"]["ledger"])
-
-    @property
-    def frames(self) -> int:
-        log = self.folder / "0-learner_node.log"
-        told = re.findall(r"frames ([\d,]+) \(", log.read_text()) if log.exists() else []
-        return int(told[-1].replace(",", "")) if told else 0
-
-    def learns(self, frames: int = 500) -> None:
-        before = self.frames
-        wait_for(lambda: self.frames >= before + frames, f"{frames} frames after {before}")
 
 
 @pytest.fixture
 def three(tmp_path: Path) -> Iterator[Callable[[Callable[[int], dict[str, str]]], Site]]:
     with hosts(3) as made:
         yield lambda environment: Site(made, tmp_path, environment)
-
-
-def ended(site: Site) -> dict[str, dict[str, object]]:
-    """The learner's account of each agent, once it has saved and all have ended."""
-    site.hosts.stop()
-    return dict(site.ledger["accounts"])
 
 
 def test_arenas_on_other_hosts_train_a_learner_and_a_cut_cable_loses_nothing(three):
