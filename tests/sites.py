@@ -39,9 +39,7 @@ class Site:
         environment = self._common | self._environment(host)
         self.hosts.run(host, words, environment, log)
 
-    def begin(
-        self, *options: str, sim: Mapping[str, object] | None = None, **learner: object
-    ) -> None:
+    def begin(self, *options: str, sim: Mapping[str, Any] | None = None, **learner: Any) -> None:
         arenas = ["arena1", "arena2"]
         learner |= {"options": [*SMALL, *options], "out": str(self.folder / "run")}
         self.run(0, "learner_node", arenas=arenas, **learner)

@@ -7,6 +7,7 @@ import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hosts import hosts
@@ -51,7 +52,7 @@ def gaps(site: Site) -> list[list[int]]:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_bad_link_that_is_cut_for_half_a_minute_loses_nothing_unsaid(three: Site, way: str):
-    site, figures = three, {"in_step": way}
+    site, figures = three, dict[str, Any](in_step=way)
     bag = site.folder / "bag"
     topics = [*TOPICS, *(f"arena{i}/{name}" for i in (1, 2) for name in TOPICS[2:])]
     site.record(bag, [*topics, "arena1/arena_info", "arena2/arena_info"])

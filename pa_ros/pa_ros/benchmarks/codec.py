@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import platform
 import timeit
+import zlib
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
+from rclpy.serialization import serialize_message
 
 from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot, Verdict
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import parse
+from pa_ros.learning.checkpoints import load_policy
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Command
@@ -29,7 +33,9 @@ _WEIGHTS = {"message.0.weight": (150, 68), "message.1.weight": (150, 150), "all.
 def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
     """Best of `repeats` means over `calls`; `codec.encode_us` is a control step's observation.
 
-    Conversion to and from message objects only: serialization is rmw's and not counted.
+    Conversion to and from message objects only: serialization is rmw's and not counted, but how
+    long its result is (`codec.features_bytes` …), without DDS's own words; and what compressing
+    the shipped 3-D actor would save.
     """
     rng = np.random.default_rng(0)
     observation, verdict, command = sample_step()
@@ -53,9 +59,17 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
         "encode_weights_us": (lambda: codec.encode_weights(policy), calls // 100),
         "decode_weights_us": (lambda: codec.decode_weights(messages[3]), calls // 100),
     }
-    for name, message in zip(("command", "trajectory", "weights"), messages[1:], strict=True):
+    names = ("verdict", "command", "trajectory", "weights")
+    for name, message in zip(names[1:], messages[1:], strict=True):
         work |= _signing(name, Message(message), calls // 10)
     report: dict[str, float | str] = {"python": platform.python_version(), "numpy": np.__version__}
+    for name, message in zip(("features", "joints", *names), (*pair, *messages), strict=True):
+        report[f"codec.{name}_bytes"] = len(serialize_message(message))
+    actor = load_policy(Path("shipped:3-D")).tensors.values()
+    weights = b"".join(tensor.tobytes() for tensor in actor)
+    report["codec.actor_bytes"] = len(weights)
+    report["codec.actor_zlib_bytes"] = len(zlib.compress(weights, 1))
+    work["actor_zlib_us"] = (lambda: zlib.compress(weights, 1), calls // 100)
     for name, (call, number) in work.items():
         number = max(1, number)
         report[f"codec.{name}"] = (

@@ -118,7 +118,7 @@ def runs_in(folder: Path) -> list[Run]:
 
 def report(runs: Sequence[Run]) -> Report:
     """Medians of what was run, and how many runs they are of."""
-    found: Report = {"fleet.frames_at_most": FRAMES}
+    found: dict[str, float | int | str] = {"fleet.frames_at_most": FRAMES}
     throttled = [run for run in runs if run.throttled]
     for size in sorted({run.arenas for run in throttled}):
         those = [run for run in throttled if run.arenas == size]
