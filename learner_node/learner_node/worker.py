@@ -131,13 +131,13 @@ class LearnerWorker:
     def close(self) -> None:
         """Finish the trajectory under way, drop the ones that wait, and write a checkpoint.
 
-        None is written of numbers that are not finite.
+        None is written of numbers that are not finite: of learning that diverged, the state before.
         """
         self._stopping = True
         self._trajectories.put(None)
         if self._thread.is_alive():
             self._thread.join()
-        if self.failure is None and self.diverged is None:
+        if self.failure is None and (self.diverged is None or self.diverged.restored):
             try:
                 self._save()
             except DivergedError as error:

@@ -413,6 +413,18 @@ def test_learning_that_diverges_stops_and_the_last_two_good_checkpoints_stay(tmp
         assert all(np.isfinite(tensor).all() for tensor in load_policy(path).tensors.values())
 
 
+def test_of_learning_that_diverges_the_state_before_is_saved(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("pa_ros.learning.learner.KEPT_BEFORE", 1)
+    wild = dpg(SETTINGS, optimizer__critic_rate=1e30, replay__warmup_frames=60)
+    with pytest.raises(DivergedError) as caught:
+        run(tmp_path, 200, wild, checkpoint_every_frames=0, evaluate_every_frames=0)
+    (kept,) = (tmp_path / "checkpoint").glob("version-*")
+    assert f"stopped after version {int(kept.name[8:])}," in str(caught.value)
+    learner = Learner(NETWORK, wild, PROGRAMS, 3, SCORING)
+    restore(kept, learner)
+    assert all(np.isfinite(tensor).all() for tensor in learner.engine.tensors().values())
+
+
 def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> None:
     def consume(self: Learner, trajectory: Trajectory) -> ConsumeReport:
         raise PolicyError("no")

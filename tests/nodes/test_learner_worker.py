@@ -17,7 +17,9 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary, parse
+from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.errors import FolderInUseError, FolderUsedError
+from pa_ros.learning.folder import checkpoint_of
 from pa_ros.world import Trajectory
 
 OPTIONS = ("learner.replay.warmup_frames=0", "learner.replay.batch_size=4", "network.hidden=8",
@@ -215,6 +217,23 @@ def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_p
     before = sorted(path.name for path in tmp_path.rglob("version-*"))
     bench.worker.close()
     assert sorted(path.name for path in tmp_path.rglob("version-*")) == before
+
+
+def test_of_learning_that_diverges_the_state_before_is_kept(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("pa_ros.learning.learner.KEPT_BEFORE", 1)
+    wild = (*OPTIONS, "learner.optimizer.critic_rate=1e30")
+    bench = Bench(out=str(tmp_path), options=wild)
+    for i in range(5):
+        bench.worker.submit(trajectory(i))
+    wait_for(lambda: bench.worker.trouble)
+    last = bench.published[-1].snapshot.version
+    bench.worker.close()
+    assert "expected finite numbers" in bench.worker.trouble
+    assert [path.name for path in tmp_path.rglob("version-*")] == [f"version-{last:09d}"]
+    counters = read_metadata(checkpoint_of(tmp_path))["counters"]
+    assert (counters["version"], counters["updates"]) == (last, counters["frames"])
+    again = Bench(out=str(tmp_path), options=wild, resume=True)
+    assert again.published[-1].snapshot.version == last
 
 
 def test_absurd_features_are_refused_and_learning_goes_on(bench):

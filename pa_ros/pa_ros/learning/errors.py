@@ -63,6 +63,7 @@ class DivergedError(PaError):
     """Learning whose numbers are not finite any more; nothing of it may be published or saved."""
 
     code = "learning.diverged"
+    restored = False  # whether the learner is again as it was before
 
 
 class EmptyReplayError(PaError):

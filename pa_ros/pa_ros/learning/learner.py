@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.experience import Float32, PolicySnapshot
@@ -26,6 +28,9 @@ from pa_ros.world.programs import ProgramTable
 from pa_ros.world.relations.frames import POSE
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
+# Before so many updates and more the state is kept, to go back to, and afterwards all of it is
+# looked at: that costs about as much as one update.
+KEPT_BEFORE = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +51,15 @@ class Counters:
     episodes: int = 0
     updates: int = 0
     frames_due: int = 0  # transitions that updates are due for: all but the warm-up's
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """A learner before a trajectory, but for its replay buffer."""
+
+    counters: Counters
+    rng: Mapping[str, Any]
+    tensors: dict[str, NDArray[Any]]
 
 
 class Learner:
@@ -98,7 +112,8 @@ class Learner:
 
         A duplicate is counted and does nothing else. Raises TrajectoryError or ProgramError, with
         nothing changed, for a trajectory that cannot be used; DivergedError, with no version more,
-        once numbers are not finite: the learner is then not to be used any more.
+        once numbers are not finite. If that says `restored`, the learner is as it was before the
+        trajectory, but for its replay buffer; else it is not to be used any more.
         """
         self.replay.check(trajectory)
         program = self._row(trajectory.program)
@@ -110,11 +125,13 @@ class Learner:
         report = self.replay.insert(trajectory, program, marks)
         if not report.accepted:
             return ConsumeReport(report, 0, self.counters.version)
+        counters = replace(self.counters)
         self.counters.frames += len(trajectory)
         updates = self._updates_due(len(trajectory))
+        kept = self._keep(counters) if updates >= KEPT_BEFORE else None
         self.update(updates)
         newest = self._snapshot(self.counters.version + 1)
-        self._check_finite(newest)
+        self._check_finite(newest, kept)
         if trajectory.ends_episode:
             self.counters.episodes += 1
             self.engine.end_episode()
@@ -122,19 +139,33 @@ class Learner:
         self.published.append(newest)
         return ConsumeReport(report, updates, self.counters.version)
 
-    def _check_finite(self, newest: PolicySnapshot) -> None:
+    def _keep(self, counters: Counters) -> _Kept:
+        return _Kept(counters, self.rng.bit_generator.state, self.engine.tensors())
+
+    def _go_back(self, kept: _Kept) -> None:
+        self.counters, self.rng.bit_generator.state = kept.counters, kept.rng
+        self.engine.load_tensors(kept.tensors)
+
+    def _check_finite(self, newest: PolicySnapshot, kept: _Kept | None) -> None:
         """Raise DivergedError unless the latest update and the actor are made of finite numbers."""
         figures, actor = self.engine.metrics(), newest.tensors.items()
         wrong = [name for name, value in figures.items() if not math.isfinite(value)]
         wrong += [f"actor.{name}" for name, value in actor if not np.isfinite(value).all()]
+        if kept is not None and not wrong:  # a sum of finite float32 is a finite float64
+            sums = {k: v.sum(dtype=np.float64) for k, v in self.engine.tensors().items()}
+            wrong = [name for name, total in sums.items() if not np.isfinite(total)]
         if wrong:
             shown = ", ".join(f"{name} {value:g}" for name, value in figures.items())
-            raise DivergedError(
+            error = DivergedError(
                 f"learner: expected finite numbers, got others in {', '.join(wrong)} at update "
                 f"{self.counters.updates} ({shown}): learning stopped after version "
                 f"{self.counters.version}, whose weights are the last good ones; smaller learning "
                 "rates or rewards may help"
             )
+            if kept is not None:
+                self._go_back(kept)
+                error.restored = True
+            raise error
 
     def update(self, updates: int) -> None:
         """Make this many updates, whether due or not; EmptyReplayError without transitions."""

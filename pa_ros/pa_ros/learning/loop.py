@@ -29,7 +29,7 @@ from pa_ros.core.settings import Settings
 from pa_ros.language import Program
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
@@ -201,6 +201,7 @@ class _Transport:
     def close(self) -> None:
         if self._thread is not None:
             self._thread.shutdown(cancel_futures=True)
+        self._answers.clear()
 
     def _consume(self, trajectory: Trajectory) -> PublishedPolicy:
         self._run.consume(trajectory)
@@ -241,8 +242,10 @@ class _Run:
     def __enter__(self) -> _Run:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         self._transport.close()
+        if isinstance(error, DivergedError) and error.restored:
+            self._save()
 
     def until(self, frames: int) -> None:
         """Episodes until `frames` steps were taken; then a checkpoint."""
