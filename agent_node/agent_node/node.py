@@ -29,7 +29,7 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import HealthReporter
 from pa_ros.ros.learners import LEARNER_ID, Learners
 from pa_ros.ros.parameters import settings_from_parameters
-from pa_ros.ros.programs import judge
+from pa_ros.ros.programs import Pace, judge
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import JointCommand, Message
@@ -51,6 +51,7 @@ class AgentNode(Node):
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
         self._learners = Learners()
+        self._pace = Pace()
         self._watch = Watch(self.config.stuck_after_s)
         self._observation: Observation | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
@@ -232,6 +233,7 @@ class AgentNode(Node):
         if arena is None or book is None:
             self._early = [*self._early[-31:], request]
         elif not request.program_id.startswith(f"{arena.arena_id}/"):  # its own come with steps
+            self._pace.check()
             self._judge(book, request)
 
     def _judge(self, book: ProgramBook, request: ProgramRequest) -> None:

@@ -21,7 +21,8 @@ def main() -> int:
 
         return LearnerNodeConfig
 
-    return run_node("learner_node", make, settings, grace_s=60.0)  # a checkpoint may take a while
+    # A checkpoint may take a while; what agents have sent last is on its way.
+    return run_node("learner_node", make, settings, grace_s=60.0, lingers_s=1.0)
 
 
 if __name__ == "__main__":

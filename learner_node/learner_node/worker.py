@@ -31,6 +31,8 @@ from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.records import ArenaDescription, Origin
 from pa_ros.world import Scoring, Trajectory, reward_from
 
+DRAIN_S = 3.0  # their agents may be gone, and then nobody sends again what waits
+
 
 @dataclass(frozen=True)
 class Sinks:
@@ -129,13 +131,14 @@ class LearnerWorker:
         self._trajectories.put(trajectory)
 
     def close(self) -> None:
-        """Finish the trajectory under way, drop the ones that wait, and write a checkpoint.
+        """Take in what waits, as far as DRAIN_S allows, and write a checkpoint.
 
         None is written of numbers that are not finite: of learning that diverged, the state before.
         """
-        self._stopping = True
         self._trajectories.put(None)
         if self._thread.is_alive():
+            self._thread.join(DRAIN_S)
+            self._stopping = True
             self._thread.join()
         if self.failure is None and (self.diverged is None or self.diverged.restored):
             try:

@@ -18,7 +18,7 @@ from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN, HealthReporter
 from pa_ros.ros.parameters import settings_from_parameters
-from pa_ros.ros.programs import judge
+from pa_ros.ros.programs import Pace, judge
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.rivals import Commanders
 from pa_ros.wire import codec
@@ -42,6 +42,7 @@ class SimNode(Node):
         self.refusals = Refusals(self.get_logger().warning)
         self._authority = Authority(self, self.config)
         self._commanders = Commanders()
+        self._pace = Pace()
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
         self._announced: Ordered | None = None
@@ -180,6 +181,7 @@ class SimNode(Node):
         request = codec.decode_program(message)
         if self.session.program_ids.is_echo(request.program_id, request.text):
             return
+        self._pace.check()
         self._announce()  # what the standing frame is under, before it is replaced
         idle = self.session.program is None
         stamp_ns = self.session.frame.observation.stamp_ns

@@ -28,6 +28,7 @@ from pa_ros.tools.record_launch import RECORDER, start_recorded, start_recorder
 
 DEFAULT = "execute_3d"
 EXIT_FAILED = 1
+LEARNER = "learner_node"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,7 +90,10 @@ def run(options: argparse.Namespace) -> int:
                 print(f"pa_ros launch: {error}", file=sys.stderr)
                 return EXIT_FAILED
             print("stopping")
-            statuses = supervisor.stop([name for name in supervisor.names if name != RECORDER])
+            statuses = supervisor.stop(
+                [n for n in supervisor.names if n not in (LEARNER, RECORDER)]
+            )
+            statuses |= supervisor.stop([LEARNER])  # once all has come that agents have sent
             statuses |= supervisor.stop()
     print("stopped")
     failed = [name for name, status in statuses.items() if status > 0]

@@ -37,16 +37,17 @@ def run_node(
     settings: Callable[[], type[Settings]] | None = None,
     arguments: Sequence[str] | None = None,
     grace_s: float = 10.0,
+    lingers_s: float = 0.0,
 ) -> int:
     """Run the node called `name` until SIGINT or SIGTERM; the process's exit status.
 
     0: stopped as asked, or what the node's `close` says instead. 2: a parameter was refused, with
     the reason on standard error. Should closing hang for `grace_s`, the process ends all the same
-    (status 1). `--help` prints what parameters there are, those of `settings`, and any other word
-    that is not ROS's is refused.
+    (status 1). When its launcher has gone it goes on for `lingers_s`. `--help` prints what
+    parameters there are, those of `settings`, and any other word that is not ROS's is refused.
     """
     prepare_environment()
-    die_with_parent(grace_s)
+    die_with_parent(grace_s, lingers_s)
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 

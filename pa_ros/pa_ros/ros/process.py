@@ -13,11 +13,11 @@ PARENT = "PA_ROS_PARENT"  # process id of the launcher; set for the children it 
 PARENT_S = 0.25  # between two looks whether it is there
 
 
-def die_with_parent(grace_s: float = 10.0) -> None:
+def die_with_parent(grace_s: float = 10.0, lingers_s: float = 0.0) -> None:
     """In a child that a launcher started: stop, as at SIGTERM, when the launcher has ended.
 
-    So a learner writes its checkpoint, and a recorder closes its bag. Who has not ended `grace_s`
-    later is killed.
+    So a learner writes its checkpoint, and a recorder closes its bag; `lingers_s` later, for who is
+    to hear the others' last words. Who has not ended `grace_s` after that is killed.
     """
     given = os.environ.pop(PARENT, None)
     if given is None:
@@ -29,6 +29,7 @@ def die_with_parent(grace_s: float = 10.0) -> None:
     def watch() -> None:
         while os.getppid() == parent:
             time.sleep(PARENT_S)
+        time.sleep(lingers_s)
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(grace_s)
         os.kill(os.getpid(), signal.SIGKILL)

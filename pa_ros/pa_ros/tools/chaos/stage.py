@@ -133,8 +133,7 @@ class Stage:
             self.until(lambda: any(self.bags[-1].glob("*.mcap")), START_S)
         for name in self._parameters if self._kind != LAUNCHED else ():
             self.start(name)
-        ended = lambda: any(self.ended(name) for name in self._pids)  # noqa: E731
-        self.until(lambda: self.works() or ended(), START_S)
+        self.until(lambda: self.works() or any(map(self.ended, self._pids)), START_S)
         self._supervisor.check()
         if not self.works():
             raise StageError(f"stage: expected a graph that works in {START_S:g} s, got "
