@@ -60,6 +60,8 @@ def table(page, name):
 def shot(page, name):
     """Kept for people to look at."""
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    for closing in page.locator(".mantine-Notification-closeButton").all():  # software GL, it says
+        closing.click(timeout=MS)
     page.screenshot(path=SCREENSHOTS / f"{name}.png", timeout=MS)
 
 
