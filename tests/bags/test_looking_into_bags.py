@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +180,30 @@ def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
         np.testing.assert_allclose(arrays["stamp_s"], expected)
     assert main(["bag", "export", str(stepped), "--out", str(tmp_path / "out")]) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+def test_parquet_holds_the_same_numbers_a_row_for_each_step(stepped, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    for kind in ("npz", "parquet"):
+        arguments = ["--out", str(tmp_path / kind), "--format", kind]
+        assert main(["bag", "export", str(stepped), *arguments]) == 0
+    table = parquet.read_table(tmp_path / "parquet" / "eval-000007.parquet")
+    shapes = json.loads(table.schema.metadata[b"shapes"])
+    with np.load(tmp_path / "npz" / "eval-000007.npz") as arrays:
+        assert table.column_names == list(arrays) and table.num_rows == STEPS + 1
+        for name, values in arrays.items():
+            stored = np.array(table[name].to_pylist())
+            np.testing.assert_array_equal(stored.reshape(-1, *shapes[name]), values)
+
+
+def test_another_format_or_one_without_its_extra_is_refused(stepped, tmp_path, capsys, monkeypatch):
+    arguments = ["bag", "export", str(stepped), "--out", str(tmp_path / "out"), "--format"]
+    assert main([*arguments, "xls"]) == 2
+    assert "expected one of npz, parquet, got 'xls'" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert main([*arguments, "parquet"]) == 2
+    assert "programmable-agents[parquet]" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_transitions_alone_are_exported_too(learned, tmp_path):

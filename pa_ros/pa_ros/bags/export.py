@@ -1,26 +1,39 @@
-"""Episodes as NPZ files for notebooks: one per episode, and a table of them all."""
+"""Episodes as NPZ or Parquet files for notebooks: one per episode, and a table of them all."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection, Iterable
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.errors import BagError
+from pa_ros.core.errors import ConfigError
 
+KINDS = ("npz", "parquet")
 COLUMNS = ("file", "episode", "evaluation", "steps", "missing_steps", "reward_per_step", "program")
 
 
-def export(
-    found: Iterable[RecordedEpisode], folder: Path, numbers: Collection[int] | None = None
-) -> int:
-    """Write `episode-<n>.npz` (`eval-<n>.npz`) and episodes.csv; how many. BagError if refused.
+Write = Callable[[Path, Mapping[str, NDArray[Any]]], None]
 
-    An episode that was recorded more than once gets `-2`, `-3`, … behind its number.
+
+def export(
+    found: Iterable[RecordedEpisode],
+    folder: Path,
+    numbers: Collection[int] | None = None,
+    kind: str = "npz",
+) -> int:
+    """Write `episode-<n>.<kind>` (`eval-<n>.<kind>`) and episodes.csv; how many.
+
+    An episode that was recorded more than once gets `-2`, `-3`, … behind its number. BagError if
+    refused, ConfigError if the kind is none of KINDS or lacks its extra.
     """
+    write = _writer(kind)
     written: dict[str, int] = {}
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -29,8 +42,8 @@ def export(
             table.writerow(COLUMNS)
             for episode in found:
                 if numbers is None or episode.number in numbers:
-                    name = _name(episode, written)
-                    np.savez_compressed(folder / name, **episode.arrays())  # type: ignore[arg-type]
+                    name = _name(episode, written, kind)
+                    write(folder / name, episode.arrays())
                     table.writerow(_line(name, episode))
     except FileExistsError as error:
         raise BagError(f"export: {error.filename} exists already, not overwriting") from None
@@ -39,10 +52,37 @@ def export(
     return sum(written.values())
 
 
-def _name(episode: RecordedEpisode, written: dict[str, int]) -> str:
+def _writer(kind: str) -> Write:
+    if kind not in KINDS:
+        raise ConfigError(f"export: expected one of {', '.join(KINDS)}, got {kind!r}")
+    if kind == "npz":
+        return lambda path, arrays: np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise ConfigError(
+            "export: parquet: expected the extra parquet (pip install "
+            f'"programmable-agents[parquet]"), got: {error}'
+        ) from error
+
+    def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """A row for each step; what is an array there is a list, row by row of the array."""
+        columns = {
+            name: values if values.ndim == 1 else list(values.reshape(len(values), -1))
+            for name, values in arrays.items()
+        }
+        shapes = {name: values.shape[1:] for name, values in arrays.items()}
+        table = pyarrow.table(columns).replace_schema_metadata({"shapes": json.dumps(shapes)})
+        pyarrow.parquet.write_table(table, path)
+
+    return write
+
+
+def _name(episode: RecordedEpisode, written: dict[str, int], kind: str) -> str:
     stem = f"{'eval' if episode.evaluation else 'episode'}-{episode.number:06d}"
     written[stem] = written.get(stem, 0) + 1
-    return f"{stem}{f'-{written[stem]}' if written[stem] > 1 else ''}.npz"
+    return f"{stem}{f'-{written[stem]}' if written[stem] > 1 else ''}.{kind}"
 
 
 def _line(name: str, episode: RecordedEpisode) -> tuple[object, ...]:

@@ -17,11 +17,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros bag`."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     info = actions.add_parser("info", help="episodes, programs, scores, versions, gaps")
-    export = actions.add_parser("export", help="episodes as NPZ files, and a table of them")
+    export = actions.add_parser("export", help="episodes as NPZ or Parquet, and a table of them")
     export.add_argument("--out", type=Path, required=True, metavar="DIR")
     export.add_argument(
         "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
     )
+    export.add_argument("--format", default="npz", help="npz or parquet (%(default)s)")
     film = actions.add_parser("film", help="an episode as a GIF or MP4, from what was recorded")
     film.add_argument("--out", type=Path, required=True, metavar="FILE.gif|FILE.mp4")
     film.add_argument("--episode", type=int, required=True, metavar="N")
@@ -53,7 +54,7 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.export import export
 
-    count = export(episodes(bag, options.namespace), options.out, options.episodes)
+    count = export(episodes(bag, options.namespace), options.out, options.episodes, options.format)
     print(f"{count} episodes in {options.out}, described in docs/bags.md")
     return 0
 
