@@ -32,7 +32,7 @@ from pa_ros.wire.records import ArenaDescription, Mode, ProgramRequest
 REMEMBERED = 256  # programs by id
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0
-LOCKSTEP_S = 1.0  # learning takes every core: a step of it is looked at, then nobody listens
+LOCKSTEP_S = 0.5  # learning takes every core: its steps are sampled
 LOCKSTEP_DEPTH = 4
 EXAMPLES = 12
 
@@ -90,17 +90,14 @@ class LiveConsole:
             self._rest()
             return
         lockstep = self._arena is not None and self._arena.mode is Mode.LOCKSTEP
+        if lockstep and now - self._looked < LOCKSTEP_S:
+            return
+        self._looked = now
         if self._sampler is None:
-            if lockstep and now - self._looked < LOCKSTEP_S:
-                return
             depth = LOCKSTEP_DEPTH if lockstep else DEPTH
             self._sampler = Sampler(self._sampled, self._namespace, depth)
         self._weights.attend()
-        steps = self._sampler.take()
-        self._look(steps)
-        if lockstep and steps:
-            self._looked = now
-            self._listen_no_more()
+        self._look(self._sampler.take())
         self._page.say("History", self.history.html() + self._services.html())
         if now - self._plotted > FIGURES_S:
             self._plotted = now
