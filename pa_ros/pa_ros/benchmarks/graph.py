@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pa_ros.benchmarks.pingpong import measure_round_trips
 from pa_ros.core.errors import PaError
+from pa_ros.tools.chaos.stage import with_key
 from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_domain
 from pa_ros.tools.graph import start_nodes, watch
@@ -37,13 +38,15 @@ def bench_graph(rounds: int = 3) -> dict[str, float | str]:
     Of `graph.step_us`, a step's time: `graph.arena_us` and `graph.policy_us` by the nodes' own
     clocks; `graph.transport_us`, a bare round trip; `graph.waking_us`, by how much more a round
     trip costs when as much is computed in it (colder caches, threads and cores asleep); and
-    `graph.nodes_us`, the rest: encoding, matching, bookkeeping.
+    `graph.nodes_us`, the rest: encoding, matching, bookkeeping. `graph.with_key_of_without`: the
+    rate where nodes sign and check, as a share of the rate where they don't.
     """
     use_domain(None)
     figures: dict[str, list[float]] = {}
     for _ in range(rounds):
         found = _graph()
         work_us = found["graph.arena_us"] + found["graph.policy_us"]
+        found["graph.with_key_steps_per_s"] = _graph(signed=True)["graph.lockstep_steps_per_s"]
         found["graph.bare_pingpong_per_s"] = _bare()
         found["graph.working_pingpong_per_s"] = _bare(work_us)
         for name, value in found.items():
@@ -55,6 +58,9 @@ def bench_graph(rounds: int = 3) -> dict[str, float | str]:
     core_us = middle["graph.arena_us"] + middle["graph.policy_us"]
     return {
         **middle,
+        "graph.with_key_of_without": (
+            middle["graph.with_key_steps_per_s"] / middle["graph.lockstep_steps_per_s"]
+        ),
         "graph.step_us": step_us,
         "graph.transport_us": bare_us,
         "graph.waking_us": working_us - core_us - bare_us,
@@ -75,7 +81,7 @@ def _bare(work_us: float = 0.0) -> float:
     return rate
 
 
-def _graph() -> dict[str, float]:
+def _graph(signed: bool = False) -> dict[str, float]:
     rates: list[tuple[float, float, float]] = []
     figures = GraphFigures()
 
@@ -95,7 +101,8 @@ def _graph() -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
         with client_node("bench") as node:
             watch_diagnostics(node, figures)
-            start_nodes(supervisor, PARAMETERS, Path(folder))
+            given = with_key(PARAMETERS, Path(folder)) if signed else PARAMETERS
+            start_nodes(supervisor, given, Path(folder))
             wanted = 2 + int(SECONDS)  # the first is of the start, in part
             if not watch(node, supervisor, sample, lambda: len(rates) >= wanted, TIMEOUT_S):
                 raise BenchError(f"graph: expected steps within {TIMEOUT_S:g} s, got too few")
