@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # What is compiled or copied; Python sources are installed editable and always current.
-COMPILED := pyproject.toml constraints.txt $(wildcard *_node/launch/*.py *_node/config/*.yaml) \
+COMPILED := pyproject.toml constraints.txt $(wildcard */launch/*.py *_node/config/*.yaml) \
   $(shell find msgs_schema pa_ros/native -type f 2>/dev/null)
 # The requirements of one extra, so that asking for it does not compile the interfaces again.
 extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$(1)']))")

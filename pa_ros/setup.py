@@ -1,5 +1,7 @@
 """For colcon alone: `pip install` builds everything from the repository's root."""
 
+from glob import glob
+
 from setuptools import find_packages, setup
 
 NAME = "pa_ros"
@@ -12,6 +14,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     entry_points={"console_scripts": ["pa_ros = pa_ros.cli.main:main"]},
 )

@@ -47,6 +47,18 @@ class AgentConfig(Authenticated, Extensible):
         le=LONGEST_S,
         description="wall time; waiting longer than this for weights is an alarm",
     )
+    controller: Literal["none", "velocity", "joint_trajectory"] = Field(
+        "none", description="as what commands are sent to ros2_control, too"
+    )
+    max_acceleration: float = Field(
+        0.0, ge=0, le=1e3, description="rad/s², of what controllers are sent; 0: no limit"
+    )
+    output_timeout_s: float = Field(
+        0.3,
+        gt=0,
+        le=LONGEST_S,
+        description="wall time; without commands for so long controllers are sent to rest",
+    )
 
     @model_validator(mode="after")
     def _goes_together(self) -> Self:

@@ -9,3 +9,15 @@ class StaleObservationError(PaError):
     """An observation from before the one that was handled last."""
 
     code = "observation.stale"
+
+
+class GoalError(PaError):
+    """A goal that can't be pursued now: no arena, or no weights."""
+
+    code = "goal.unready"
+
+
+class ArenaGoneError(GoalError):
+    """No arena is there any more that could say whether a goal is reached."""
+
+    code = "goal.arena_gone"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rclpy.node import Node
 
+from agent_node.components import Components
 from agent_node.config import AgentConfig
 from agent_node.programs import ProgramBook
 from agent_node.steps import StepMatcher
@@ -53,7 +54,7 @@ class AgentNode(Node):
         self._learners = Learners()
         self._pace = Pace()
         self._watch = Watch(self.config.stuck_after_s)
-        self._observation: Observation | None = None  # the newest step taken in
+        self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
         self._message = JointCommand()  # filled anew for each
@@ -62,6 +63,7 @@ class AgentNode(Node):
         self._reported = (0, 0.0)  # commands and core_s at the last report
         self._make_publishers()
         self._make_subscriptions()
+        self._components = Components(self, self)
         alone = topics.JOINT_COMMANDS, f"{self.agent_id}/{self.agent.key.incarnation}"
         HealthReporter(self, self.refusals, self._collect, alone, hear=self._on_health)
         source = self.config.checkpoint or self.config.weights
@@ -71,7 +73,8 @@ class AgentNode(Node):
             steady_timer(self, self.config.resend_period_s, self._send_again)
 
     def close(self) -> None:
-        """Nothing to save."""
+        """There is nothing to save."""
+        self._components.close()
 
     def _make_agent(self) -> Agent:
         key = AgentKey(self.agent_id, time.time_ns())
@@ -174,7 +177,7 @@ class AgentNode(Node):
         trajectory = self.agent.observe(step)
         self._core_s += time.perf_counter() - started
         self._handled = observation.stamp_ns
-        self._observation = observation
+        self.seen = observation, program
         if trajectory is not None:
             self._trajectories += 1
             self._transitions_out.publish(codec.encode_trajectory(trajectory))
@@ -188,32 +191,31 @@ class AgentNode(Node):
         return book.program(request.text)
 
     def _act(self) -> None:
-        observation = self._observation
         started = time.perf_counter()
         while isinstance(answer := self.agent.answer(), Load):
             self.agent.load(answer.policy)
-        if isinstance(answer, Wait) or observation is None:
+        if isinstance(answer, Wait) or self.seen is None:
             return
-        self._choose()
+        observation = self.seen[0]
+        self._choose(observation.program_id)
         self._core_s += time.perf_counter() - started
         sent = self.agent.sent
         assert sent is not None
-        self._command = Command(
-            observation.episode,
-            observation.step,
-            observation.stamp_ns,
-            self.agent_id,
-            self.agent.version,
-            sent.action,
-            sent.command.incarnation,
-            sent.command.number,
-        )
+        answered = observation.episode, observation.step, observation.stamp_ns
+        made = self.agent_id, self.agent.version, sent.action
+        self._command = Command(*answered, *made, sent.command.incarnation, sent.command.number)
         self._commands += 1
         self._watch.progress()
         self._commands_out.publish(codec.encode_command(self._command, self._message))
+        if self._components.adapter is not None:
+            self._components.adapter.send(sent.action, self.seen[0])
 
-    def _choose(self) -> None:
-        """Decide on the next command: to hold still, if the program can't be acted on."""
+    def _choose(self, program_id: str) -> None:
+        """Decide on the next command: to hold still, if the program was given up as a goal, or
+        can't be acted on."""
+        if self._components.gave_up(program_id):
+            self.agent.hold()
+            return
         try:
             self.agent.act()
         except UnsupportedProgramError as error:
@@ -240,6 +242,11 @@ class AgentNode(Node):
         name, stamp_ns = self.get_fully_qualified_name(), max(self._handled, 0)
         judgement = judge(request, name, stamp_ns, book.accept, self.refusals)
         self._status_out.publish(codec.encode_program_status(judgement))
+
+    @property
+    def arena(self) -> ArenaDescription | None:
+        """The one that counts now."""
+        return self._arenas.current
 
     def _on_learner(self, message: Message) -> None:
         if self._learners.announce(codec.decode_learner_info(message)):

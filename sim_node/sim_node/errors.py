@@ -29,6 +29,16 @@ class LockstepError(PaError):
     code = "arena.lockstep"
 
 
+class SimulatorError(PaError):
+    """A request to the simulator that it refuses; `result` is the standard's code of the cause."""
+
+    code = "arena.request"
+
+    def __init__(self, text: str, result: int) -> None:
+        super().__init__(text)
+        self.result = int(result)
+
+
 class NoProgramError(PaError):
     """A command while no program is in force."""
 

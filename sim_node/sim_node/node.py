@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 import time
 import uuid
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
 
 from rclpy.node import Node
 
 from pa_ros.arena import DivergedError
-from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros import topics
 from pa_ros.ros.authority import Authority
@@ -23,7 +21,8 @@ from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.rivals import Commanders
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Outcome, ProgramJudgement, ProgramRequest, StepContext
+from pa_ros.wire.records import ProgramJudgement, ProgramRequest, ResetRequest, StepContext
+from sim_node.components import Components
 from sim_node.config import SimConfig
 from sim_node.description import describe, origin
 from sim_node.errors import LockstepError, NotPausedError, PausedError
@@ -53,7 +52,7 @@ class SimNode(Node):
         self._core_s = 0.0  # spent in the arena itself
         self._make_publishers()
         self._make_subscriptions()
-        self._make_services()
+        self._components = Components(self, self, self.refusals)
         self._health = HealthReporter(
             self, self.refusals, self._collect, (topics.ARENA_INFO, self.session.arena_id)
         )
@@ -72,7 +71,8 @@ class SimNode(Node):
             steady_timer(self, self.config.resend_period_s / 4, self._send_again)
 
     def close(self) -> None:
-        """Nothing to save."""
+        """There is nothing to save."""
+        self._components.close()
 
     def _make_publishers(self) -> None:
         self._features = topics.OBJECT_FEATURES.publisher(self)
@@ -95,16 +95,6 @@ class SimNode(Node):
         command.subscribe(self, self.refusals.guard(command.name, on_command))
         program = topics.PROGRAM
         program.subscribe(self, self.refusals.guard(program.name, self._on_program))
-
-    def _make_services(self) -> None:
-        services: list[tuple[tuple[str, Any], Callable[[Message], Outcome]]] = [
-            (topics.RESET, self._reset),
-            (topics.STEP_SERVICE, self._step),
-            (topics.PAUSE, self._pause),
-            (topics.SPEED, self._speed),
-        ]
-        for (name, kind), act in services:
-            self.create_service(kind, name, self._answering(name, act), qos_profile=topics.SERVICE)
 
     # One control step
 
@@ -194,55 +184,34 @@ class SimNode(Node):
 
     # Services
 
-    def _answering(
-        self, name: str, act: Callable[[Message], Outcome]
-    ) -> Callable[[Message, Message], Message]:
-        """A service that answers a refusal with its cause."""
+    def begin(self, request: ResetRequest) -> None:
+        """As `Session.begin`."""
+        self._send(self.session.begin(request))
 
-        def answer(request: Message, response: Message) -> Message:
-            try:
-                outcome = act(request)
-            except PaError as error:
-                self.refusals.refuse(name, error)
-                outcome = self._outcome(False, error.code, str(error))
-            return Message(codec.encode_outcome(response, outcome))
-
-        return answer
-
-    def _reset(self, message: Message) -> Outcome:
-        self._send(self.session.begin(codec.decode_reset(message)))
-        return self._outcome(True)
-
-    def _step(self, message: Message) -> Outcome:
-        steps = codec.decode_steps(message)
+    def hold(self, steps: int) -> None:
+        """Let control periods pass while the arm holds still. NotPausedError."""
         if not self.paused:
             raise NotPausedError("step: expected a paused arena, got a running one")
         for _ in range(steps):
             self._run(self.session.advance(self.session.hold))
-        return self._outcome(True)
 
-    def _pause(self, message: Message) -> Outcome:
-        self.paused = codec.decode_pause(message)
-        if not self.paused and self._real_time and self._sent_at == -math.inf:
+    def pause(self, paused: bool) -> None:
+        """Stop time, or let it go on."""
+        self.paused = paused
+        if not paused and self._real_time and self._sent_at == -math.inf:
             self._send(self.session.frame)
-        return self._outcome(True)
 
-    def _speed(self, message: Message) -> Outcome:
-        factor = codec.decode_speed(message)
+    def set_speed(self, factor: float) -> None:
+        """Simulation time per wall time from now on. LockstepError."""
         if not self._real_time:
             raise LockstepError("speed: expected mode real_time, got lockstep")
         self.destroy_timer(self._ticker)  # one that is under way would end its old period first
         period_s = self.session.arena.control_period_s / factor
         self._ticker = steady_timer(self, period_s, self._tick)
-        return self._outcome(True)
 
-    def _outcome(self, success: bool, code: str = "", reason: str = "") -> Outcome:
-        stands = self.session.frame.observation
-        return Outcome(
-            success, code, reason, stands.episode, stands.step, stands.stamp_ns, self._speed_now()
-        )
-
-    def _speed_now(self) -> float:
+    @property
+    def speed(self) -> float:
+        """Simulation time per wall time; 0 in lockstep."""
         if not self._real_time:
             return 0.0
         return float(self.session.arena.control_period_ns / self._ticker.timer_period_ns)
@@ -277,6 +246,8 @@ class SimNode(Node):
 
     def _state(self, rate: float) -> tuple[int, str]:
         """Level and message: what the arena is doing, or waits for, at so many steps a second."""
+        if self.count_publishers(topics.CLOCK.name) > 1:
+            return WARN, f"another publishes {topics.CLOCK.name}, too: time jumps for who reads it"
         if self.paused:
             return OK, f"paused: waits for the service {topics.PAUSE[0]}"
         if self.session.program is None:

@@ -64,6 +64,7 @@ class Session:
         self.task = ReachTask(self.arena, config.design_of(), config.seed, reward=reward)
         self.speed_limits = np.array(self.arena.joint_speed_limits)
         self.steps = 0  # control periods taken
+        self.disturbed = False  # someone has moved blocks since the step that stands
         self.clamped = 0  # commands that were outside [-1, 1]
         self.rewards = {kind: deque[float](maxlen=RECENT) for kind in (False, True)}
         every = config.eval_every_episodes
@@ -148,6 +149,8 @@ class Session:
         episode's last, the next episode's first. Raises DivergedError, the episode then void."""
         evaluation = self.frame.evaluation
         observation, verdict = self.task.step(velocity)
+        if self.disturbed:  # not the command alone led here
+            executed, self.disturbed = None, False
         self.steps += 1
         self._frame(observation, verdict, evaluation, executed)
         self._episode_rewards.append(verdict.reward)

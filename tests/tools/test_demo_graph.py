@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from waiting import DEADLINE_S
 
+from pa_ros.acting.execution import Execution
 from pa_ros.arena import design_named, preset_named, training_programs, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tally import HeldOutTarget
@@ -24,7 +25,6 @@ from pa_ros.tools.demo import phases
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.results import Outcome, write_report
 from pa_ros.tools.demo.scenes import demo_programs, find_scene
-from pa_ros.tools.execution import Execution
 
 graph = pytest.mark.graph
 DESIGN, ARENA = design_named("2-L"), preset_named("fast")

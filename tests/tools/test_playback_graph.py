@@ -102,7 +102,7 @@ def test_a_type_that_is_not_here_is_passed_over_and_an_unknown_topic_refused(pro
 
 def test_loop_and_clock(programs):
     with client_node("test") as node, Bag(programs) as bag:
-        heard, ticks = listened(node, topics.PROGRAM), listened(node, topics.CLOCK)
+        heard, ticks = listened(node, topics.PROGRAM), listened(node, topics.ROS_CLOCK)
         options = PlaybackOptions(rate=5.0, topics=("program",), loop=True, clock=True)
         player = Player(bag, node, options)
         player.run(lambda: player.played.counts["/program"] >= 90)

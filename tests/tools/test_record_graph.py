@@ -123,7 +123,7 @@ def test_metadata_states_qos_and_type_hashes_of_the_live_graph(tmp_path):
         assert entries[name]["type_description_hash"] == digest
     assert entries["/arena1/program"]["offered_qos_profiles"][0]["durability"] == "transient_local"
     assert entries["/arena1/trajectories"]["offered_qos_profiles"][0]["history"] == "keep_all"
-    assert entries["/clock"]["type"] == "rosgraph_msgs/msg/Clock"
+    assert entries["/arena1/clock"]["type"] == "rosgraph_msgs/msg/Clock"
     with Reader(bag) as reader:
         types = {connection.topic: connection.msgtype for connection in reader.connections}
     assert types["/arena1/program"] == "msgs_schema/msg/Program"

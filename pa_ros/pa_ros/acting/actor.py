@@ -14,8 +14,10 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
 from pa_ros.language import Program
+from pa_ros.language.evaluate import relevance
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.detectors import degrees
 from pa_ros.networks.parameters import TensorError, Tensors, actor_shapes, check_tensors
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ class Actor:
         self._noise = noise
         self._make_inference = inference_for(network, inference)
         self._inference: Inference | None = None
+        self._tensors: Tensors = {}
         self._version: int | None = None
 
     @classmethod
@@ -87,7 +90,7 @@ class Actor:
         """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
         self.check(snapshot)
         self._inference = self._make_inference(self.network, snapshot.tensors)
-        self._version = snapshot.version
+        self._tensors, self._version = snapshot.tensors, snapshot.version
 
     def act(self, observation: Observation, program: Program) -> Float32:
         """The greedy action, [J] in [-1, 1]; ProgramError if it is of another vocabulary."""
@@ -99,6 +102,16 @@ class Actor:
             program,
             observation.hand_index,
         )
+
+    def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
+        """p, [N]: how far it takes the program to mean each object; empty if that has no degrees,
+        or there are no weights yet."""
+        if self._inference is None or not self.network.family.evaluates_programs:
+            return ()
+        arm = self.network.world.arm(observation)
+        phi = degrees(self.network, self._tensors, observation.objects, arm)
+        rows = self.network.vocabulary.row
+        return tuple(relevance(program, phi.tolist(), rows, observation.hand_index))
 
     def explore(self, observation: Observation, program: Program) -> Float32:
         """The action with this episode's exploration noise, clipped to [-1, 1], [J]."""

@@ -24,6 +24,7 @@ from pa_ros.core.experience import (
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.world import Trajectory
+from pa_ros.world.schema import PAPER, ObjectSchema
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +174,15 @@ class Agent:
         """Number a command, and remember it."""
         self.sent = Executed(CommandKey(*self.key, next(self._numbers)), action)
         return action
+
+    @property
+    def schema(self) -> ObjectSchema:
+        """Of the objects that the weights in use see; the paper's before there are any."""
+        return self._actor.network.world.schema if self._actor is not None else PAPER
+
+    def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
+        """p of each object, as far as the weights in use have degrees; else empty."""
+        return self._actor.relevance(observation, program) if self._actor is not None else ()
 
     def _at_hand(self) -> PublishedPolicy | Wait:
         return self._loaded or self._rule.required(0)

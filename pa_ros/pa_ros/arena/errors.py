@@ -23,6 +23,12 @@ class DivergedError(PaError):
     code = "arena.diverged"
 
 
+class SceneError(PaError):
+    """An arrangement of blocks that cannot be. Nothing has changed."""
+
+    code = "arena.scene"
+
+
 class RenderError(PaError):
     """No offscreen OpenGL here. Nothing but pictures needs it."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pa_ros.arena.appearance import Look, look_of
 from pa_ros.arena.config import ArenaConfig
+from pa_ros.arena.designs import Kind
 from pa_ros.arena.episodes import Episode
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError
 from pa_ros.arena.features import HAND_INDEX, object_features, template
@@ -48,6 +49,38 @@ class Simulation:
         self._view_arrays(len(episode.blocks))
         mujoco.mj_kinematics(self.model, self.data)
         self._placed = True
+
+    def rest_height(self, kind: Kind) -> float:
+        """Of the center of a block that lies on the table, m."""
+        return look_of(kind).rest_height
+
+    def body_states(self) -> tuple[Float64, Float64]:
+        """Of hand and blocks in the table's frame: poses [N, 7] (m, quaternion wxyz), and twists
+        [N, 6] (m/s, rad/s)."""
+        poses = np.hstack([self._position, self._quaternion])
+        twists, twist = np.zeros((len(poses), 6)), np.zeros(6)
+        for row in range(len(poses)):
+            what = mujoco.mjtObj.mjOBJ_BODY
+            mujoco.mj_objectVelocity(self.model, self.data, what, self._hand + row, twist, 0)
+            twists[row] = np.roll(twist, 3)  # MuJoCo gives rotation first
+        return poses, twists
+
+    def rearrange(self, episode: Episode, poses: Float64, twists: Float64) -> None:
+        """Place an episode's blocks at these poses, [n, 7], with these twists, [n, 6], as
+        `body_states` gives them; the arm goes on from where it is."""
+        arm = self.joint_position, self.joint_velocity
+        self.place(episode)
+        joints = len(arm[0])
+        self.data.qpos[:joints], self.data.qvel[:joints] = arm
+        resting = self.model.qpos0[joints:].reshape(-1, 7)
+        moving = ~np.isclose(poses, resting, atol=1e-6).all(1) | twists.any(1)
+        for i in np.flatnonzero(moving):  # the others stay asleep
+            turn = np.zeros(9)
+            mujoco.mju_quat2Mat(turn, poses[i, 3:])
+            spin = turn.reshape(3, 3).T @ twists[i, 3:]  # a free joint's is about its own axes
+            self.data.qpos[joints + 7 * i : joints + 7 * (i + 1)] = poses[i]
+            self.data.qvel[joints + 6 * i : joints + 6 * (i + 1)] = *twists[i, :3], *spin
+        mujoco.mj_forward(self.model, self.data)
 
     def advance(self, joint_velocity: Float64) -> None:
         """Command joint velocities, rad/s [J], for one control period; clamped to the limits.

@@ -96,6 +96,14 @@ class ReachTask:
         self.program_id = program_id or f"{episode.index}.{self._programs}"
         return self._observe()
 
+    def rearranged(self, episode: Episode, poses: Float64, twists: Float64) -> None:
+        """Go on with other blocks in other places, as `Simulation.rearrange` has it; the program,
+        the step and the time stay as they are. It may name nothing now."""
+        self.simulation.rearrange(episode, poses, twists)
+        kinds = [block.kind for block in episode.blocks]
+        self._episode = episode
+        self.verifier = Verifier(self.program, kinds, self.scoring, may_name_nothing=True)
+
     @property
     def program(self) -> Program:
         """The program that the verifier scores by now."""

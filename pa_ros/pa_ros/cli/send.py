@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
+import time
 
+from pa_ros.acting.execution import Execution
 from pa_ros.cli.options import add_setting, settings_from
-from pa_ros.tools.client import client_node
-from pa_ros.tools.execution import Execution
-from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError
+from pa_ros.tools.client import Node, client_node
+from pa_ros.tools.goals import GoalClient
+from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError, sendable
+from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
 
+OFFER_S = 5.0  # in which an agent's action is found, if there is one
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 
 
@@ -18,6 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("text", help='a program: "NEAR(HAND, AND(RED, CUBE))"')
     add_setting(parser, SendOptions, "wait")
     add_setting(parser, SendOptions, "timeout_s", "--timeout", metavar="S")
+    add_setting(parser, SendOptions, "time_limit_s", "--time-limit", metavar="S")
+    add_setting(parser, SendOptions, "hold_s", "--hold", metavar="S")
     parser.add_argument("--namespace", default="", help="of the arena (default: none)")
     parser.epilog = (
         "exit status: 0 accepted (with --wait: satisfied), 1 not satisfied, 2 refused, 3 timed out"
@@ -25,25 +32,72 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Send, print each node's answer, wait for the verdict if asked to."""
+    """Send, or have it pursued as a goal; print what is said to it and what becomes of it."""
     how = settings_from(options, SendOptions)
     with client_node("send", options.namespace) as node:
-        sender = ProgramSender(node)
         try:
-            try:
-                answers = sender.send(options.text, how.timeout_s)
-            finally:
-                print_answers(sender.answers)
-            if answers.refused:
-                return EXIT_REFUSED
-            if not how.wait:
-                return 0
-            execution = sender.wait(how.timeout_s)
+            if how.wait and (status := _pursue(node, options.text, how)) is not None:
+                return status
+            return _send(node, options.text, how)
         except SendTimeoutError as error:
             print(f"timed out: {error}", file=sys.stderr)
             return EXIT_TIMED_OUT
+
+
+def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
+    """As a goal of the agent's; None if none offers the action, as agents that learn don't."""
+    client = GoalClient(node)
+    try:
+        if not client.offered(min(OFFER_S, how.timeout_s)):
+            return None
+        goal = ProgramGoal(sendable(text), how.time_limit_s, how.hold_s)
+        result = client.execute(goal, how.timeout_s, _Feedback())
+    finally:
+        client.close()
+    if result.position >= 0 or result.code.startswith("program."):
+        print(f"refused [{result.code}]\n{result.reason}", file=sys.stderr)
+        return EXIT_REFUSED
+    print(result_text(result))
+    return 0 if result.success else EXIT_NOT_SATISFIED
+
+
+class _Feedback:
+    """Prints how a goal stands, once a second."""
+
+    def __init__(self) -> None:
+        self._said_at = -math.inf
+
+    def __call__(self, progress: GoalProgress) -> None:
+        if time.monotonic() - self._said_at < 1.0:
+            return
+        self._said_at = time.monotonic()
+        meant = zip(progress.objects, progress.relevance, strict=False)
+        words = ", ".join(f"{name} {p:.2f}" for name, p in meant if name != "hand")
+        print(f"  {progress.distance:.3f} m; p of {words or 'nothing yet'}", flush=True)
+
+
+def _send(node: Node, text: str, how: SendOptions) -> int:
+    """By the topic; with `wait` the verdicts are followed until it is clear what became of it."""
+    sender = ProgramSender(node)
+    try:
+        answers = sender.send(text, how.timeout_s)
+    finally:
+        print_answers(sender.answers)
+    if answers.refused:
+        return EXIT_REFUSED
+    if not how.wait:
+        return 0
+    execution = sender.wait(how.timeout_s)
     print(execution_text(execution))
     return 0 if execution.satisfied else EXIT_NOT_SATISFIED
+
+
+def result_text(result: GoalResult) -> str:
+    """One line: the verdict, the distance, the time to reach or the reason."""
+    where = f"distance {result.final_distance:.3f} m"
+    if result.success:
+        return f"satisfied: {where}, reached after {result.time_to_reach_s or 0.0:.1f} s"
+    return f"not satisfied: {where}: {result.reason} [{result.code}]"
 
 
 def print_answers(answers: Answers) -> None:

@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.console import markup
 from pa_ros.core.experience import Verdict
-from pa_ros.tools.execution import Execution, ExecutionWatch
 from pa_ros.wire.records import ProgramJudgement
 
 KEPT = 10

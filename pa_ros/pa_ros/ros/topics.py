@@ -67,7 +67,9 @@ OBJECT_FEATURES = Topic("object_features", types.ObjectFeatures, STEP, STEP)
 JOINT_STATES = Topic("joint_states", types.JointState, STEP, STEP)
 JOINT_COMMANDS = Topic("joint_commands", types.JointCommand, STEP, STEP)
 VERDICT = Topic("verdict", types.Verdict, STEP, STEP)
-CLOCK = Topic("/clock", types.Clock, STEP, STEP)
+# Relative: in the root namespace it is ROS's /clock; of several arenas, each has its own.
+CLOCK = Topic("clock", types.Clock, STEP, STEP)
+ROS_CLOCK = Topic("/clock", types.Clock, STEP, STEP)
 ARENA_INFO = Topic("arena_info", types.ArenaInfo, LATCHED, LATCHED_READER)
 # Read VOLATILE, as a plain `ros2 topic pub` writes it: a TRANSIENT_LOCAL reader would never hear
 # that, and both sides would say so. Who comes late has the arena's program from program_status.
@@ -79,7 +81,32 @@ POLICY_WEIGHTS = Topic("policy_weights", types.PolicyWeights, POLICY, POLICY)
 PROVENANCE = Topic("provenance", types.Provenance, LATCHED, LATCHED_READER)
 DIAGNOSTICS = Topic("/diagnostics", types.DiagnosticArray, STEP, STEP)
 
+# To ros2_control's controllers, which have their names: remap.
+VELOCITY_COMMANDS = Topic("velocity_commands", types.Float64MultiArray, STEP, STEP)
+JOINT_TRAJECTORY = Topic("joint_trajectory", types.JointTrajectory, STEP, STEP)
+
+# For viewers; poses by themselves, as `tf2_msgs` is not on the Python index.
+ROBOT_DESCRIPTION = Topic("robot_description", types.String, LATCHED, LATCHED_READER)
+TRANSFORMS = Topic("transforms", types.TransformStamped, STEP, STEP)
+MARKERS = Topic("markers", types.MarkerArray, STEP, STEP)
+RELEVANCE_MARKERS = Topic("relevance_markers", types.MarkerArray, STEP, STEP)
+
 RESET = ("reset", types.Reset)
 STEP_SERVICE = ("step", types.Step)
 PAUSE = ("pause", types.SetBool)
 SPEED = ("speed", types.SetSpeed)
+
+# simulation_interfaces 2.1
+DELETE_ENTITY = ("delete_entity", types.DeleteEntity)
+GET_ENTITIES = ("get_entities", types.GetEntities)
+GET_ENTITIES_STATES = ("get_entities_states", types.GetEntitiesStates)
+GET_ENTITY_INFO = ("get_entity_info", types.GetEntityInfo)
+GET_ENTITY_STATE = ("get_entity_state", types.GetEntityState)
+GET_SIMULATION_STATE = ("get_simulation_state", types.GetSimulationState)
+GET_SIMULATOR_FEATURES = ("get_simulator_features", types.GetSimulatorFeatures)
+GET_SPAWNABLES = ("get_spawnables", types.GetSpawnables)
+RESET_SIMULATION = ("reset_simulation", types.ResetSimulation)
+SET_ENTITY_STATE = ("set_entity_state", types.SetEntityState)
+SET_SIMULATION_STATE = ("set_simulation_state", types.SetSimulationState)
+SPAWN_ENTITY = ("spawn_entity", types.SpawnEntity)
+STEP_SIMULATION = ("step_simulation", types.StepSimulation)

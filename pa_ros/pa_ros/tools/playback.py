@@ -82,7 +82,7 @@ class Player:
             self._advertise(name)
         if not self._publishers:
             raise ForeignBagError(f"bag: {bag.path}: nothing to play: {self.played.passed_over}")
-        self._clock = topics.CLOCK.publisher(node) if self._options.clock else None
+        self._clock = topics.ROS_CLOCK.publisher(node) if self._options.clock else None
         self._gates = {
             name: _Gate(node, name)
             for name in self._publishers
@@ -107,8 +107,8 @@ class Player:
     def _chosen(self) -> list[str]:
         there, wanted = self._bag.types, self._options.topics
         if not wanted:
-            skipped = topics.CLOCK.name if self._options.clock else ""
-            return [name for name in there if name != skipped]
+            skipped = topics.ROS_CLOCK.name if self._options.clock else ""
+            return [name for name in there if not skipped or not name.endswith(skipped)]
         found = []
         for one in wanted:
             named = [name for name in there if name == one or name.endswith("/" + one.lstrip("/"))]

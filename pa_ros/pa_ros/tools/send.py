@@ -11,11 +11,11 @@ from functools import partial
 from pydantic import Field
 from rclpy.node import Node
 
+from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
-from pa_ros.tools.execution import Execution, ExecutionWatch
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest
@@ -32,7 +32,13 @@ class SendOptions(Settings):
     timeout_s: float = Field(
         30.0, gt=0, description="seconds to wait for the answers, and again for the verdict"
     )
-    wait: bool = Field(False, description="then wait for the verdict")
+    wait: bool = Field(False, description="make it a goal of the agent's, and wait for the verdict")
+    time_limit_s: float = Field(
+        WINDOW_S, ge=0, description="simulation time that a goal is given; 0: no limit"
+    )
+    hold_s: float = Field(
+        HOLD_S, ge=0, description="simulation time for which a goal must stay satisfied"
+    )
 
 
 class SendTimeoutError(PaError):
@@ -85,7 +91,7 @@ class ProgramSender:
         self._program_id = f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
         self._watch = ExecutionWatch(self._program_id)
-        self._message = codec.encode_program(ProgramRequest(self._program_id, _sendable(text)))
+        self._message = codec.encode_program(ProgramRequest(self._program_id, sendable(text)))
         self._publish()
         if not self._spin(self._answered, timeout_s):
             raise SendTimeoutError(_silence(self.answers, timeout_s))
@@ -134,7 +140,8 @@ class ProgramSender:
             self._execution = self._watch.observe(codec.decode_verdict(message))
 
 
-def _sendable(text: str) -> str:
+def sendable(text: str) -> str:
+    """The same text; ConfigError if it cannot travel."""
     try:
         text.encode()
     except UnicodeEncodeError as error:

@@ -5,12 +5,21 @@ from __future__ import annotations
 from typing import NewType
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import TransformStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from visualization_msgs.msg import Marker, MarkerArray
 
+from msgs_schema.action import ExecuteProgram, SimulateSteps
 from msgs_schema.msg import (
     ArenaInfo,
+    Bounds,
+    EntityCategory,
+    EntityFilters,
+    EntityState,
     JointCommand,
     LearnerInfo,
     ObjectFeatures,
@@ -18,26 +27,67 @@ from msgs_schema.msg import (
     Program,
     ProgramStatus,
     Provenance,
+    Resource,
+    Result,
     SequenceMark,
     Signature,
+    SimulationState,
+    SimulatorFeatures,
+    Spawnable,
+    TagsFilter,
     Tensor,
     Trajectory,
     Verdict,
 )
-from msgs_schema.srv import Reset, SetSpeed, Step
+from msgs_schema.srv import (
+    DeleteEntity,
+    GetEntities,
+    GetEntitiesStates,
+    GetEntityInfo,
+    GetEntityState,
+    GetSimulationState,
+    GetSimulatorFeatures,
+    GetSpawnables,
+    Reset,
+    ResetSimulation,
+    SetEntityState,
+    SetSimulationState,
+    SetSpeed,
+    SpawnEntity,
+    Step,
+    StepSimulation,
+)
 
 Message = NewType("Message", object)
 """A message as it came or goes, whose fields are this room's affair: nobody else can name one."""
 
 __all__ = [
     "ArenaInfo",
+    "Bounds",
     "Clock",
+    "DeleteEntity",
     "DiagnosticArray",
     "DiagnosticStatus",
+    "EntityCategory",
+    "EntityFilters",
+    "EntityState",
+    "ExecuteProgram",
+    "Float64MultiArray",
+    "GetEntities",
+    "GetEntitiesStates",
+    "GetEntityInfo",
+    "GetEntityState",
+    "GetSimulationState",
+    "GetSimulatorFeatures",
+    "GetSpawnables",
     "JointCommand",
     "JointState",
+    "JointTrajectory",
+    "JointTrajectoryPoint",
     "KeyValue",
     "LearnerInfo",
+    "Marker",
+    "MarkerArray",
     "Message",
     "ObjectFeatures",
     "PolicyWeights",
@@ -45,12 +95,26 @@ __all__ = [
     "ProgramStatus",
     "Provenance",
     "Reset",
+    "ResetSimulation",
+    "Resource",
+    "Result",
     "SequenceMark",
     "SetBool",
+    "SetEntityState",
+    "SetSimulationState",
     "SetSpeed",
     "Signature",
+    "SimulateSteps",
+    "SimulationState",
+    "SimulatorFeatures",
+    "SpawnEntity",
+    "Spawnable",
     "Step",
+    "StepSimulation",
+    "String",
+    "TagsFilter",
     "Tensor",
     "Trajectory",
+    "TransformStamped",
     "Verdict",
 ]

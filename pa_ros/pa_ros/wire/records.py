@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from math import inf
 from typing import Any
 
 from pa_ros.core.experience import CommandKey, Executed, Float32
@@ -111,6 +112,38 @@ class ProgramJudgement:
     reason: str = ""
     position: int = -1
     stamp_ns: int = NO_STAMP
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramGoal:
+    """A program to be executed until it has been satisfied for `hold_s`; simulation time."""
+
+    text: str
+    time_limit_s: float = 0.0  # 0: none
+    hold_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GoalProgress:
+    """Where the execution of a goal stands."""
+
+    distance: float  # m; inf: nothing named, or no step seen yet
+    satisfied: bool
+    objects: tuple[str, ...]  # [N] labels
+    relevance: tuple[float, ...]  # [N] p, or empty
+    policy_version: int
+
+
+@dataclass(frozen=True, slots=True)
+class GoalResult:
+    """What became of a goal."""
+
+    success: bool
+    final_distance: float = inf  # m
+    time_to_reach_s: float | None = None  # simulation time; None: never
+    code: str = ""
+    reason: str = ""
+    position: int = -1  # where in the program's text; -1: nowhere
 
 
 @dataclass(frozen=True, slots=True)

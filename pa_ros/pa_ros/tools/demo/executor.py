@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
+from pa_ros.acting.execution import WINDOW_S, Execution
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Verdict
 from pa_ros.ros.topics import VERDICT
 from pa_ros.tools.arena_client import ArenaClient
-from pa_ros.tools.execution import WINDOW_S, Execution
 from pa_ros.tools.graph import watch
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures

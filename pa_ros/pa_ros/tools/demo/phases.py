@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.arena import ReachTask, training_programs
 from pa_ros.core.errors import PaError
 from pa_ros.evaluation.scoring.evaluate import reference_scores
@@ -27,7 +28,6 @@ from pa_ros.tools.demo.scenes import (
     draw_phi,
     find_scene,
 )
-from pa_ros.tools.execution import HOLD_S, WINDOW_S
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics

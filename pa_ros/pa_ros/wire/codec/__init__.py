@@ -7,7 +7,16 @@ what was expected and what came, and returns arrays that own their memory.
 from __future__ import annotations
 
 from pa_ros.wire.codec.arena import decode_arena_info, encode_arena_info
+from pa_ros.wire.codec.controllers import encode_point, encode_velocities
 from pa_ros.wire.codec.experience import decode_trajectory, decode_trajectory_key, encode_trajectory
+from pa_ros.wire.codec.goal import (
+    decode_goal,
+    decode_goal_feedback,
+    decode_goal_result,
+    encode_goal,
+    encode_goal_feedback,
+    encode_goal_result,
+)
 from pa_ros.wire.codec.health import decode_diagnostics, encode_diagnostics
 from pa_ros.wire.codec.learner import decode_learner_info, encode_learner_info
 from pa_ros.wire.codec.program import (
@@ -29,6 +38,26 @@ from pa_ros.wire.codec.services import (
     encode_speed,
     encode_steps,
 )
+from pa_ros.wire.codec.simulator import (
+    decode_entity,
+    decode_entity_state,
+    decode_filters,
+    decode_result,
+    decode_scope,
+    decode_simulation_state,
+    decode_simulation_steps,
+    decode_spawning,
+    decode_state_change,
+    encode_entities,
+    encode_entity,
+    encode_features,
+    encode_result,
+    encode_simulation_state,
+    encode_spawnables,
+    encode_spawned,
+    encode_steps_feedback,
+    encode_steps_result,
+)
 from pa_ros.wire.codec.stamp import decode_clock, encode_clock, header_stamp
 from pa_ros.wire.codec.step import (
     StepMessages,
@@ -47,6 +76,12 @@ from pa_ros.wire.codec.step import (
     encode_verdict,
     is_evaluation,
 )
+from pa_ros.wire.codec.views import (
+    encode_markers,
+    encode_outlines,
+    encode_text,
+    encode_transform,
+)
 from pa_ros.wire.codec.weights import decode_weights, encode_weights, weights_checksum
 
 __all__ = [
@@ -57,8 +92,14 @@ __all__ = [
     "decode_command",
     "decode_context",
     "decode_diagnostics",
+    "decode_entity",
+    "decode_entity_state",
     "decode_executed",
     "decode_hand_pose",
+    "decode_filters",
+    "decode_goal",
+    "decode_goal_feedback",
+    "decode_goal_result",
     "decode_joints",
     "decode_learner_info",
     "decode_objects",
@@ -69,7 +110,13 @@ __all__ = [
     "decode_program_status",
     "decode_provenance",
     "decode_reset",
+    "decode_result",
+    "decode_scope",
+    "decode_simulation_state",
+    "decode_simulation_steps",
+    "decode_spawning",
     "decode_speed",
+    "decode_state_change",
     "decode_step_mark",
     "decode_steps",
     "decode_trajectory",
@@ -80,17 +127,35 @@ __all__ = [
     "encode_clock",
     "encode_command",
     "encode_diagnostics",
+    "encode_entities",
+    "encode_entity",
+    "encode_features",
+    "encode_goal",
+    "encode_goal_feedback",
+    "encode_goal_result",
     "encode_learner_info",
+    "encode_markers",
     "encode_observation",
     "encode_outcome",
+    "encode_outlines",
     "encode_pause",
+    "encode_point",
     "encode_program",
     "encode_program_status",
     "encode_provenance",
     "encode_reset",
+    "encode_result",
+    "encode_simulation_state",
+    "encode_spawnables",
+    "encode_spawned",
     "encode_speed",
     "encode_steps",
+    "encode_steps_feedback",
+    "encode_steps_result",
+    "encode_text",
     "encode_trajectory",
+    "encode_transform",
+    "encode_velocities",
     "encode_verdict",
     "encode_weights",
     "header_stamp",

@@ -2,8 +2,8 @@
 
 import pytest
 
+from pa_ros.acting.execution import ExecutionWatch
 from pa_ros.core.experience import Verdict
-from pa_ros.tools.execution import ExecutionWatch
 
 STEP_NS = 100_000_000
 

@@ -1,0 +1,213 @@
+"""The action execute_program: a program as a goal, pursued by an agent that executes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+
+from agent_node.errors import ArenaGoneError, GoalError
+from pa_ros.acting.agent import Agent
+from pa_ros.acting.execution import Execution, ExecutionWatch
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Observation, Verdict
+from pa_ros.language import Program, parse
+from pa_ros.ros import topics
+from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import ArenaDescription, GoalProgress, GoalResult, ProgramGoal
+from pa_ros.wire.records import ProgramRequest as Request
+from pa_ros.world.labels import labels
+
+FEEDBACK_S = 0.2  # wall time
+RESEND_S = 1.0  # wall time; a program that no arena has judged is sent again
+FOREVER_S = 1e9  # simulation time
+ENDED = {
+    "window": ("goal.time_limit", "the time limit came first"),
+    "episode": ("goal.episode_ended", "the arena's episode ended"),
+    "replaced": ("goal.replaced", "another program, or another scene, took its place"),
+}
+
+
+@dataclass
+class _Pursuit:
+    """A goal under way."""
+
+    goal: Goal
+    wanted: ProgramGoal
+    request: Request
+    watch: ExecutionWatch
+    sent_at: float | None = None
+    judged: bool = False
+    verdict: Verdict | None = None  # the newest under this program
+
+
+class ProgramGoals:
+    """One goal at a time. What the agent is to know of the arena comes from its verdicts."""
+
+    def __init__(
+        self,
+        node: Node,
+        agent: Agent,
+        refusals: Refusals,
+        arena: Callable[[], ArenaDescription | None],
+        seen: Callable[[], tuple[Observation, Program] | None],
+    ) -> None:
+        """`arena`: that counts now; `seen`: the newest step that was taken in, and the program that
+        it is under."""
+        self._node, self._agent, self._refusals = node, agent, refusals
+        self._arena, self._seen = arena, seen
+        self._current: _Pursuit | None = None
+        self._held = ""  # id of a program that is not to be pursued any more
+        self._served = 0
+        self._listening = False
+        self._program_out = topics.PROGRAM.publisher(node)
+        self._verdicts: Any = None  # from the first goal on: nobody else needs them
+        self._timer: Any = None
+        status = topics.PROGRAM_STATUS
+        status.subscribe(node, refusals.guard(status.name, self._on_status))
+        self._server = GoalServer(node, EXECUTE_PROGRAM, self._start, self._cancel)
+
+    def close(self) -> None:
+        """Call before the node is destroyed."""
+        self._server.destroy()
+
+    def gave_up(self, program_id: str) -> bool:
+        """Whether to hold the arm under a program: its goal was cancelled, or took too long."""
+        return program_id == self._held != ""
+
+    def _on_status(self, message: Message) -> None:
+        current = self._current
+        judgement = codec.decode_program_status(message)
+        if current is None or judgement.program_id != current.request.program_id:
+            return
+        if judgement.node == self._node.get_fully_qualified_name():
+            return
+        current.judged = True
+        if not judgement.accepted:
+            self._finish(
+                current.goal.abort,
+                code=judgement.code,
+                reason=f"{judgement.node}: {judgement.reason}",
+                position=judgement.position,
+            )
+
+    def _check(self, text: str) -> None:
+        """A PaError for a program that can't be executed now."""
+        arena = self._arena()
+        if arena is None or not self._agent.has_weights:
+            lacks = "an arena" if arena is None else "weights"
+            raise GoalError(f"execute_program: expected {lacks} before a goal, got none")
+        self._agent.check_program(parse(text, arena.world.vocabulary))
+
+    def _start(self, goal: Goal) -> None:
+        try:
+            wanted = codec.decode_goal(goal.request)
+            self._check(wanted.text)
+        except PaError as error:
+            self._refusals.refuse(EXECUTE_PROGRAM[0], error)
+            position = int(getattr(error, "position", -1))
+            refused = GoalResult(False, code=error.code, reason=str(error), position=position)
+            goal.abort(codec.encode_goal_result(refused))
+            return
+        if self._current is not None:
+            self._finish(self._current.goal.abort, code=ENDED["replaced"][0], reason="another goal")
+        self._served += 1
+        program_id = f"{self._node.get_name()}-{time.time_ns()}-{self._served}"
+        watch = ExecutionWatch(program_id, wanted.time_limit_s or FOREVER_S, wanted.hold_s)
+        self._current = _Pursuit(goal, wanted, Request(program_id, wanted.text), watch)
+        if self._verdicts is None:
+            self._verdicts = topics.VERDICT.subscribe(
+                self._node, self._refusals.guard(topics.VERDICT.name, self._on_verdict)
+            )
+        if self._listening:
+            self._send()
+        self._timer = steady_timer(self._node, FEEDBACK_S, self._tell)
+
+    def _send(self) -> None:
+        """Put the program in force; its verdicts will be heard from the first on."""
+        assert self._current is not None
+        self._current.sent_at = time.monotonic()
+        self._program_out.publish(codec.encode_program(self._current.request))
+
+    def _on_verdict(self, message: Message) -> None:
+        self._listening, current = True, self._current
+        if current is None:
+            return
+        if current.sent_at is None:
+            self._send()
+            return
+        verdict = codec.decode_verdict(message)
+        execution = current.watch.observe(verdict)
+        if verdict.program_id == current.request.program_id:
+            current.verdict = verdict
+        if execution is not None:
+            self._end(current, execution)
+
+    def _end(self, current: _Pursuit, execution: Execution) -> None:
+        if execution.ended == "held":
+            self._finish(current.goal.succeed, True, execution.reached_s)
+            return
+        code, reason = ENDED[execution.ended]
+        if execution.ended == "window":
+            self._held = current.request.program_id
+            reason = f"{reason} ({current.wanted.time_limit_s:g} s)"
+        self._finish(current.goal.abort, False, execution.reached_s, code, reason)
+
+    def _cancel(self, goal: Goal) -> None:
+        current = self._current
+        if current is not None and current.goal is goal:
+            self._held = current.request.program_id
+            self._finish(goal.cancel, code="goal.cancelled", reason="cancelled; the arm holds")
+
+    def _tell(self) -> None:
+        """Feedback; and whether there still is an arena that could hear."""
+        current = self._current
+        if current is None:
+            return
+        if self._node.count_publishers(topics.VERDICT.name) == 0:
+            error = ArenaGoneError(
+                "execute_program: expected an arena that sends verdicts, got none"
+            )
+            self._refusals.refuse(EXECUTE_PROGRAM[0], error)
+            self._finish(current.goal.abort, code=error.code, reason=str(error))
+            return
+        unheard = current.sent_at is not None and not current.judged
+        if unheard and time.monotonic() - (current.sent_at or 0.0) > RESEND_S:
+            self._send()
+        current.goal.feedback(codec.encode_goal_feedback(self._progress(current)))
+
+    def _progress(self, current: _Pursuit) -> GoalProgress:
+        objects: tuple[str, ...] = ()
+        relevance: tuple[float, ...] = ()
+        seen = self._seen()
+        if seen is not None:
+            objects = labels(seen[0].objects, seen[0].hand_index, self._agent.schema)
+            if seen[0].program_id == current.request.program_id:
+                relevance = self._agent.relevance(*seen)
+        verdict = current.verdict
+        distance = verdict.distance if verdict else float("inf")
+        near = verdict is not None and verdict.satisfied
+        return GoalProgress(distance, near, objects, relevance, self._agent.version)
+
+    def _finish(
+        self,
+        end: Callable[[Message], None],
+        success: bool = False,
+        reached_s: float | None = None,
+        code: str = "",
+        reason: str = "",
+        position: int = -1,
+    ) -> None:
+        current, self._current = self._current, None
+        assert current is not None
+        self._node.destroy_timer(self._timer)
+        distance = current.verdict.distance if current.verdict else float("inf")
+        result = GoalResult(success, distance, reached_s, code, reason, position)
+        end(Message(codec.encode_goal_result(result)))

@@ -1,0 +1,68 @@
+"""A controller of one's own in place of agent_node (docs/robot.md)."""
+
+from pathlib import Path
+
+from rclpy.node import Node
+
+from agent_node.programs import ProgramBook
+from agent_node.steps import StepMatcher
+from pa_ros.acting.actor import Actor
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.ros import topics
+from pa_ros.ros.node_main import run_node
+from pa_ros.ros.programs import judge
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.records import Command
+
+
+class Controller(Node):
+    def __init__(self) -> None:
+        super().__init__("controller")
+        self.policy = Actor.of(load_policy(Path("shipped:3-D")))  # put yours here
+        self.arena = self.book = None
+        self.steps = StepMatcher(("features", "joints"))
+        self.commands = topics.JOINT_COMMANDS.publisher(self)
+        self.status = topics.PROGRAM_STATUS.publisher(self)
+        self.refusals = Refusals(self.get_logger().warning)
+        for topic, react in (
+            (topics.ARENA_INFO, self.on_arena),
+            (topics.PROGRAM, self.on_program),
+            (topics.OBJECT_FEATURES, lambda m: self.on_part("features", m)),
+            (topics.JOINT_STATES, lambda m: self.on_part("joints", m)),
+        ):
+            topic.subscribe(self, self.refusals.guard(topic.name, react))
+
+    def on_arena(self, message) -> None:
+        self.arena = codec.decode_arena_info(message)
+        self.book = ProgramBook(self.arena.world.vocabulary)
+        self.steps.restart()
+
+    def on_program(self, message) -> None:
+        if self.book is not None:
+            name = self.get_fully_qualified_name()
+            request = codec.decode_program(message)
+            answer = judge(request, name, 0, self.book.accept, self.refusals)
+            self.status.publish(codec.encode_program_status(answer))
+
+    def on_part(self, part, message) -> None:
+        if self.arena is None:
+            return
+        step = self.steps.add(part, codec.header_stamp(message), message)
+        if step is None:
+            return  # its other half is on its way
+        names = self.arena.joint_names
+        seen = codec.decode_observation(step["features"], step["joints"], names)
+        text = codec.decode_context(step["features"], len(names)).program
+        if text:  # [J], shares of the joints' speed limits
+            action = self.policy.act(seen, self.book.program(text))
+            answered = seen.episode, seen.step, seen.stamp_ns
+            command = Command(*answered, "my-controller", self.policy.version, action, 1, seen.step)
+            self.commands.publish(codec.encode_command(command))
+
+    def close(self) -> None:
+        pass
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_node("controller", Controller))

@@ -1,0 +1,75 @@
+"""A robot driver in place of sim_node: all that an agent needs of a robot (docs/robot.md)."""
+
+import numpy as np
+from rclpy.node import Node
+
+from pa_ros.arena import ReachTask, design_named, preset_named  # the "robot": put yours here
+from pa_ros.arena.task import world_of
+from pa_ros.language import parse
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.node_main import run_node
+from pa_ros.ros.programs import judge
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.records import ProgramRequest, StepContext
+from pa_ros.wire.robots import ENDLESS, describe_robot
+
+
+class Driver(Node):
+    def __init__(self) -> None:
+        super().__init__("robot_driver")
+        arm = preset_named("fast").changed(episode_steps=ENDLESS)
+        self.robot = ReachTask(arm, design_named("3-D"), seed=2)
+        self.seen, self.verdict = self.robot.reset(0)
+        self.words, self.program, self.command = self.robot.design.vocabulary, None, None
+        speeds = self.robot.config.joint_speed_limits
+        self.speeds = {f"joint_{i}": speed for i, speed in enumerate(speeds, start=1)}
+        self.about = describe_robot(
+            world_of(arm, self.robot.design), self.speeds, control_period_s=0.1
+        )
+        out = topics.ARENA_INFO, topics.OBJECT_FEATURES, topics.JOINT_STATES
+        self.info, self.features, self.joints = (topic.publisher(self) for topic in out)
+        self.verdicts, self.status = (
+            topic.publisher(self) for topic in (topics.VERDICT, topics.PROGRAM_STATUS)
+        )
+        self.info.publish(codec.encode_arena_info(self.about))
+        self.refusals = Refusals(self.get_logger().warning)
+        for topic, react in (
+            (topics.JOINT_COMMANDS, self.on_command),
+            (topics.PROGRAM, self.on_program),
+        ):
+            topic.subscribe(self, self.refusals.guard(topic.name, react))
+        steady_timer(self, 0.1, self.step)
+
+    def on_program(self, message) -> None:
+        request = codec.decode_program(message)
+        name, stamp_ns = self.get_fully_qualified_name(), self.seen.stamp_ns
+        answer = judge(request, name, stamp_ns, self.accept, self.refusals)
+        self.status.publish(codec.encode_program_status(answer))
+
+    def accept(self, request: ProgramRequest) -> str:
+        program = parse(request.text, self.words)
+        self.robot.set_program(program, request.program_id)
+        self.program = str(program)
+        return self.program
+
+    def on_command(self, message) -> None:
+        self.command = codec.decode_command(message)
+
+    def step(self) -> None:
+        command, self.command = self.command, None  # without a fresh one the arm holds
+        share = np.zeros(len(self.speeds)) if command is None else np.clip(command.action, -1, 1)
+        self.seen, self.verdict = self.robot.step(share * np.array(list(self.speeds.values())))
+        context = StepContext(self.about.arena_id, program=self.program or "")
+        features, joints = codec.encode_observation(self.seen, tuple(self.speeds), context)
+        self.joints.publish(joints)
+        self.features.publish(features)
+        self.verdicts.publish(codec.encode_verdict(self.verdict, arena_id=self.about.arena_id))
+
+    def close(self) -> None:
+        pass
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_node("robot_driver", Driver))

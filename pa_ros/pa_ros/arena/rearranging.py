@@ -1,0 +1,81 @@
+"""Blocks that someone moves, adds or takes away while an episode goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import atan2
+
+import numpy as np
+
+from pa_ros.arena.constants import TABLE_SIDE_M
+from pa_ros.arena.designs import Kind
+from pa_ros.arena.episodes import Block
+from pa_ros.arena.errors import SceneError
+from pa_ros.arena.task import ReachTask
+from pa_ros.core.body import Body
+
+REACH_M = TABLE_SIDE_M / 2  # of the table, and of heights above it
+APART_M = 0.05  # centers of blocks that would overlap are closer than this
+
+
+def bodies(task: ReachTask) -> list[Body]:
+    """Hand and blocks, in Ω's order."""
+    poses, twists = task.simulation.body_states()
+    return [
+        Body(pose[:3], np.roll(pose[3:], -1), twist[:3], twist[3:])
+        for pose, twist in zip(poses, twists, strict=True)
+    ]
+
+
+def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) -> None:
+    """Have exactly these blocks on the table, moving as they say; the arm goes on as it was.
+
+    The program stays in force, though it may name nothing for a while. Raises SceneError, with
+    nothing changed, for poses that cannot be, or if no block is left.
+    """
+    if not kinds:
+        raise SceneError("blocks: expected at least one to stay, got none")
+    placed = [_lifted(task, kind, body) for kind, body in zip(kinds, blocks, strict=True)]
+    _check_apart(placed)
+    episode = replace(
+        task.episode,
+        blocks=tuple(_resting(kind, body) for kind, body in zip(kinds, placed, strict=True)),
+    )
+    poses = np.array([[*body.position, *np.roll(body.quaternion, 1)] for body in placed])
+    twists = np.array([[*body.linear, *body.angular] for body in placed])
+    task.rearranged(episode, poses, twists)
+
+
+def _lifted(task: ReachTask, kind: Kind, body: Body) -> Body:
+    """The body, no deeper than it would lie. SceneError for a pose that cannot be."""
+    numbers = np.concatenate([body.position, body.quaternion, body.linear, body.angular])
+    if not np.isfinite(numbers).all():
+        raise SceneError(f"pose: expected finite numbers, got {numbers.tolist()}")
+    if abs(np.linalg.norm(body.quaternion) - 1.0) > 1e-3:
+        raise SceneError(f"pose: expected a unit quaternion, got {body.quaternion.tolist()}")
+    if (np.abs(body.position) > REACH_M).any():
+        raise SceneError(
+            f"pose: expected a position within {REACH_M} m of the table's middle, "
+            f"got {body.position.tolist()}"
+        )
+    position = body.position.copy()
+    position[2] = max(position[2], task.simulation.rest_height(kind))
+    return replace(body, position=position)
+
+
+def _check_apart(blocks: Sequence[Body]) -> None:
+    for i, one in enumerate(blocks):
+        for other in blocks[:i]:
+            gap = float(np.linalg.norm(one.position - other.position))
+            if gap < APART_M:
+                raise SceneError(
+                    f"pose: expected at least {APART_M} m to every other block, got {gap:.3f} m"
+                )
+
+
+def _resting(kind: Kind, body: Body) -> Block:
+    """Where it would lie, were it put down as it is."""
+    x, y, z, w = body.quaternion
+    yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return Block(kind, float(body.position[0]), float(body.position[1]), yaw)

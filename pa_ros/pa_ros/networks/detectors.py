@@ -1,0 +1,33 @@
+"""Φ of an actor's weights by NumPy: for one scene now and then, where torch isn't wanted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pa_ros.core.experience import Float32
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import TensorError, Tensors
+
+
+def degrees(network: NetworkConfig, tensors: Tensors, objects: Float32, arm: Float32) -> Float32:
+    """Φ, [V, N], of one scene, objects [N, F] and arm [A]; see `networks.programmable.Trunk.phi`.
+
+    Only for a family that evaluates programs. TensorError for a scene of another width.
+    """
+    if not network.family.detects(critic=False):
+        return np.asarray(network.world.truth(objects).T)
+    scale = network.world.schema.scales.copy()
+    scale[:3] = network.position_scale
+    columns = np.hstack([objects * scale, np.tile(arm, (len(objects), 1))])  # ω, [N, F + A]
+    seen = tensors["detectors.weight"].shape[1]
+    if columns.shape[1] != seen:
+        raise TensorError(f"detectors: expected columns of {seen} features, got {columns.shape[1]}")
+    logits = columns @ tensors["detectors.weight"].T + tensors["detectors.bias"]  # [N, V]
+    ends = np.cumsum(network.vocabulary.group_sizes)[:-1]
+    return np.vstack([_softmax(group) for group in np.split(logits, ends, axis=1)])
+
+
+def _softmax(logits: Float32) -> Float32:
+    """[G, N] of logits [N, G]."""
+    weights = np.exp(logits - logits.max(axis=1, keepdims=True))
+    return np.asarray((weights / weights.sum(axis=1, keepdims=True)).T)

@@ -1,0 +1,76 @@
+"""The arena's own services: reset, step, pause, speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from rclpy.node import Node
+
+from pa_ros.core.errors import PaError
+from pa_ros.ros import topics
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import Outcome, ResetRequest
+from sim_node.session import Session
+
+
+class Steered(Protocol):
+    """What the node does for its services."""
+
+    session: Session
+    paused: bool
+
+    def begin(self, request: ResetRequest) -> None:
+        """Begin an episode."""
+
+    def hold(self, steps: int) -> None:
+        """Let so many control periods pass while the arm holds still. NotPausedError."""
+
+    def pause(self, paused: bool) -> None:
+        """Stop time, or let it go on."""
+
+    def set_speed(self, factor: float) -> None:
+        """Simulation time per wall time from now on. LockstepError."""
+
+    @property
+    def speed(self) -> float:
+        """Simulation time per wall time; 0 in lockstep."""
+
+
+class ArenaServices:
+    """Offers them on a node, in its namespace."""
+
+    def __init__(self, node: Node, arena: Steered, refusals: Refusals) -> None:
+        self._arena, self._refusals = arena, refusals
+        services: list[tuple[tuple[str, Any], Callable[[Message], None]]] = [
+            (topics.RESET, lambda m: arena.begin(codec.decode_reset(m))),
+            (topics.STEP_SERVICE, lambda m: arena.hold(codec.decode_steps(m))),
+            (topics.PAUSE, lambda m: arena.pause(codec.decode_pause(m))),
+            (topics.SPEED, lambda m: arena.set_speed(codec.decode_speed(m))),
+        ]
+        for (name, kind), act in services:
+            node.create_service(kind, name, self._answering(name, act), qos_profile=topics.SERVICE)
+
+    def _answering(
+        self, name: str, act: Callable[[Message], None]
+    ) -> Callable[[Message, Message], Message]:
+        """A service that answers a refusal with its cause."""
+
+        def answer(request: Message, response: Message) -> Message:
+            try:
+                act(request)
+                outcome = self._outcome(True)
+            except PaError as error:
+                self._refusals.refuse(name, error)
+                outcome = self._outcome(False, error.code, str(error))
+            return Message(codec.encode_outcome(response, outcome))
+
+        return answer
+
+    def _outcome(self, success: bool, code: str = "", reason: str = "") -> Outcome:
+        stands = self._arena.session.frame.observation
+        return Outcome(
+            success, code, reason, stands.episode, stands.step, stands.stamp_ns, self._arena.speed
+        )

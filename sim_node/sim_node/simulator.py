@@ -1,0 +1,171 @@
+"""The arena's services in the names and the meaning of simulation_interfaces 2.1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+
+from pa_ros.arena.errors import SceneError
+from pa_ros.core.body import Body
+from pa_ros.core.errors import PaError
+from pa_ros.ros import topics
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import ResetRequest
+from pa_ros.wire.simulator import (
+    ALREADY_IN_TARGET_STATE,
+    INVALID_POSE,
+    ResultCode,
+    Scope,
+    SimState,
+    SpawnCode,
+)
+from sim_node.entities import Entities, label
+from sim_node.errors import SimulatorError
+from sim_node.services import Steered
+from sim_node.stepping import SteppingAction
+
+ABOUT = "time never goes back; moved blocks are seen from the next step on; docs/simulator.md"
+TIME_GOES_ON = "done, but for the time: the clock never goes back"
+
+Answer = Callable[[Message, Any], Any]
+
+
+class SimulatorServices:
+    """Offers the services on a node, in its namespace."""
+
+    def __init__(self, node: Node, arena: Steered, entities: Entities, refusals: Refusals) -> None:
+        self._arena, self._entities, self._refusals = arena, entities, refusals
+        self._stopped_at = -1  # stamp at which it was stopped and reset; -1: it was not
+        invalid = {"set_entity_state": INVALID_POSE, "spawn_entity": SpawnCode.INVALID_POSE}
+        answers: dict[tuple[str, Any], Answer] = {
+            topics.GET_SIMULATOR_FEATURES: lambda _, r: codec.encode_features(r, ABOUT),
+            topics.GET_SIMULATION_STATE: self._get_state,
+            topics.SET_SIMULATION_STATE: self._set_state,
+            topics.STEP_SIMULATION: self._step,
+            topics.RESET_SIMULATION: self._reset,
+            topics.GET_SPAWNABLES: self._get_spawnables,
+            topics.SPAWN_ENTITY: self._spawn,
+            topics.DELETE_ENTITY: self._delete,
+            topics.GET_ENTITIES: self._get_entities,
+            topics.GET_ENTITIES_STATES: self._get_entities,
+            topics.GET_ENTITY_INFO: self._get_entity,
+            topics.GET_ENTITY_STATE: self._get_entity,
+            topics.SET_ENTITY_STATE: self._set_entity,
+        }
+        for (name, kind), answer in answers.items():
+            guarded = self._answering(name, answer, invalid.get(name, ResultCode.OPERATION_FAILED))
+            node.create_service(kind, name, guarded)
+        self._stepping = SteppingAction(node, arena, refusals)
+
+    def close(self) -> None:
+        """Call before the node is destroyed."""
+        self._stepping.close()
+
+    def _answering(self, name: str, answer: Answer, invalid: int) -> Answer:
+        """A service that answers a refusal with its cause; `invalid`: code of impossible poses."""
+
+        def respond(request: Message, response: Any) -> Any:
+            try:
+                return answer(request, response)
+            except PaError as error:
+                self._refusals.refuse(name, error)
+                code = getattr(error, "result", ResultCode.OPERATION_FAILED)
+                code = invalid if isinstance(error, SceneError) else code
+                return codec.encode_result(response, code, str(error))
+
+        return respond
+
+    # Time
+
+    @property
+    def _stamp_ns(self) -> int:
+        return self._arena.session.frame.observation.stamp_ns
+
+    @property
+    def _state(self) -> SimState:
+        if not self._arena.paused:
+            return SimState.PLAYING
+        return SimState.STOPPED if self._stopped_at == self._stamp_ns else SimState.PAUSED
+
+    def _get_state(self, _request: Message, response: Any) -> Any:
+        return _ok(codec.encode_simulation_state(response, self._state))
+
+    def _set_state(self, request: Message, response: Any) -> Any:
+        wanted = codec.decode_simulation_state(request)
+        if wanted not in tuple(SimState):
+            text = f"set_simulation_state.state: expected one of {list(map(int, SimState))}"
+            raise SimulatorError(f"{text}, got {wanted}", ResultCode.FEATURE_UNSUPPORTED)
+        if wanted == self._state:
+            text = f"set_simulation_state.state: expected another than now, got {wanted}"
+            raise SimulatorError(text, ALREADY_IN_TARGET_STATE)
+        self._arena.pause(wanted != SimState.PLAYING)
+        self._stopped_at = -1
+        if wanted == SimState.STOPPED:
+            self._restore(Scope.ALL)
+            self._stopped_at = self._stamp_ns
+        return _ok(response)
+
+    def _step(self, request: Message, response: Any) -> Any:
+        self._arena.hold(codec.decode_simulation_steps(request))
+        return _ok(response)
+
+    def _reset(self, request: Message, response: Any) -> Any:
+        scope = codec.decode_scope(request)
+        whole = scope in (Scope.DEFAULT, Scope.ALL)
+        if not whole and scope & ~(Scope.STATE | Scope.SPAWNED):
+            text = "reset_simulation.scope: expected all, STATE (2), SPAWNED (4) or their sum"
+            text += f", as the clock never goes back, got {scope}"
+            raise SimulatorError(text, ResultCode.FEATURE_UNSUPPORTED)
+        self._restore(Scope.ALL if whole else scope)
+        return _ok(response, TIME_GOES_ON if whole else "")
+
+    def _restore(self, scope: int) -> None:
+        """Put back what a sum of scopes says."""
+        if not scope & Scope.STATE:
+            self._entities.despawn()
+            return
+        stands = self._arena.session.frame
+        again = ResetRequest(stands.observation.episode, evaluation=stands.evaluation)
+        spawned = not scope & Scope.SPAWNED
+        self._entities.restore(lambda: self._arena.begin(again), spawned)
+
+    # Entities
+
+    def _get_spawnables(self, _request: Message, response: Any) -> Any:
+        kinds = self._entities.spawnable()
+        described = {uri: f"a {label(kind)}" for uri, kind in kinds.items()}
+        return _ok(codec.encode_spawnables(response, described))
+
+    def _spawn(self, request: Message, response: Any) -> Any:
+        name = self._entities.spawn(codec.decode_spawning(request))
+        return _ok(codec.encode_spawned(response, name))
+
+    def _delete(self, request: Message, response: Any) -> Any:
+        self._entities.delete(codec.decode_entity(request))
+        return _ok(response)
+
+    def _get_entities(self, request: Message, response: Any) -> Any:
+        found = self._entities.matching(codec.decode_filters(request))
+        return _ok(codec.encode_entities(response, found, self._stamp_ns))
+
+    def _get_entity(self, request: Message, response: Any) -> Any:
+        entity = self._entities.named(codec.decode_entity(request))
+        return _ok(codec.encode_entity(response, entity, self._stamp_ns))
+
+    def _set_entity(self, request: Message, response: Any) -> Any:
+        change = codec.decode_state_change(request)
+
+        def changed(body: Body) -> Body:
+            pose, twist = change.pose or body, change.twist or body
+            return Body(pose.position, pose.quaternion, twist.linear, twist.angular)
+
+        self._entities.put(change.entity, changed)
+        return _ok(response)
+
+
+def _ok(response: Any, message: str = "") -> Any:
+    return codec.encode_result(response, ResultCode.OK, message)

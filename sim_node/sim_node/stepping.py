@@ -1,0 +1,83 @@
+"""The action simulate_steps: a paused arena goes on step by step, and can be stopped between."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from rclpy.node import Node
+
+from pa_ros.core.errors import PaError
+from pa_ros.ros.actions import SIMULATE_STEPS, Goal, GoalServer
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.simulator import ResultCode
+from sim_node.errors import SimulatorError
+
+TURN_S = 0.001  # wall time between two steps, in which the node serves others
+
+
+class Held(Protocol):
+    """An arena that can be let go step by step."""
+
+    def hold(self, steps: int) -> None:
+        """Let control periods pass while the arm holds still. NotPausedError."""
+
+
+class SteppingAction:
+    """One goal at a time; a second one is aborted."""
+
+    def __init__(self, node: Node, arena: Held, refusals: Refusals) -> None:
+        self._node, self._arena, self._refusals = node, arena, refusals
+        self._goal: Goal | None = None
+        self._steps = self._done = 0
+        self._timer: Any = None
+        self._server = GoalServer(node, SIMULATE_STEPS, self._start, self._cancel)
+
+    def close(self) -> None:
+        """Call before the node is destroyed."""
+        self._server.destroy()
+
+    def _start(self, goal: Goal) -> None:
+        try:
+            steps = codec.decode_simulation_steps(goal.request)
+            if self._goal is not None:
+                text = f"simulate_steps: expected one goal at a time, got one while at {self._done}"
+                raise SimulatorError(text, ResultCode.OPERATION_FAILED)
+        except PaError as error:
+            self._refuse(goal, error)
+            return
+        self._goal, self._steps, self._done = goal, steps, 0
+        self._timer = steady_timer(self._node, TURN_S, self._step)
+
+    def _step(self) -> None:
+        goal = self._goal
+        if goal is None:
+            return
+        try:
+            self._arena.hold(1)
+        except PaError as error:
+            self._end()
+            self._refuse(goal, error)
+            return
+        self._done += 1
+        goal.feedback(Message(codec.encode_steps_feedback(self._done, self._steps - self._done)))
+        if self._done == self._steps:
+            self._end()
+            goal.succeed(Message(codec.encode_steps_result(ResultCode.OK)))
+
+    def _cancel(self, goal: Goal) -> None:
+        if goal is self._goal:
+            text = f"cancelled after {self._done} of {self._steps} steps"
+            self._end()
+            goal.cancel(Message(codec.encode_steps_result(ResultCode.OPERATION_FAILED, text)))
+
+    def _end(self) -> None:
+        self._goal = None
+        self._node.destroy_timer(self._timer)
+
+    def _refuse(self, goal: Goal, error: PaError) -> None:
+        self._refusals.refuse(SIMULATE_STEPS[0], error)
+        failed = codec.encode_steps_result(ResultCode.OPERATION_FAILED, str(error))
+        goal.abort(Message(failed))

@@ -1,0 +1,121 @@
+"""Blocks that are moved, added and taken away while an episode goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena.designs import Kind
+from pa_ros.arena.errors import SceneError
+from pa_ros.arena.rearranging import bodies, rearrange
+from pa_ros.core.body import Body
+from pa_ros.language import parse
+
+FLAT = np.array([0.0, 0.0, 0.0, 1.0])
+FAR = np.array([-0.4, -0.4, 0.0])
+
+
+def begun(steps: int = 5) -> ReachTask:
+    task = ReachTask(preset_named("fast"), design_named("3-D"), 2)
+    task.reset(0)
+    for _ in range(steps):
+        task.step(np.full(len(task.config.joint_speed_limits), 0.3))
+    return task
+
+
+def kinds_of(task: ReachTask) -> list[Kind]:
+    return [block.kind for block in task.episode.blocks]
+
+
+def hold(task: ReachTask, steps: int = 1):
+    for _ in range(steps):
+        seen = task.step(np.zeros(len(task.config.joint_speed_limits)))
+    return seen
+
+
+def test_rearranging_nothing_changes_nothing():
+    task, other = begun(), begun()
+    rearrange(task, kinds_of(task), bodies(task)[1:])
+    for _ in range(20):
+        ours, theirs = hold(task)[0], hold(other)[0]
+        assert np.allclose(ours.objects, theirs.objects, atol=1e-4)
+        assert np.allclose(ours.joint_position, theirs.joint_position, atol=1e-4)
+    assert ours.stamp_ns == theirs.stamp_ns and ours.step == theirs.step == 25
+
+
+def test_a_block_lies_where_it_is_put_and_the_arm_goes_on():
+    task = begun()
+    before = task.simulation.joint_position
+    moved = bodies(task)[1:]
+    moved[1] = Body.at_rest(FAR, FLAT)  # below the table's top: lifted onto it
+    rearrange(task, kinds_of(task), moved)
+    assert np.array_equal(task.simulation.joint_position, before)
+    hold(task, 10)
+    place = task.simulation.positions[2]
+    assert place[:2] == pytest.approx(FAR[:2], abs=1e-3)
+    assert place[2] == pytest.approx(task.simulation.rest_height(kinds_of(task)[1]), abs=1e-3)
+
+
+def test_a_block_in_the_air_falls_and_a_push_moves_one():
+    task = begun()
+    changed = bodies(task)[1:]
+    changed[0] = Body.at_rest(FAR + [0, 0, 0.3], FLAT)
+    slow = changed[2].position[:2].copy()
+    changed[2] = Body(changed[2].position, FLAT, np.array([0.5, 0.0, 0.0]), np.zeros(3))
+    rearrange(task, kinds_of(task), changed)
+    hold(task, 15)
+    assert task.simulation.positions[1][2] < 0.05
+    assert task.simulation.positions[3][0] > slow[0] + 0.003
+
+
+def test_velocities_are_told_as_they_were_given():
+    task = begun()
+    spun = bodies(task)[1:]
+    turned = np.array([np.sin(0.4), 0.0, 0.0, np.cos(0.4)])  # not about the vertical
+    given = Body(FAR + [0, 0, 0.4], turned, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
+    spun[0] = given
+    rearrange(task, kinds_of(task), spun)
+    told = bodies(task)[1]
+    for name in ("position", "quaternion", "linear", "angular"):
+        assert getattr(told, name) == pytest.approx(getattr(given, name), abs=1e-6), name
+
+
+def test_the_program_stays_in_force_though_its_target_goes_and_comes():
+    task = begun()
+    kinds, placed = kinds_of(task), bodies(task)[1:]
+    target = kinds[0]
+    text = f"NEAR(HAND, AND({', '.join(sorted(target.words))}))"
+    task.set_program(parse(text, task.design.vocabulary), "mine")
+    rearrange(task, kinds[1:], placed[1:])
+    observation, verdict = hold(task)
+    assert len(observation.objects) == 4 and observation.program_id == "mine"
+    assert verdict.distance == float("inf") and not verdict.satisfied
+    hand = bodies(task)[0].position
+    beside = Body.at_rest(np.array([hand[0], hand[1], 0.0]), FLAT)
+    rearrange(task, [*kinds_of(task), target], [*bodies(task)[1:], beside])
+    observation, verdict = hold(task)
+    assert len(observation.objects) == 5 and np.isfinite(verdict.distance)
+    assert observation.program_id == "mine"
+
+
+@pytest.mark.parametrize(
+    ("position", "quaternion", "says"),
+    [
+        (np.array([0.0, 2.0, 0.0]), FLAT, "within 0.8 m"),
+        (np.array([0.0, np.nan, 0.0]), FLAT, "finite"),
+        (FAR, np.zeros(4), "unit quaternion"),
+        (None, FLAT, "to every other block"),
+    ],
+)
+def test_poses_that_cannot_be_are_refused_and_nothing_changes(position, quaternion, says):
+    task = begun()
+    placed = bodies(task)[1:]
+    where = placed[1].position if position is None else position
+    wrong = [Body.at_rest(where, quaternion), *placed[1:]]
+    before = task.simulation.positions
+    with pytest.raises(SceneError, match=says):
+        rearrange(task, kinds_of(task), wrong)
+    assert np.array_equal(task.simulation.positions, before)
+    with pytest.raises(SceneError, match="at least one"):
+        rearrange(task, [], [])

@@ -1,0 +1,53 @@
+"""Commands as ros2_control's controllers take them, brought to rest when commands stop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from graph import graph
+
+from agent_node.node import AgentNode
+from pa_ros.ros import topics
+from pa_ros.wire import codec
+from sim_node.node import SimNode
+
+pytestmark = pytest.mark.graph
+ARENA = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
+TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
+
+
+def test_velocities_follow_the_commands_and_end_when_these_do():
+    ramp = {"agent_node__controller": "velocity", "agent_node__max_acceleration": 5.0}
+    with graph(SimNode, AgentNode, **ARENA, **TRAINED, **ramp) as probe:
+        assert probe.until(lambda: probe.count(topics.VELOCITY_COMMANDS) > 10)
+        speeds = np.array(probe.last(topics.ARENA_INFO).speed_limits)
+        seen = np.array([m.data for m in probe.heard["velocity_commands"]])
+        assert seen.shape[1] == len(speeds) and (np.abs(seen) <= speeds + 1e-9).all()
+        assert np.abs(np.diff(seen, axis=0)).max() <= 5.0 * 0.1 + 1e-9
+        assert seen.any()
+        assert probe.call(topics.PAUSE, codec.encode_pause(True)).success
+        assert probe.until(lambda: not any(probe.last(topics.VELOCITY_COMMANDS).data))
+        ended = probe.count(topics.VELOCITY_COMMANDS)
+        probe.until(lambda: False, 0.5)
+        assert probe.count(topics.VELOCITY_COMMANDS) == ended
+
+
+def test_a_trajectory_has_one_point_a_control_period_ahead():
+    with graph(
+        SimNode, AgentNode, **ARENA, **TRAINED, agent_node__controller="joint_trajectory"
+    ) as probe:
+        assert probe.until(lambda: probe.count(topics.JOINT_TRAJECTORY) > 5)
+        arena, (sent,) = probe.last(topics.ARENA_INFO), probe.heard["joint_trajectory"][3:4]
+        assert list(sent.joint_names) == list(arena.joint_names)
+        (point,) = sent.points
+        assert (point.time_from_start.sec, point.time_from_start.nanosec) == (0, 100_000_000)
+        starts = np.array([m.position for m in probe.heard["joint_states"]])
+        ahead = np.array(point.positions) - 0.1 * np.array(point.velocities)
+        assert np.abs(starts - ahead).max(axis=1).min() < 1e-6
+
+
+def test_nothing_is_sent_unless_asked_for():
+    with graph(SimNode, AgentNode, **ARENA, **TRAINED) as probe:
+        assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 5)
+        assert probe.nodes[1].count_publishers(topics.VELOCITY_COMMANDS.name) == 0
+        assert probe.count(topics.JOINT_TRAJECTORY) == 0
