@@ -88,13 +88,10 @@ def run(options: argparse.Namespace) -> int:
                     watch(node, supervisor, display.refresh, interrupted)
             except ChildError as error:
                 print(f"pa_ros launch: {error}", file=sys.stderr)
+                _stop(supervisor)
                 return EXIT_FAILED
             print("stopping")
-            statuses = supervisor.stop(
-                [n for n in supervisor.names if n not in (LEARNER, RECORDER)]
-            )
-            statuses |= supervisor.stop([LEARNER])  # once all has come that agents have sent
-            statuses |= supervisor.stop()
+            statuses = _stop(supervisor)
     print("stopped")
     failed = [name for name, status in statuses.items() if status > 0]
     for name in failed:
@@ -102,3 +99,10 @@ def run(options: argparse.Namespace) -> int:
         print(f"pa_ros launch: {name} failed; the last lines of {log}:\n{tail(log)}",
               file=sys.stderr)  # fmt: skip
     return EXIT_FAILED if failed else 0
+
+
+def _stop(supervisor: Supervisor) -> dict[str, int]:
+    """Agents and arenas first, the learner once all has come that they have sent, the rest last;
+    each one's exit status."""
+    others = [name for name in supervisor.names if name not in (LEARNER, RECORDER)]
+    return supervisor.stop(others) | supervisor.stop([LEARNER]) | supervisor.stop()
