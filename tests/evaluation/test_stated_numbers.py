@@ -124,12 +124,13 @@ def sentences() -> dict[str, str]:
         f"{distilled.pop():,.0f} each; without distillation the medians of ten seeds are "
         f"{median(frames(two)):,.0f} and {median(frames(three)):,.0f}"
     )
-    panda = f"{two}.panda"
-    found["Panda"] = (
-        f"{solved(panda)} of 3 seeds solved, after "
-        f"{', '.join(f'{value:,.0f}' for value in frames(panda))} of 30,000 frames, held out "
-        f"{span(column(f'{panda}-seeds', 'final_held_out'), '.2f')} at the end"
-    )
+    for other in ("panda", "td3"):
+        table = f"{two}.{other}"
+        found[other] = (
+            f"{solved(table)} of 3 seeds solved, after "
+            f"{', '.join(f'{value:,.0f}' for value in frames(table))} of 30,000 frames, held out "
+            f"{span(column(f'{table}-seeds', 'final_held_out'), '.2f')} at the end"
+        )
     long = rows("programmable-3D.paper-protocol-seeds")[0]
     found["paper 3-D"] = (
         f"to {float(long['frames']) / 1e6:.2f}M of 5M frames, where the hours ended: train "
