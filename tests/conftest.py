@@ -20,10 +20,12 @@ os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of processes that share the tests (`-n 2`), one runs all graphs, one at a time."""
+    """Of processes that share the tests (`-n 2`), one runs the graphs of nodes and tools, one at a
+    time; those of the other rooms, fewer and short, are another group, perhaps the other's."""
     for item in items:
         if item.get_closest_marker("graph") is not None:
-            item.add_marker(pytest.mark.xdist_group("graph"))
+            of_nodes = item.path.parent.name in ("nodes", "tools")
+            item.add_marker(pytest.mark.xdist_group("graph" if of_nodes else "graph-others"))
 
 
 @pytest.fixture(autouse=True)

@@ -170,6 +170,6 @@ def test_what_is_no_world_is_refused(text: str) -> None:
 def test_a_world_that_nothing_here_can_compute_is_refused(
     changed: dict[str, object], why: str
 ) -> None:
-    given = {"schema": PAPER, "vocabulary": PAPER.vocabulary} | changed
+    given = {"schema": PAPER, "vocabulary": PAPER.vocabulary, "joints": 6} | changed
     with pytest.raises(ConfigError, match=why):
         World(**given)  # type: ignore[arg-type]
