@@ -68,6 +68,10 @@ class Site:
         return int(told[-1].replace(",", "")) if told else 0
 
     def learns(self, frames: int = 500) -> None:
+        """Wait until it has learned from so many more, once both agents act."""
+        for host in (1, 2):
+            log = self.folder / f"{host}-agent_node.log"
+            wait_for(lambda log=log: "]: acting" in log.read_text(), f"acting in {log}")  # type: ignore[misc]
         before = self.frames
         wait_for(lambda: self.frames >= before + frames, f"{frames} frames after {before}")
 
