@@ -13,6 +13,8 @@ import torch
 from pa_ros.tools.domain import DomainClaim
 
 sys.path.insert(0, str(Path(__file__).parent))
+from waiting import Clock  # noqa: E402
+
 torch.set_num_threads(1)
 os.environ["OMP_NUM_THREADS"] = "1"  # of processes that tests start
 os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
@@ -40,3 +42,9 @@ def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     with DomainClaim() as claim:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(claim.number))
         yield os.environ["ROS_DOMAIN_ID"]
+
+
+@pytest.fixture
+def clock() -> Clock:
+    """The test's own."""
+    return Clock()

@@ -14,3 +14,12 @@ def wait_for(condition: Callable[[], object], what: str = "an event") -> None:
     while not condition():
         assert time.monotonic() < deadline, f"timed out: {what}"
         time.sleep(0.02)
+
+
+class Clock:
+    """A clock of the test's own, in seconds."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now

@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from waiting import Clock
 
 from learner_node.watch import AT_WORK_S, IDLE_S, REFUSED_S, Watch
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros.health import ERROR, OK, WARN
 
 A = AgentKey("a", 1)
-
-
-class Clock:
-    now = 50.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 @pytest.fixture

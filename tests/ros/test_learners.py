@@ -13,18 +13,6 @@ from pa_ros.ros.rivals import GONE_S
 OTHER = replace(LEARNER, learner_id="other", run_id="another run", stamp_ns=9)
 
 
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
-
-
 @pytest.fixture
 def learners(clock) -> Learners:
     learners = Learners(clock)

@@ -15,18 +15,6 @@ from pa_ros.wire.records import Health
 ONE, OTHER = replace(ARENA, arena_id="one"), replace(ARENA, arena_id="other", design="3-D")
 
 
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
-
-
 def test_the_arena_whose_steps_come_counts_whoever_described_itself_first(clock) -> None:
     arenas = Arenas(clock)
     assert not arenas.step("one")  # nothing is known of it as yet

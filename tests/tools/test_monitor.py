@@ -2,15 +2,10 @@
 
 import io
 
+from waiting import Clock
+
 from pa_ros.tools.monitor import LINE_PERIOD_S, STALE_S, Display, GraphFigures
 from pa_ros.wire.records import Health
-
-
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def filled(clock=None) -> GraphFigures:
