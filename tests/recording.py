@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from waiting import wait_for
+from waiting import DEADLINE_S, wait_for
 
 from pa_ros.ros.topics import Topic
 
@@ -39,3 +41,21 @@ def pa_ros(*arguments: str | Path) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
+
+
+def launched(folder: Path, nodes: dict[str, Any], size: int, *words: str) -> tuple[Path, str]:
+    """The bag of a graph that was launched in a folder as a person does, and interrupted when the
+    bag had so many bytes; and what was printed. `nodes`: their parameters."""
+    params = folder / "params.yaml"
+    params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in nodes.items()}))
+    folders = ("--out", folder / "run", "--record", folder / "bag")
+    with pa_ros("launch", "--params", params, *words, *folders) as process:
+        try:
+            storage = folder / "bag" / "bag.mcap"
+            wait_for(lambda: storage.exists() and storage.stat().st_size > size, "recording")
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0, err
+    return folder / "bag", out

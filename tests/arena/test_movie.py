@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from films import captions
 from PIL import Image, ImageSequence
 
 from pa_ros.arena.errors import RenderError
@@ -68,13 +69,7 @@ def test_a_file_that_cannot_be_written_is_refused_in_a_line(tmp_path, kind):
 
 
 def test_the_shipped_agent_is_filmed_and_reaches_what_it_is_told(tmp_path, capsys, monkeypatch):
-    said = []
-
-    def caption(picture, lines):
-        said.append(lines)
-        return picture
-
-    monkeypatch.setattr("pa_ros.tools.demo.film.captioned", caption)
+    said = captions(monkeypatch, "pa_ros.tools.demo.film.captioned")
     out = tmp_path / "film.gif"
     assert main(["film", "--out", str(out), "--seed", "1", "--side", "64"]) == 0
     assert capsys.readouterr().out == f"{len(said)} pictures in {out}\n"

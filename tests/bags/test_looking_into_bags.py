@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from films import captions
 from PIL import Image, ImageSequence
 from recorded_runs import rewritten, train
 
@@ -148,13 +149,7 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
 
 
 def test_a_film_tells_the_program_the_step_and_the_reward(stepped, tmp_path, monkeypatch):
-    said = []
-
-    def caption(picture, lines):
-        said.append(lines)
-        return picture
-
-    monkeypatch.setattr("pa_ros.bags.film.captioned", caption)
+    said = captions(monkeypatch, "pa_ros.bags.film.captioned")
     out = str(tmp_path / "film.gif")
     arguments = ["--episode", "7", "--side", "64", "--out", out]
     assert main(["bag", "film", str(stepped), *arguments]) == 0

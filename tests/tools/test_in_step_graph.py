@@ -7,10 +7,9 @@ import signal
 from pathlib import Path
 
 import pytest
-import yaml
 from recorded_runs import SMALL
-from recording import pa_ros
-from waiting import DEADLINE_S, wait_for
+from recording import launched
+from waiting import DEADLINE_S
 
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
@@ -36,20 +35,8 @@ ROUNDS = 4
 def recorded(folder: Path) -> Path:
     """A bag of two arenas in step, launched as a person does, and interrupted."""
     folder.mkdir()
-    params = folder / "params.yaml"
-    params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in ONE.items()}))
-    words = ("--params", params, "--arenas", "2", "--in-step", "exact")
-    folders = ("--out", folder / "run", "--record", folder / "bag")
-    with pa_ros("launch", *words, *folders) as process:
-        try:
-            storage = folder / "bag" / "bag.mcap"
-            wait_for(lambda: storage.exists() and storage.stat().st_size > 3_000_000, "recording")
-            process.send_signal(signal.SIGINT)
-            _, err = process.communicate(timeout=DEADLINE_S)
-        finally:
-            process.kill()
-    assert process.returncode == 0, err
-    return folder / "bag"
+    bag, _ = launched(folder, ONE, 3_000_000, "--arenas", "2", "--in-step", "exact")
+    return bag
 
 
 def published(folder: Path) -> dict[int, str]:

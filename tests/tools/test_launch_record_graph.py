@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 import pytest
 import yaml
 from recorded_runs import SMALL
-from recording import pa_ros
-from waiting import DEADLINE_S, wait_for
+from recording import launched
 
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
@@ -33,20 +31,9 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def record(folder: Path) -> Path:
     """A short run of a graph, launched in a folder and interrupted; its bag."""
-    params = folder / "params.yaml"
-    params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in PARAMETERS.items()}))
-    folders = ("--out", folder / "run", "--record", folder / "bag")
-    with pa_ros("launch", "--params", params, *folders) as process:
-        try:
-            storage = folder / "bag" / "bag.mcap"
-            wait_for(lambda: storage.exists() and storage.stat().st_size > 1_500_000, "recording")
-            process.send_signal(signal.SIGINT)
-            out, err = process.communicate(timeout=DEADLINE_S)
-        finally:
-            process.kill()
-    assert process.returncode == 0, err
+    bag, out = launched(folder, PARAMETERS, 1_500_000)
     assert "recorder, sim_node" in out
-    return folder / "bag"
+    return bag
 
 
 def test_a_graphs_run_is_verified_from_its_first_step(bag):
