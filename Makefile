@@ -11,7 +11,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: reference install install-dev install-bench install-console install-film run train test fuzz bench same-results links lint sanitize clean
+.PHONY: dist reference install install-dev install-bench install-console install-film run train test fuzz bench same-results links lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -66,6 +66,13 @@ lint: install-dev
 
 test: lint
 	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
+
+# Source archive and, from it, the wheel, into dist/; the wheel then has to do its work in an environment
+# of its own.
+dist: install-dev
+	rm -rf dist
+	PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m build
+	$(BIN)/python -m pytest -q -p no:xdist tests/ros/packaged.py
 
 # A million programs, a hundred thousand messages, damaged checkpoints and bags; then, where atheris
 # can be installed, cases led by coverage. `make test` looks at a thousandth of them.

@@ -1,0 +1,131 @@
+"""Source archive and wheel in dist/ hold what they should, and the wheel does its work in an
+environment of its own, which sees the dependencies of this one: `make dist`."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import venv
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from waiting import DEADLINE_S
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("sim_node", "agent_node", "learner_node", "pa_ros", "msgs_schema")
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def built(pattern: str) -> Path:
+    """The one file in dist/ of that name."""
+    (found,) = (ROOT / "dist").glob(pattern)
+    return found
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An environment that holds the wheel; of this one it sees the packages, but, since `.pth`
+    files count only in an environment's own folder, nothing that is installed editable."""
+    home = tmp_path_factory.mktemp("environment")
+    venv.create(home, symlinks=True)
+    purelib = sysconfig.get_path("purelib", vars={"base": str(home)})
+    pip = [sys.executable, "-m", "pip", "--python", str(home), "install", "--quiet", "--no-deps"]
+    subprocess.run([*pip, str(built("*.whl"))], check=True, timeout=DEADLINE_S)
+    (Path(purelib) / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
+    return home
+
+
+@pytest.fixture
+def environment(prefix: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+    """The prefix, of which all libraries, programs and resources are found first."""
+    for name, folder in (("LD_LIBRARY_PATH", "lib"), ("PATH", "bin"), ("AMENT_PREFIX_PATH", "")):
+        there = os.environ.get(name, sys.prefix)
+        monkeypatch.setenv(name, f"{prefix / folder}{os.pathsep}{there}")
+    monkeypatch.chdir(tmp_path)
+    yield prefix
+
+
+@pytest.fixture
+def run(environment: Path) -> Command:
+    def run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [str(environment / "bin" / program), *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
+        assert done.returncode == 0, done.stderr
+        return done
+
+    return run
+
+
+def test_the_source_archive_holds_what_git_does_not_ignore():
+    with tarfile.open(built("*.tar.gz")) as archive:
+        held = {member.partition("/")[2] for member in archive.getnames()} - {"PKG-INFO"}
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert held == set(listed.stdout.split("\0")) - {""}
+
+
+def test_both_are_of_the_version_that_is_declared():
+    declared = re.search(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert declared is not None
+    version = declared.group(1)
+    assert built("*.tar.gz").name == f"programmable_agents-{version}.tar.gz"
+    assert built("*.whl").name.startswith(f"programmable_agents-{version}-")
+
+
+ORIGINS = """
+import importlib, json
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from msgs_schema.msg import Program
+Program.__class__.__import_type_support__()
+with open("/proc/self/maps") as maps:
+    mapped = {line.split()[-1] for line in maps if "libmsgs_schema" in line or "_fused" in line}
+import pa_ros.native._fused
+names = NAMES
+found = [get_package_prefix(n) for n in names] + [get_package_share_directory(n) for n in names]
+files = [importlib.import_module(n).__path__[0] for n in names]
+print(json.dumps([*found, *files, *mapped, pa_ros.native._fused.__file__]))
+"""
+
+
+def test_code_messages_libraries_and_index_are_the_wheels(run: Command, environment: Path):
+    told = json.loads(run("python", "-c", ORIGINS.replace("NAMES", repr(PACKAGES))).stdout)
+    assert len(told) > 3 * len(PACKAGES) + 1  # some libraries, too
+    assert [path for path in told if not path.startswith(str(environment))] == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_what_a_package_shares_is_installed(package: str, prefix: Path):
+    share = prefix / "share" / package
+    shared = [
+        path.relative_to(ROOT / package)
+        for pattern in ("package.xml", "launch/*.py", "config/*.yaml")
+        for path in (ROOT / package).glob(pattern)
+    ]
+    assert shared and [path for path in shared if not (share / path).is_file()] == []
+
+
+def test_the_shipped_agent_does_what_it_is_told(run: Command):
+    options = ("--condition", "eval", "--episodes", "5", "--json", "score.json")
+    run("pa_ros", "eval", "--checkpoint", "shipped:3-D", *options)
+    report = json.loads(Path("score.json").read_text())
+    assert report["eval.normalized"] > 0.8
+
+
+@pytest.mark.graph
+def test_a_graph_executes_a_program(run: Command, environment: Path):
+    launch = [str(environment / "bin/pa_ros"), "launch", "--out", "run"]
+    with subprocess.Popen(launch, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+        try:
+            run("pa_ros", "send", "NEAR(HAND, AND(RED, CUBE))", "--wait")
+            process.send_signal(signal.SIGINT)
+            said, _ = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0, said
