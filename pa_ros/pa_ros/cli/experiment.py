@@ -48,6 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--runs", type=folder_to_write, default=Path("runs/experiments"), metavar="DIR",
         help="of what is trained (%(default)s)",
     )  # fmt: skip
+    parser.add_argument(
+        "--cluster", metavar="HOST:PORT",
+        help="seeds, and the agents of generalization, as tasks of the Ray cluster with this head, "
+        "as many at a time as it has processors (processes of this machine)",
+    )  # fmt: skip
     add_results(parser, "runs/experiments/results")
     parser.add_argument(
         "--json", type=file_to_write, help="summary: also write the figures to this file"
@@ -75,6 +80,8 @@ def run(options: argparse.Namespace) -> int:
     if options.name not in options.names:
         names = ", ".join(options.names)
         raise ConfigError(f"experiment: expected one of {names}, got {options.name!r}")
+    if options.cluster is not None and options.name in OF_TABLES:
+        raise ConfigError(f"experiment {options.name}: expected no --cluster: it reads tables")
     if options.name == "summary":
         from pa_ros.evaluation.studies.experiments import headline
 
@@ -93,17 +100,33 @@ def run(options: argparse.Namespace) -> int:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     if options.name in STUDIES:
         return _study(options, seeds)
-    from pa_ros.evaluation.studies.seeds import tabulate, train_seeds
+    from pa_ros.evaluation.studies.seeds import tabulate
 
     experiment = _experiment(options)
     folder = options.runs / experiment.label
     try:
-        train_seeds(experiment, seeds, folder, options.jobs)
+        _train(options, experiment, seeds, folder)
     finally:
         if done := tabulate(experiment, seeds, folder, options.results, options.runs / "scores"):
             print_summaries(done.summaries)
             print(done.table)
     return 0
+
+
+def _train(
+    options: argparse.Namespace, experiment: Experiment, seeds: Sequence[int], folder: Path
+) -> None:
+    """The seeds, in processes of this machine or on a cluster."""
+    if options.cluster is None:
+        from pa_ros.evaluation.studies.seeds import train_seeds
+
+        train_seeds(experiment, seeds, folder, options.jobs, options.extension)
+        return
+    from pa_ros.evaluation.studies.cluster import Cluster
+    from pa_ros.evaluation.studies.cluster_jobs import train_seeds_on
+
+    with Cluster(options.cluster, options.extension) as cluster:
+        train_seeds_on(cluster, experiment, seeds, folder)
 
 
 def _compare(results: Path) -> int:
@@ -173,6 +196,8 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
             f"none of seeds {untrained}: first `pa_ros experiment programmable-3D` with the same "
             "options"
         )
+    if options.cluster is not None:
+        _score_on_cluster(options, runs)
     agents = {seed: load_agent(run) for seed, run in runs.items()}
     suffix = label.removeprefix("programmable-3D")
     if options.name == "generalization":
@@ -185,3 +210,14 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     else:
         results.equalities(agents, options.results, suffix=suffix)
     return 0
+
+
+def _score_on_cluster(options: argparse.Namespace, runs: dict[int, Path]) -> None:
+    """What `generalization` needs, computed on a cluster; the study then reads it."""
+    from pa_ros.evaluation.studies.cluster import Cluster
+    from pa_ros.evaluation.studies.cluster_jobs import score_on
+
+    if options.name != "generalization":
+        raise ConfigError(f"experiment {options.name}: expected no --cluster: it runs here alone")
+    with Cluster(options.cluster, options.extension) as cluster:
+        score_on(cluster, runs, options.runs / "scores")

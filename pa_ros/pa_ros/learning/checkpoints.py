@@ -59,15 +59,15 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
             _write_file(root / f".{LATEST}", name.encode())
             os.replace(root / f".{LATEST}", root / LATEST)
             _sync_directory(root)
-        _remove_others(root, name)
+        remove_older(root, name)
     except OSError as error:
         _remove_unfinished(root, name)
         raise CheckpointError(f"checkpoint: {root}: {error}") from error
     return root / name
 
 
-def _remove_others(root: Path, name: str) -> None:
-    """Keep the checkpoint and the one before it."""
+def remove_older(root: Path, name: str) -> None:
+    """Keep the checkpoint `name` and the one before it."""
     others = sorted(path for path in root.glob("version-*") if path.name != name)
     before = [path for path in others if path.name < name][-1:]
     for path in others:

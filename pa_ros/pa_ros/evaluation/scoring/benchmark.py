@@ -74,9 +74,13 @@ class Scorer:
 
         return self._kept(agent.digest, condition, policy)
 
+    def path(self, name: str, condition: str) -> Path:
+        """Where the scores of a reference, or of the agent with that digest, are kept."""
+        return self._cache / name / f"{condition}.csv"
+
     def _kept(self, name: str, condition: str, policy: MakePolicy | None) -> list[EpisodeScore]:
         self.benchmark.check(condition)
-        path = self._cache / name / f"{condition}.csv"
+        path = self.path(name, condition)
         if not path.exists():
             count = self.benchmark.episodes
             if policy is None:

@@ -27,6 +27,7 @@ from pa_ros.provenance.software import device, versions
 
 SOLVED = 0.9  # held-out normalized score
 FINAL_EPISODES = 100
+CURVE = "progress.csv"  # in a seed's folder
 DPG = "dpg"
 
 
@@ -67,6 +68,11 @@ class Experiment:
     def settings(self) -> Protocol:
         """The protocol with this experiment's options."""
         return protocol_named(self.protocol, self.algorithm).with_options(self.options)
+
+    @property
+    def checkpoint_every_frames(self) -> int:
+        """A quarter of it, and no more than is a pity to lose."""
+        return min(50_000, max(self.frames // 4, 1))
 
     def __post_init__(self) -> None:
         if self.frames < self.evaluate_every_frames:
@@ -127,17 +133,18 @@ def experiment_named(name: str) -> Experiment:
     return EXPERIMENTS[name]
 
 
-def run_seed(experiment: Experiment, seed: int, folder: Path) -> Path:
+def run_seed(experiment: Experiment, seed: int, folder: Path, until: int | None = None) -> Path:
     """Train one seed into `folder`, or go on where it was interrupted; its progress.csv.
 
-    A seed that reached its frames is not run again.
+    A seed that reached its frames, or `until`, is not run again. How it is parted changes nothing.
     """
-    curve = folder / "progress.csv"
+    curve = folder / CURVE
+    frames = min(until or experiment.frames, experiment.frames)
     switch = experiment.switch_frames
-    if switch and frames_done(curve) < switch:
-        _train_until(experiment, seed, folder, switch, "train")
-    if frames_done(curve) < experiment.frames:
-        _train_until(experiment, seed, folder, experiment.frames, "eval" if switch else "train")
+    if switch and frames_done(curve) < min(switch, frames):
+        _train_until(experiment, seed, folder, min(switch, frames), "train")
+    if frames_done(curve) < frames:
+        _train_until(experiment, seed, folder, frames, "eval" if switch else "train")
     return curve
 
 
@@ -157,7 +164,7 @@ def _train_until(
             arm=arena.arm,
             condition=condition,
             evaluate_every_frames=experiment.evaluate_every_frames,
-            checkpoint_every_frames=min(50_000, max(experiment.frames // 4, 1)),
+            checkpoint_every_frames=experiment.checkpoint_every_frames,
         ),
         protocol.network_config(world_of(arena, design), experiment.network),
         protocol.learner,

@@ -11,8 +11,10 @@ from pathlib import Path
 from pydantic import Field
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from pa_ros.core import extensions
 from pa_ros.core.settings import Settings
 from pa_ros.evaluation.studies.experiments import (
+    CURVE,
     Experiment,
     SeedSummary,
     final_scores,
@@ -35,25 +37,68 @@ class SeedsConfig(Settings):
     jobs: int = Field(1, ge=1, description="seeds at a time")
 
 
-def train_seeds(experiment: Experiment, seeds: Sequence[int], folder: Path, jobs: int) -> None:
-    """Each seed in a process, `jobs` at a time, with progress and time left."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
+def train_seeds(
+    experiment: Experiment,
+    seeds: Sequence[int],
+    folder: Path,
+    jobs: int,
+    extended: Sequence[str] = (),
+) -> None:
+    """Each seed in a process, `jobs` at a time, with progress and time left.
+
+    `extended`: extensions that the processes import.
+    """
     context = multiprocessing.get_context("spawn")
+    folders = [folder_of(folder, seed) for seed in seeds]
     with (
-        ProcessPoolExecutor(jobs, context) as pool,
-        Progress(*columns, TimeRemainingColumn()) as progress,
+        ProcessPoolExecutor(jobs, context, extensions.load, (extended,)) as pool,
+        SeedsProgress(experiment, folders) as progress,
     ):
-        curves = {seed: folder / f"seed-{seed}" / "progress.csv" for seed in seeds}
-        task = progress.add_task(experiment.label, total=experiment.frames * len(seeds))
         pending: set[Future[Path]] = {
-            pool.submit(run_seed, experiment, seed, curve.parent) for seed, curve in curves.items()
+            pool.submit(run_seed, experiment, seed, into)
+            for seed, into in zip(seeds, folders, strict=True)
         }
         while pending:
             ended, pending = wait(pending, REFRESH_S, FIRST_COMPLETED)
             for future in ended:
                 future.result()
-            reached = sum(min(frames_done(curve), experiment.frames) for curve in curves.values())
-            progress.update(task, completed=reached)
+            progress.show()
+
+
+def folder_of(folder: Path, seed: int) -> Path:
+    """Where a seed of an experiment is trained."""
+    return folder / f"seed-{seed}"
+
+
+class SeedsProgress:
+    """A bar of how far all seeds are; a context."""
+
+    def __init__(self, experiment: Experiment, folders: Sequence[Path]) -> None:
+        self._frames, self._curves = experiment.frames, [folder / CURVE for folder in folders]
+        self._bar = progress_bar()
+        self._bar.add_task(experiment.label, total=experiment.frames * len(folders))
+
+    def __enter__(self) -> SeedsProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def show(self) -> None:
+        """Read the curves and draw."""
+        reached = sum(min(frames_done(curve), self._frames) for curve in self._curves)
+        self._bar.update(self._bar.task_ids[0], completed=reached)
+
+    def tell(self, line: str) -> None:
+        """Print a line above the bar."""
+        self._bar.console.print(line)
+
+
+def progress_bar() -> Progress:
+    """Share done and time left."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
+    return Progress(*columns, TimeRemainingColumn())
 
 
 @dataclass(frozen=True)
@@ -71,11 +116,11 @@ def tabulate(
 
     `scores` keeps those of fresh episodes, from which a seed with a checkpoint is judged.
     """
-    runs = {seed: folder / f"seed-{seed}" for seed in seeds}
-    done = {seed: run for seed, run in runs.items() if frames_done(run / "progress.csv")}
+    runs = {seed: folder_of(folder, seed) for seed in seeds}
+    done = {seed: run for seed, run in runs.items() if frames_done(run / CURVE)}
     if not done:
         return None
-    curves = {seed: read_curve(run / "progress.csv") for seed, run in done.items()}
+    curves = {seed: read_curve(run / CURVE) for seed, run in done.items()}
     scored = {seed: holds_checkpoint(run) for seed, run in done.items()}
     summaries = [
         summarize(seed, rows, final_scores(done[seed], scores))

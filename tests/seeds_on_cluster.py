@@ -1,0 +1,43 @@
+"""The driver of evaluation/test_cluster.py, on one of its hosts: small seeds trained and scored."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from waiting import wait_for
+
+from pa_ros.evaluation.studies.cluster import Cluster
+from pa_ros.evaluation.studies.cluster_jobs import score_on, train_seeds_on
+from pa_ros.evaluation.studies.experiments import experiment_named
+from pa_ros.evaluation.studies.seeds import folder_of
+
+EPISODES = 1
+CONDITIONS = ("eval", "random")
+SEEDS = (0, 1)
+SMALL = replace(
+    experiment_named("programmable-2L"),
+    frames=2000,
+    evaluate_every_frames=500,
+    evaluation_episodes=1,
+)
+
+
+def main(address: str, folder: Path, ended: Path) -> None:
+    import ray
+
+    status = "1"
+    try:
+        with Cluster(address) as cluster:
+            wait_for(lambda: len(ray.nodes()) == 2, "both nodes")
+            train_seeds_on(cluster, SMALL, SEEDS, folder / "runs")
+            runs = {seed: folder_of(folder / "runs", seed) for seed in SEEDS}
+            score_on(cluster, runs, folder / "scores", EPISODES, CONDITIONS)
+        status = "0"
+    finally:
+        ended.write_text(status)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))
