@@ -163,7 +163,7 @@ class AgentNode(Node):
         self._watch.executed(context.executed, self.agent.key)
         if not context.program:
             return  # nothing is to be done yet
-        program = self._in_force(book, ProgramRequest(observation.program_id, context.program))
+        program = self._in_force(book, observation.program_id, context.program)
         verdict = codec.decode_verdict(parts["verdict"]) if "verdict" in parts else None
         step = Step(
             observation,
@@ -183,12 +183,12 @@ class AgentNode(Node):
             self._transitions_out.publish(codec.encode_trajectory(trajectory))
         self._act()
 
-    def _in_force(self, book: ProgramBook, request: ProgramRequest) -> Program:
+    def _in_force(self, book: ProgramBook, program_id: str, text: str) -> Program:
         """The program that the arena says is in force; judged if it wasn't heard of before."""
-        if book.stands_for(request.program_id) != request.text:
-            book.note(request.program_id, request.text)
-            self._judge(book, request)
-        return book.program(request.text)
+        if book.stands_for(program_id) != text:
+            book.note(program_id, text)
+            self._judge(book, ProgramRequest(program_id, text))
+        return book.program(text)
 
     def _act(self) -> None:
         started = time.perf_counter()

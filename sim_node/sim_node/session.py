@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from math import inf
 
 import numpy as np
@@ -23,15 +23,20 @@ from sim_node.program_ids import ProgramIds
 RECENT = 20  # episodes that the reported means are over
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Frame:
     """One control step as it goes on the wire."""
 
     observation: Observation
-    verdict: Verdict
+    judge: Callable[[], Verdict]  # called before anything else happens in the arena
     evaluation: bool
     executed: Executed | None  # the command that, exactly, led here; None: no one's
     program: str  # that the observation's program id stands for; empty: none
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Determined when it is asked for: agents that learn nothing need not wait for it."""
+        return self.judge()
 
 
 @dataclass(frozen=True)
@@ -136,7 +141,7 @@ class Session:
 
     def apply(self, command: Command) -> Iterator[Frame]:
         """Act for one control period as commanded, clamped to [-1, 1]; see `advance`."""
-        exact = bool(np.abs(command.action).max() <= 1.0)
+        exact = max(map(abs, command.action.tolist())) <= 1.0
         action = command.action if exact else np.clip(command.action, -1.0, 1.0)
         self.clamped += not exact
         stands = self.frame.observation
@@ -148,13 +153,14 @@ class Session:
         """Act for one control period, rad/s; yield the step it led to and, if that was the
         episode's last, the next episode's first. Raises DivergedError, the episode then void."""
         evaluation = self.frame.evaluation
-        observation, verdict = self.task.step(velocity)
+        observation = self.task.advance(velocity)
         if self.disturbed:  # not the command alone led here
             executed, self.disturbed = None, False
         self.steps += 1
-        self._frame(observation, verdict, evaluation, executed)
-        self._episode_rewards.append(verdict.reward)
+        self._frame(observation, evaluation, executed)
         yield self.frame
+        verdict = self.frame.verdict
+        self._episode_rewards.append(verdict.reward)
         if verdict.truncated:
             self.rewards[evaluation].append(float(np.mean(self._episode_rewards)))
             yield self.begin()
@@ -165,26 +171,21 @@ class Session:
         self.program = program
         executed = program.program if program else self.task.episode.program
         program_id = program.program_id if program else None
-        observation, verdict = self.task.set_program(executed, program_id)
-        self._frame(observation, verdict, evaluation, None)
+        observation, _ = self.task.set_program(executed, program_id)
+        self._frame(observation, evaluation, None)
 
-    def _frame(
-        self,
-        observation: Observation,
-        verdict: Verdict,
-        evaluation: bool,
-        executed: Executed | None,
-    ) -> None:
+    def _frame(self, observation: Observation, evaluation: bool, executed: Executed | None) -> None:
         text = self.program.text if self.program else ""
-        self.frame = Frame(*self._masked(observation, verdict), evaluation, executed, text)
+        shown = observation if self.program else replace(observation, program_id="")
+        self.frame = Frame(shown, partial(self._judge, observation), evaluation, executed, text)
 
-    def _masked(self, observation: Observation, verdict: Verdict) -> tuple[Observation, Verdict]:
+    def _judge(self, observation: Observation) -> Verdict:
         """Without a program in force there is nothing to satisfy."""
+        verdict = self.task.judge(observation)
         if self.program is not None:
-            return observation, verdict
+            return verdict
         reward = float(self.task.scoring.reward(False, inf))
-        none = replace(verdict, program_id="", reward=reward, satisfied=False, distance=inf)
-        return replace(observation, program_id=""), none
+        return replace(verdict, program_id="", reward=reward, satisfied=False, distance=inf)
 
     def _program_of(self, episode: Episode, evaluation: bool, wanted: str) -> Ordered | None:
         """The program that an episode begins with."""

@@ -218,13 +218,8 @@ def test_in_lockstep_only_the_step_that_stands_is_answered(wrong):
 def test_an_episodes_score_leaves_the_resets_reward_out(monkeypatch):
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
-    step = session.task.step
-
-    def rewarded(velocity):
-        observation, verdict = step(velocity)
-        return observation, replace(verdict, reward=1.0)
-
-    monkeypatch.setattr(session.task, "step", rewarded)
+    judge = session.task.judge
+    monkeypatch.setattr(session.task, "judge", lambda seen: replace(judge(seen), reward=1.0))
     for _ in range(3):
         list(session.advance(session.hold))
     assert list(session.rewards[False]) == [1.0]  # four rewards, one of them a reset's -1: 0.5

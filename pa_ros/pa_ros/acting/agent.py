@@ -39,6 +39,7 @@ class Step:
     ends_episode: bool = False  # nothing is to be done about it any more
 
 
+MAY_ACT = Act()
 EARLY_LEARNERS, EARLY_POLICIES = 4, 4  # kept of learners that may come to be followed
 
 
@@ -194,7 +195,8 @@ class Agent:
         if isinstance(required, Wait):
             return required
         loaded = self._loaded
-        return Act() if loaded is not None and loaded.name == required.name else Load(required)
+        same = loaded is required or (loaded is not None and loaded.name == required.name)
+        return MAY_ACT if same else Load(required)
 
     def _action(self, actor: Actor, step: Step) -> Float32:
         return actor.act(step.observation, step.program)

@@ -115,12 +115,31 @@ class ReachTask:
         Raises CommandError for a command that is mis-sized or not finite, EpisodeError before
         the first reset and after the time limit; either way nothing moves.
         """
+        observation = self.advance(joint_velocity)
+        return observation, self.judge(observation)
+
+    def advance(self, joint_velocity: Float64) -> Observation:
+        """As `step`, without the verdict, which is to be asked for before anything else happens."""
         if self.episode and self._step >= self.config.episode_steps:
             raise EpisodeError(f"the episode was truncated at step {self._step}: expected a reset")
         self.simulation.advance(joint_velocity)
         self._step += 1
         self._stamp_ns += self._period_ns
-        return self._observe()
+        return self._observation()
+
+    def judge(self, observation: Observation) -> Verdict:
+        """What the verifier says of the present step, under the program in force."""
+        score = self.verifier.score(observation.objects, observation.hand_pose)
+        return Verdict(
+            episode=observation.episode,
+            step=observation.step,
+            stamp_ns=observation.stamp_ns,
+            program_id=observation.program_id,
+            reward=float(score.reward),
+            satisfied=bool(score.satisfied),
+            distance=float(score.measure),
+            truncated=observation.step >= self.config.episode_steps,
+        )
 
     def _verifier(self, episode: Episode, program: Program) -> Verifier:
         kinds = [block.kind for block in episode.blocks]
@@ -134,27 +153,18 @@ class ReachTask:
         return self._episode
 
     def _observe(self) -> tuple[Observation, Verdict]:
-        episode = self.episode
-        objects = self.simulation.objects()
-        observation = Observation(
-            episode=episode.index,
+        observation = self._observation()
+        return observation, self.judge(observation)
+
+    def _observation(self) -> Observation:
+        return Observation(
+            episode=self.episode.index,
             step=self._step,
             stamp_ns=self._stamp_ns,
-            objects=objects,
+            objects=self.simulation.objects(),
             joint_position=self.simulation.joint_position,
             joint_velocity=self.simulation.joint_velocity,
             hand_index=HAND_INDEX,
             program_id=self.program_id,
             hand_pose=self.simulation.hand_pose,
-        )
-        score = self.verifier.score(objects, observation.hand_pose)
-        return observation, Verdict(
-            episode=episode.index,
-            step=self._step,
-            stamp_ns=self._stamp_ns,
-            program_id=self.program_id,
-            reward=float(score.reward),
-            satisfied=bool(score.satisfied),
-            distance=float(score.measure),
-            truncated=self._step >= self.config.episode_steps,
         )

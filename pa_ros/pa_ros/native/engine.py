@@ -215,13 +215,16 @@ class FusedActor:
         self._family = FUSED[type(config.family)]
         described = self._family.describe(config, critic=False)
         self._actor = _fused.Actor(described)
+        self._told: tuple[Program, tuple[Int32, ...]] | None = None  # the newest, and its codes
         FlatNetwork(described).write(self._actor.parameters, tensors)
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
         objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
         action = np.empty(self._config.world.actions, np.float32)
-        self._family.act(self._actor, self._config, (objects, arm, hand_index), program, action)
+        if self._told is None or self._told[0] is not program:
+            self._told = program, self._family.codes(program, self._config)
+        self._family.act(self._actor, (objects, arm, hand_index), self._told[1], action)
         return action
 
 

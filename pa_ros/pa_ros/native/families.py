@@ -30,11 +30,15 @@ class FusedFamily(ABC):
         """A table's programs; UnsupportedProgramError for one that cannot be told."""
 
     @abstractmethod
+    def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
+        """A program as `act` is told it. UnsupportedProgramError if it cannot be told."""
+
+    @abstractmethod
     def act(
-        self, actor: _fused.Actor, network: NetworkConfig,
-        seen: tuple[Float32, Float32, int], program: Program, action: Float32,
+        self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
+        codes: tuple[Int32, ...], action: Float32,
     ) -> None:  # fmt: skip
-        """Write the action for objects, arm and hand index."""
+        """Write the action for objects, arm and hand index, under a program's codes."""
 
 
 def _world(network: NetworkConfig) -> dict[str, Any]:
@@ -73,11 +77,15 @@ class _Trunk(FusedFamily):
     def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
         engine.set_programs(*_with_relation(network.family.codes(table)))
 
+    def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
+        return _flat(program, network)
+
     def act(
-        self, actor: _fused.Actor, network: NetworkConfig,
-        seen: tuple[Float32, Float32, int], program: Program, action: Float32,
+        self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
+        codes: tuple[Int32, ...], action: Float32,
     ) -> None:  # fmt: skip
-        actor.act_on_program(*seen, *_flat(program, network), action)
+        op, a, b, relation = codes
+        actor.act_on_program(*seen, op, a, b, relation, action)
 
 
 class _Mlp(FusedFamily):
@@ -99,11 +107,15 @@ class _Mlp(FusedFamily):
         (one_hots,) = network.family.codes(table)
         engine.set_targets(_words(one_hots))
 
+    def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
+        return (_target(program, network),)
+
     def act(
-        self, actor: _fused.Actor, network: NetworkConfig,
-        seen: tuple[Float32, Float32, int], program: Program, action: Float32,
+        self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
+        codes: tuple[Int32, ...], action: Float32,
     ) -> None:  # fmt: skip
-        actor.act_on_target(*seen, _target(program, network), action)
+        (target,) = codes
+        actor.act_on_target(*seen, target, action)
 
 
 FUSED: dict[type[Family], FusedFamily] = {Programmable: _Trunk(), Canonical: _Mlp()}
