@@ -11,10 +11,12 @@ from typing import Any
 import pytest
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import AgentKey
 from pa_ros.tools.chaos.campaign import ChaosConfig, Row, all_faults, chosen, failed_rows
 from pa_ros.tools.chaos.cycles import Cycle
 from pa_ros.tools.chaos.faults import Fault
-from pa_ros.tools.chaos.invariants import orphans
+from pa_ros.tools.chaos.invariants import SHARED_MEMORY, orphans, shared_memory
+from pa_ros.tools.chaos.ledger import Ledger
 from pa_ros.tools.chaos.report import report, write_table
 
 FAULT = Fault("x | y", lambda _: None)
@@ -76,3 +78,53 @@ def test_a_process_that_was_left_behind_is_found_by_its_mark():
         finally:
             process.kill()
     assert process.pid not in orphans("here", "PA_ROS_CHAOS")
+
+
+def test_shared_memory_is_known_by_the_processes_that_hold_it():
+    hold = """from multiprocessing import shared_memory
+memory = shared_memory.SharedMemory(create=True, size=64)
+print(memory.name, flush=True)
+input()
+memory.unlink()"""
+    environment = {**os.environ, "PA_ROS_CHAOS": "held"}
+    with subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE, env=environment,
+                          text=True) as process:  # fmt: skip
+        assert process.stdin is not None and process.stdout is not None
+        name = process.stdout.readline().strip()
+        assert shared_memory("held", "PA_ROS_CHAOS") == {SHARED_MEMORY / name}
+        assert shared_memory("elsewhere", "PA_ROS_CHAOS") == set()
+        process.stdin.write("\n")
+
+
+AGENT = AgentKey("a", 1)
+
+
+def ledger(sent: int, accounted: int, version: int, agent: AgentKey = AGENT) -> Ledger:
+    found = Ledger()
+    found.sent(agent, sent - 1)
+    found.learned(version, {agent: accounted})
+    return found
+
+
+def test_what_is_sent_is_learned_told_of_under_way_or_lost():
+    assert ledger(8, 8, 8).unexplained({"a"}, 0) == 0
+    assert ledger(8, 6, 6).unexplained({"a"}, 0) == 0  # two are under way
+    assert ledger(8, 6, 6).unexplained({"b"}, 0) == 2  # and their agent is gone
+    assert ledger(8, 8, 6).unexplained({"a"}, 0) == 2
+    assert ledger(8, 8, 6).unexplained({"a"}, 2) == 0
+    assert ledger(8, 8, 9).unexplained({"a"}, 0) == -1  # learned, and never sent
+
+
+def test_a_trajectory_that_was_being_sent_when_its_agent_was_killed_may_be_heard_by_some():
+    assert ledger(8, 9, 9).unexplained({"b"}, 0) == 0
+    assert ledger(8, 9, 9).unexplained({"a"}, 0) == -1  # a living one's is heard by all
+    assert ledger(8, 10, 10).unexplained({"b"}, 0) == -1  # it was one at most
+
+
+def test_what_a_killed_learner_had_learned_of_a_dead_agent_is_of_the_lost_checkpoint():
+    found = ledger(8, 8, 8)
+    found.learned(5, {AGENT: 5})  # it began again from its newest checkpoint
+    assert found.unexplained({"b"}, 0) == 0
+    found.sent(AGENT, 9)
+    assert found.unexplained({"b"}, 0) == 2  # what no learner ever had

@@ -137,7 +137,7 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, s
 
     False if the graph did not come to work, so that no harm could be done to it.
     """
-    kind, memory = part[0].fault.kind, shared_memory()
+    kind, memory = part[0].fault.kind, set[Path]()
     parameters = {"executing": executing, "fleet": fleet}.get(kind, learning)()
     if kind == "keyed":
         parameters = with_key(parameters, folder)
@@ -148,8 +148,10 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, s
             while part and time.monotonic() < deadline:
                 row = part.pop(0)
                 agents.add(stage.observer.text("agent_node", "agent_id"))
+                memory |= shared_memory(stage.mark, MARK)
                 row.cycles.append(run_cycle(stage, row.fault))
                 agents.add(stage.observer.text("agent_node", "agent_id"))
+                memory |= shared_memory(stage.mark, MARK)
                 done.append(row.cycles[-1])
                 say(_line(done[-1]))
                 if done[-1].recovered_after is None:
@@ -165,15 +167,14 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, s
 
 
 def _check_afterwards(
-    stage: Stage, done: list[Cycle], agents: set[str], memory: set[str], say: Say
+    stage: Stage, done: list[Cycle], agents: set[str], memory: set[Path], say: Say
 ) -> None:
     """What can be said once the graph is gone."""
     left = orphans(stage.mark, MARK)
     if left:
         done[-1].failures.append(f"processes left behind: {left}")
-    segments = shared_memory() - memory
-    if segments:
-        done[-1].failures.append(f"shared memory left behind: {sorted(segments)}")
+    if kept := [path.name for path in memory if path.exists()]:
+        done[-1].failures.append(f"shared memory left behind: {sorted(kept)}")
     arena = stage.observer.arena
     if stage.learns and arena is not None:
         denied, held = mis_joined(stage.bags, arena, agents - {""})

@@ -13,10 +13,11 @@ from pa_ros.tools.chaos.invariants import orphans
 from pa_ros.tools.chaos.stage import MARK, Stage
 
 READY_S: Final = 20.0
-RECOVER_S: Final = 90.0
+RECOVER_S: Final = 45.0
 SEEN_S: Final = 3.0  # of the design's invariant 12
 HELD_RAD: Final = 2e-3  # that an arm which holds may settle by
 SETTLE_S: Final = 1.0  # until commands that stopped are noticed
+ACCOUNT_S: Final = 5.0  # until nodes, which say it once a second, account for all
 ADVANCE: Final = 5  # versions, or steps, that show work
 
 
@@ -39,6 +40,7 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
     """Strike, watch, lift, watch."""
     stage.until(lambda: fault.ready(stage), READY_S)
     observer, cycle = stage.observer, Cycle(fault.name, time.time())
+    stage.until(lambda: _lost(stage) == 0, ACCOUNT_S)
     lost_before, back_before = _lost(stage), observer.went_back
     newest = stage.versions()
     observer.forget()

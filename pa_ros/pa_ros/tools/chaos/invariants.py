@@ -82,8 +82,15 @@ def orphans(mark: str, variable: str) -> list[int]:
     return found
 
 
-def shared_memory() -> set[str]:
-    """Segments of DDS in shared memory."""
-    if not SHARED_MEMORY.is_dir():
-        return set()
-    return {path.name for path in SHARED_MEMORY.iterdir() if "fast" in path.name}
+def shared_memory(mark: str, variable: str) -> set[Path]:
+    """Shared memory that living processes with the mark in their environment have mapped."""
+    found: set[Path] = set()
+    for process in orphans(mark, variable):
+        try:
+            maps = Path(f"/proc/{process}/maps").read_text()
+        except OSError:
+            continue  # it ended
+        words = (line.split() for line in maps.splitlines())
+        paths = (Path(word[5]) for word in words if len(word) == 6)
+        found.update(path for path in paths if SHARED_MEMORY in path.parents)
+    return found

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from pa_ros.core.experience import AgentKey, Float64, TrajectoryKey
 from pa_ros.core.published import LearnerInfo
 from pa_ros.ros import topics
 from pa_ros.ros.learners import LEARNER_ID, Learners
+from pa_ros.tools.chaos.ledger import Ledger
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Health
@@ -25,24 +25,13 @@ STRANGER: Final = "stranger"  # learner, agent and arena that none of ours is
 GONE_S: Final = 3.0  # a node that has said nothing for so long isn't counted as OK
 
 
-@dataclass
-class Account:
-    """Of the learner's newest weights: how much they are made of, and of which trajectories."""
-
-    version: int = 0
-    accounted: dict[AgentKey, int] = field(default_factory=dict)
-
-
 class Observer:
     """Hears a graph from `node`'s namespace; nothing in it is told to the graph."""
 
     def __init__(self, node: Node) -> None:
         self.arena: ArenaDescription | None = None
         self._learners = Learners()
-        self.account = Account()
-        # How many trajectories each agent has sent: one more than the highest number heard. Who
-        # listens to a newcomer is found by it one after the other, and we may not be the first.
-        self.published: dict[AgentKey, int] = {}
+        self.account = Ledger()
         self.forgeries = 0  # trajectories that strangers sent
         self.forged: set[TrajectoryKey] = set()  # sent by strangers
         self.steps = 0  # control steps observed
@@ -119,16 +108,11 @@ class Observer:
 
         Negative if more was learned than published.
         """
-        account, accounted, dead = self.account, 0, 0
-        living = {entry.values.get("agent_id") for entry, _ in self._health.values()}
-        for agent, sent in self.published.items():
-            taken = min(account.accounted.get(agent, 0), sent)
-            accounted += taken
-            dead += sent - taken if agent.agent_id not in living else 0
+        living = {entry.values.get("agent_id", "") for entry, _ in self._health.values()}
         refused = self.value("learner_node", "rejected_trajectories")
         told = max(0.0, refused - self.forgeries)  # of ours
         told += self.value("learner_node", "lost_trajectories")
-        return accounted - account.version - int(told) + dead
+        return self.account.unexplained(living, int(told))
 
     def moved(self, since: float) -> float:
         """Largest way of a joint since then, rad."""
@@ -160,8 +144,7 @@ class Observer:
     def _on_trajectory(self, message: Message) -> None:
         key = codec.decode_trajectory_key(message)
         if key not in self.forged:
-            agent = AgentKey(key.agent_id, key.incarnation)
-            self.published[agent] = max(self.published.get(agent, 0), key.sequence + 1)
+            self.account.sent(AgentKey(key.agent_id, key.incarnation), key.sequence)
             self.last["trajectories"] = message
 
     def _on_weights(self, message: Message) -> None:
@@ -175,9 +158,7 @@ class Observer:
         if version < self._reached.get(policy.learner_id, 0):
             self.went_back += version >= self.learner.first_version
         self._reached = {policy.learner_id: version}
-        # Of an agent that came back under its name, what its former incarnation was credited with.
-        accounted = self.account.accounted | dict(policy.accounted)
-        self.account = Account(version, accounted)
+        self.account.learned(version, policy.accounted)
         self.last["policy_weights"] = message
 
     def _on_joints(self, message: Message) -> None:

@@ -25,7 +25,7 @@ from pa_ros.tools.launch_params import Parameters, write_parameters
 from pa_ros.tools.launcher import Patience, Supervisor, node_command
 
 MARK: Final = "PA_ROS_CHAOS"  # in the environment of every process of a stage
-START_S: Final = 180.0  # far beyond what it takes on a busy machine
+START_S: Final = 60.0  # far beyond what it takes
 LAUNCHED: Final = "launched"
 NODES: Final = ("sim_node", "agent_node", "learner_node")
 RECORDER: Final = "recorder"
