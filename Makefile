@@ -11,7 +11,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: dist reference install install-dev install-bench install-console install-film run train test fuzz bench same-results links lint sanitize clean
+.PHONY: dist docs-check reference install install-dev install-bench install-console install-film run train test fuzz bench same-results links lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -66,6 +66,11 @@ lint: install-dev
 
 test: lint
 	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
+
+# Every command that README and docs show in a block, run as it stands: a quarter of an hour. What
+# hasn't ended after half a minute is interrupted, as with Ctrl-C.
+docs-check: install-dev
+	$(BIN)/python -m pytest -q -s -p no:xdist tests/cli/docs_check.py
 
 # Source archive and, from it, the wheel, into dist/; the wheel then has to do its work in an environment
 # of its own.

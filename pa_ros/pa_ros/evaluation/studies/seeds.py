@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,10 +49,9 @@ def train_seeds(
 
     `extended`: extensions that the processes import.
     """
-    context = multiprocessing.get_context("spawn")
     folders = [folder_of(folder, seed) for seed in seeds]
     with (
-        ProcessPoolExecutor(jobs, context, extensions.load, (extended,)) as pool,
+        _processes(jobs, extended) as pool,
         SeedsProgress(experiment, folders) as progress,
     ):
         pending: set[Future[Path]] = {
@@ -99,6 +99,21 @@ def progress_bar() -> Progress:
     """Share done and time left."""
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
     return Progress(*columns, TimeRemainingColumn())
+
+
+@contextmanager
+def _processes(count: int, extended: Sequence[str]) -> Iterator[ProcessPoolExecutor]:
+    """A pool that an exception, Ctrl-C's too, ends at once, with what it has yet to do: a seed goes
+    on from its last checkpoint."""
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(count, context, extensions.load, (extended,)) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise
 
 
 @dataclass(frozen=True)
