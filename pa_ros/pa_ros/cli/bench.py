@@ -67,6 +67,12 @@ def _graph(_: argparse.Namespace) -> Report:
     return bench_graph()
 
 
+def _latency(_: argparse.Namespace) -> Report:
+    from pa_ros.benchmarks.latency import bench_latency
+
+    return bench_latency()
+
+
 def _learner(options: argparse.Namespace) -> Report:
     from pa_ros.benchmarks.design import bench_growing, bench_updates
 
@@ -119,6 +125,7 @@ BENCHMARKS = {
     "fleet": _fleet,
     "sim": _sim,
     "graph": _graph,
+    "latency": _latency,
     "learner": _learner,
     "load": _load,
     "relations": _relations,

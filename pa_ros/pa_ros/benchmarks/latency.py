@@ -1,0 +1,178 @@
+"""How soon a program is obeyed and a step is answered: `pa_ros bench latency`."""
+
+from __future__ import annotations
+
+import random
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+
+from pa_ros.arena import design_named
+from pa_ros.core.errors import PaError
+from pa_ros.core.report import Report
+from pa_ros.ros import topics
+from pa_ros.ros.executor import spin_until, steady_timer
+from pa_ros.tools.client import client_node
+from pa_ros.tools.domain import use_domain
+from pa_ros.tools.graph import start_nodes
+from pa_ros.tools.launch_params import Parameters
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import ProgramRequest
+
+DESIGN = "3-D"
+RATES = {"": "real_time", "fast.": "lockstep"}  # 10 Hz, and as fast as it goes
+SECONDS = {"": 110.0, "fast.": 30.0}  # at 10 Hz p99.9 needs a thousand steps
+# So long after one program is obeyed comes the next, give or take half of it: at any moment of a
+# control period, and fewer than the 50 a second that an arena judges.
+PAUSE_S = {"": 0.1, "fast.": 0.03}
+TICK_S, AGAIN_S = 0.005, 1.0
+TIMEOUT_S, FEWEST = 120.0, 3
+SHARES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}  # percentiles
+
+
+class LatencyError(PaError):
+    """A graph that did not answer."""
+
+    code = "bench.latency"
+
+
+@dataclass
+class Latencies:
+    """Times, s, between what was heard and asked; each noted as of the caller's clock."""
+
+    steps: list[float] = field(default_factory=list)  # observation to command
+    programs: list[float] = field(default_factory=list)  # program sent to the first obeying command
+    _wanted: tuple[str, float] | None = None  # program id, and when it was sent
+    _heard: dict[int, tuple[float, str]] = field(default_factory=dict)  # by stamp
+
+    def asked(self, program_id: str, now_s: float) -> None:
+        """A program is being sent."""
+        self._wanted = program_id, now_s
+
+    def observed(self, stamp_ns: int, program_id: str, now_s: float) -> None:
+        """An observation, under a program. One that is repeated counts from the first time."""
+        self._heard.setdefault(stamp_ns, (now_s, program_id))
+
+    def commanded(self, stamp_ns: int, now_s: float) -> bool:
+        """A command, by the stamp that it answers; whether it is the first to obey the program."""
+        heard = self._heard.get(stamp_ns)
+        self._heard = {s: h for s, h in self._heard.items() if s > stamp_ns}
+        if heard is None:
+            return False
+        self.steps.append(now_s - heard[0])
+        if self._wanted is None or heard[1] != self._wanted[0]:
+            return False
+        self.programs.append(now_s - self._wanted[1])
+        self._wanted = None
+        return True
+
+    def figures(self) -> dict[str, float]:
+        """Percentiles, ms, and how many samples they are of."""
+        found: dict[str, float] = {}
+        for name, times in (("program", self.programs), ("step", self.steps)):
+            for share, percent in SHARES.items():
+                found[f"{name}_{share}_ms"] = float(np.percentile(times, percent)) * 1e3
+            found[f"{name}s"] = float(len(times))
+        return found
+
+
+class Person:
+    """Sends programs, the next some time after the last was obeyed, and notes all times."""
+
+    def __init__(self, node: Node, pause_s: float) -> None:
+        self._pause_s, self.latencies = pause_s, Latencies()
+        self._random = random.Random(0)
+        # These name something in any scene.
+        words = design_named(DESIGN).vocabulary.words
+        self._programs = [f"NEAR(HAND, NOT({word}))" for word in words]
+        self._sent, self._due_s = 0, 0.0
+        self._out = topics.PROGRAM.publisher(node)
+        topics.OBJECT_FEATURES.subscribe(node, self._on_step)
+        topics.JOINT_COMMANDS.subscribe(node, self._on_command)
+        steady_timer(node, TICK_S, self._tick)
+
+    def _tick(self) -> None:
+        if time.perf_counter() >= self._due_s:
+            self.ask()
+
+    def ask(self) -> None:
+        """Send a program, and the next in any case after AGAIN_S: nobody may have been there."""
+        self._sent += 1
+        request = ProgramRequest(f"latency-{self._sent}", self._random.choice(self._programs))
+        message = codec.encode_program(request)
+        now = time.perf_counter()
+        self.latencies.asked(request.program_id, now)
+        self._due_s = now + AGAIN_S
+        self._out.publish(message)
+
+    def _on_step(self, message: Any) -> None:
+        now = time.perf_counter()
+        program_id = codec.decode_step_mark(message).program_id
+        self.latencies.observed(codec.header_stamp(message), program_id, now)
+
+    def _on_command(self, message: Message) -> None:
+        now = time.perf_counter()
+        if self.latencies.commanded(codec.header_stamp(message), now):
+            self._due_s = now + self._random.uniform(0.5, 1.5) * self._pause_s
+
+
+def bench_latency(share: float = 1.0, conditions: tuple[str, ...] = ("", "training.")) -> Report:
+    """Milliseconds as a third process hears them: from a program that it sends to the first command
+    that obeys it, and from an observation to its command. Arena and agent are two processes; with
+    `training.` a third one learns besides. At 10 Hz a program waits for the next control step;
+    with `fast.` in lockstep, as fast as it goes. `share` of the usual time is measured."""
+    use_domain(None)
+    report: dict[str, float] = {}
+    for condition in conditions:
+        for rate, mode in RATES.items():
+            found = _measure(mode, SECONDS[rate] * share, PAUSE_S[rate], condition != "")
+            report |= {f"{condition}latency.{rate}{name}": value for name, value in found.items()}
+    return report
+
+
+def _parameters(mode: str) -> Parameters:
+    scene = {"design": DESIGN, "seed": 2, "program_source": "topic", "mode": mode}
+    policy = {"weights": "checkpoint", "checkpoint": f"shipped:{DESIGN}"}
+    return {"sim_node": scene, "agent_node": policy}
+
+
+def _measure(mode: str, seconds: float, pause_s: float, training: bool) -> dict[str, float]:
+    with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
+        if training:
+            _train(supervisor, Path(name))
+        with client_node("bench") as node:
+            person = Person(node, pause_s)
+            start_nodes(supervisor, _parameters(mode), Path(name))
+            _obeyed(person, node)
+            person.latencies = Latencies()
+            spin_until(node, lambda: False, seconds)
+            _obeyed(person, node)
+            supervisor.check()
+            return person.latencies.figures()
+
+
+def _obeyed(person: Person, node: Node) -> None:
+    """Wait for some programs, at least, that were obeyed."""
+    if not spin_until(node, lambda: len(person.latencies.programs) >= FEWEST, TIMEOUT_S):
+        raise LatencyError(f"latency: expected commands within {TIMEOUT_S:g} s, got too few")
+
+
+def _train(supervisor: Supervisor, folder: Path) -> None:
+    """Start a learner that trains in a process of its own; it learns when this returns."""
+    rows, until = folder / "run" / "progress.csv", time.monotonic() + TIMEOUT_S
+    options = ["--design", "2-L", "--frames", str(10**8), "--out", str(rows.parent)]
+    rarely = ["--eval-every", "1000", "--eval-episodes", "1"]
+    supervisor.start("train", [sys.executable, "-m", "pa_ros", "train", *options, *rarely])
+    while not rows.exists() or len(rows.read_text().splitlines()) < 2:
+        supervisor.check()
+        if time.monotonic() > until:
+            raise LatencyError(f"latency: expected a learner within {TIMEOUT_S:g} s, got none")
+        time.sleep(0.1)
