@@ -15,7 +15,8 @@ BAD_LINK = Path(__file__).with_name("bad_link.py")
 # What the wheels' programs need that are not Python's.
 LIBRARIES = f"{sysconfig.get_path('platlib')}/ros_fastrtps.libs:{sys.prefix}/lib"
 # What this process has set for itself, and a child on another host must not inherit.
-OWN = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "FASTRTPS_DEFAULT_PROFILES_FILE")
+OWN = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "FASTRTPS_DEFAULT_PROFILES_FILE",
+       "RMW_FASTRTPS_USE_QOS_FROM_XML")  # fmt: skip
 
 
 def why_not() -> str:

@@ -41,7 +41,7 @@ def trajectory(sequence: int, agent: str = "a", length: int = 10) -> Trajectory:
 
 def begin_run(config: LearnerNodeConfig) -> str:
     """Leave a checkpoint of version 0 in the folder `config.out`; the run's id."""
-    worker = LearnerWorker(config, ARENA, Sinks(lambda _: None, lambda *_: None))
+    worker = LearnerWorker(config, ARENA, Sinks(lambda _: None, lambda *_: None, lambda _: None))
     worker.start()
     worker.close()
     return worker.run.info.run_id

@@ -51,7 +51,7 @@ class AgentNode(Node):
         self._arenas = Arenas()
         self._book: ProgramBook | None = None
         self._early: list[ProgramRequest] = []  # programs heard before the arena was known
-        self._learners = Learners()
+        self._learners, self._followed = Learners(), ""
         self._pace = Pace()
         self._watch = Watch(self.config.stuck_after_s)
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
@@ -262,6 +262,10 @@ class AgentNode(Node):
         if arena is not None and learner is not None:
             facts = arena.world.digest, arena.control_period, arena.thresholds, arena.reward
             self.agent.follow(learner, ArenaFacts(*facts))
+            if learner.learner_id != self._followed:
+                self._followed, run = learner.learner_id, learner.run_id
+                by = self.agent.backend or "its weights"
+                self.get_logger().info(f"follows learner {self._followed}, run {run}; acts by {by}")
             self._act()
 
     def _on_policy(self, message: Message) -> None:

@@ -137,7 +137,7 @@ class LearnerNode(Node):
 
     def _start(self, arena: ArenaDescription) -> None:
         reward_from(arena.reward)  # an unknown one is refused, and another arena waited for
-        sinks = Sinks(self._publish, self._refuse)
+        sinks = Sinks(self._publish, self._refuse, self.get_logger().info)
         try:
             self.worker, self._failure = LearnerWorker(self.config, arena, sinks), None
         except PaError as error:  # a checkpoint of other settings, or a stranger's arena

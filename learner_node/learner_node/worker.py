@@ -40,6 +40,7 @@ class Sinks:
 
     publish: Callable[[PublishedPolicy], None]
     refuse: Callable[[str, PaError], None]
+    tell: Callable[[str], object]  # for the log
 
 
 class LearnerWorker:
@@ -212,6 +213,8 @@ class LearnerWorker:
         try:
             save_checkpoint(checkpoint_of(Path(self._config.out)), self._learner, extra)
             self.unsaved = None
+            version, frames = self.run.policy().snapshot.version, self._learner.counters.frames
+            self._sinks.tell(f"checkpoint: version {version} after {frames} frames")
         except DivergedError:
             raise
         except PaError as error:  # a full disk: the one before is still whole

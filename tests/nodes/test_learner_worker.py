@@ -35,7 +35,10 @@ class Bench:
     def __init__(self, **config) -> None:
         self.published: list[PublishedPolicy] = []
         self.refused: list[PaError] = []
-        sinks = Sinks(self.published.append, lambda _, error: self.refused.append(error))
+        self.told: list[str] = []  # for the log
+        sinks = Sinks(
+            self.published.append, lambda _, error: self.refused.append(error), self.told.append
+        )
         self.worker = LearnerWorker(
             LearnerNodeConfig(**{"options": OPTIONS} | config), ARENA, sinks
         )
@@ -199,9 +202,11 @@ def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path
         wait_for(lambda: len(bench.refused) == 2)
         assert "not saved" in bench.worker.trouble and "No space left" in bench.worker.trouble
         assert [path.name for path in (tmp_path / "checkpoint").iterdir()] == []
+    assert not bench.told
     bench.submit(trajectory(2))
     wait_for(lambda: not bench.worker.trouble)
     bench.worker.close()
+    assert bench.told[0].startswith("checkpoint: version 3 after ")
 
 
 def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_path: Path):

@@ -63,6 +63,8 @@ def test_three_shells_learn_and_say_so(tmp_path):
         wait_for(lambda: updates() > 0, "a line of progress with updates")
         assert "design 2-L" in logs["sim_node"].read_text()
         wait_for(lambda: "acting" in logs["agent_node"].read_text(), "an agent that acts")
+        assert re.search(r"follows learner \w+, run \w+; acts by ", logs["agent_node"].read_text())
+    assert "checkpoint: version " in logs["learner_node"].read_text()
     assert (tmp_path / "runs/learn/checkpoint/LATEST").exists()
 
 

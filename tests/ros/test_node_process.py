@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import array
 import os
 import signal
 import subprocess
@@ -11,8 +12,10 @@ from pathlib import Path
 import pytest
 from waiting import DEADLINE_S, wait_for
 
+from pa_ros.ros import topics
 from pa_ros.ros.environment import LOOPBACK_PROFILE, NETWORK_CHOICES, prepare_environment
 from pa_ros.ros.process import PARENT, ros_arguments
+from pa_ros.tools.client import client_node
 
 graph = pytest.mark.graph
 LOOPBACK, MULTICAST = "0100007F", "0100FFEF"  # 127.0.0.1; 239.255.0.1, bound on loopback
@@ -85,6 +88,32 @@ def test_a_node_listens_on_this_machine_alone_and_leaves_nothing_when_killed():
     assert not shared_memory_of(process.pid)  # else it stayed behind
     process.kill()
     process.communicate(timeout=DEADLINE_S)
+
+
+def resident_mb(pid: int) -> float:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@graph
+def test_what_a_large_message_took_is_given_back():
+    large = topics.JOINT_COMMANDS.type(action=array.array("f", bytes(100_000_000)))
+    with start("sim_node") as process, client_node("test") as node:
+        publisher = topics.JOINT_COMMANDS.publisher(node)
+        wait_for(publisher.get_subscription_count, "an arena")
+        before, most = resident_mb(process.pid), 0.0
+
+        def passed() -> bool:
+            nonlocal most
+            most = max(most, resident_mb(process.pid))
+            return most > before + 100 and resident_mb(process.pid) < before + 30
+
+        publisher.publish(large)
+        try:
+            wait_for(passed, f"memory as it was, {before:.0f} MB")
+        finally:
+            process.terminate()
+        assert "received 25000000" in process.communicate(timeout=DEADLINE_S)[1]
 
 
 @graph

@@ -10,6 +10,10 @@ from pathlib import Path
 import pytest
 from waiting import DEADLINE_S, wait_for
 
+from pa_ros.core.errors import ConfigError
+from pa_ros.tools.client import client_node
+from pa_ros.tools.graph import claimed
+
 pytestmark = pytest.mark.graph
 ARENA = """
 sim_node:
@@ -148,6 +152,20 @@ def test_a_second_graph_in_the_same_place_is_refused(launch, tmp_path, ros_domai
     )
     assert second.returncode == 2
     assert f"_node already in the graph of ROS domain {ros_domain}" in second.stderr
+
+
+def test_a_place_belongs_to_one_launcher_before_anything_of_it_is_seen(ros_domain, monkeypatch):
+    monkeypatch.setattr("pa_ros.tools.graph.DISCOVERY_S", 0.01)
+    arena, agent = {"sim_node": {}}, {"agent_node": {}}
+    with client_node("first", "there") as node:
+        with claimed(node, arena):
+            refused = pytest.raises(ConfigError, match=r"^sim_node already in the graph")
+            with refused, claimed(node, arena | agent):
+                pass
+            with claimed(node, agent):
+                pass
+        with claimed(node, arena):
+            pass
 
 
 def test_nobody_there_times_out():

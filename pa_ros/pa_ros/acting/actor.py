@@ -47,6 +47,7 @@ class Actor:
         self.network = network
         self._noise = noise
         self._make_inference = inference_for(network, inference)
+        self.backend = "torch" if inference == "torch" or why_not_network(network) else "fused"
         self._inference: Inference | None = None
         self._tensors: Tensors = {}
         self._version: int | None = None

@@ -177,6 +177,11 @@ class Agent:
         return action
 
     @property
+    def backend(self) -> str:
+        """What computes its actions: "fused" or "torch"; empty: it cannot act yet."""
+        return self._actor.backend if self._actor is not None else ""
+
+    @property
     def schema(self) -> ObjectSchema:
         """Of the objects that the weights in use see; the paper's before there are any."""
         return self._actor.network.world.schema if self._actor is not None else PAPER

@@ -10,7 +10,7 @@ from typing import get_args
 from pa_ros.acting.config import Schedule
 from pa_ros.cli.console import page_beside
 from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import refuse_occupied, signals_noted, start_nodes, watch
+from pa_ros.tools.graph import claimed, signals_noted, start_nodes, watch
 from pa_ros.tools.launch_params import (
     arenas_of,
     chosen,
@@ -72,8 +72,11 @@ def run(options: argparse.Namespace) -> int:
     folder = options.out or new_folder("launch")
     parameters = learning_into(folder, wanted)
     figures = GraphFigures()
-    with signals_noted() as interrupted, client_node("launcher", options.namespace) as node:
-        refuse_occupied(node, parameters)
+    with (
+        signals_noted() as interrupted,
+        client_node("launcher", options.namespace) as node,
+        claimed(node, parameters),
+    ):
         watch_diagnostics(node, figures)
         with page_beside(node, options), Supervisor(folder / "log") as supervisor:
             try:

@@ -34,6 +34,7 @@ def prepare_environment() -> None:
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "pa_ros-log")
     if not any(os.environ.get(name) for name in NETWORK_CHOICES):
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)
+        os.environ.setdefault("RMW_FASTRTPS_USE_QOS_FROM_XML", "1")  # its memory policy, too
 
 
 def check_domain() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from rclpy.node import Node
@@ -17,6 +18,7 @@ from pa_ros.wire.records import Health
 PERIOD_S = 1.0
 PROGRESS_S = 5.0
 OK, WARN, ERROR = 0, 1, 2
+NUMBERS = re.compile(r"\d+(\.\d+)?")
 
 
 class HealthReporter:
@@ -69,9 +71,10 @@ class HealthReporter:
 
     def _say(self, level: int, message: str) -> None:
         """Log what has changed since it was logged last."""
-        if (level, message) == self._said:
+        said = level, NUMBERS.sub("#", message)  # of a number that goes on counting, the first
+        if said == self._said:
             return
-        self._said = level, message
+        self._said = said
         log = self._node.get_logger()
         if level == ERROR:
             log.error(message)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
+import socket
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import FrameType
 
@@ -40,17 +42,36 @@ def start_nodes(
     return processes
 
 
-def refuse_occupied(node: Node, parameters: Parameters) -> None:
-    """Raise ConfigError if a node to be started is in the graph already: two would be mixed up."""
-    namespace = node.get_namespace()
-    spin_until(node, lambda: bool(present(node, parameters)), DISCOVERY_S)
-    occupied = sorted(present(node, parameters))
-    if occupied:
-        raise ConfigError(
-            f"{', '.join(occupied)} already in the graph of ROS domain "
-            f"{os.environ.get('ROS_DOMAIN_ID', '0')}, namespace {namespace}: choose another "
-            "namespace or ROS_DOMAIN_ID (a node that was killed vanishes within half a minute)"
-        )
+@contextmanager
+def claimed(node: Node, parameters: Parameters) -> Iterator[None]:
+    """Places that are this launcher's: it alone starts nodes there, however busy the machine is.
+
+    Raises ConfigError if one of another launcher of this machine, or anyone's, is in the graph
+    already: two would be mixed up.
+    """
+    domain, namespace = os.environ.get("ROS_DOMAIN_ID", "0"), node.get_namespace()
+    with ExitStack() as held:
+        occupied = {at for at in parameters if not _claim(held, f"{domain} {namespace} {at}")}
+        if not occupied:
+            spin_until(node, lambda: bool(present(node, parameters)), DISCOVERY_S)
+            occupied = present(node, parameters)
+        if occupied:
+            raise ConfigError(
+                f"{', '.join(sorted(occupied))} already in the graph of ROS domain {domain}, "
+                f"namespace {namespace}: choose another namespace or ROS_DOMAIN_ID (a node that "
+                "was killed vanishes within half a minute)"
+            )
+        yield
+
+
+def _claim(held: ExitStack, name: str) -> bool:
+    """Whether a place could be had: an abstract socket (Linux), free when its process ends."""
+    claim = held.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+    try:
+        claim.bind(f"\0pa_ros.{hashlib.sha256(name.encode()).hexdigest()}")
+    except OSError:
+        return False
+    return True
 
 
 def present(node: Node, parameters: Parameters) -> set[str]:
