@@ -48,12 +48,12 @@ class Site:
             agent = {"learning": True, "learner": "/", "agent_id": arena, "stuck_after_s": 3.0}
             self.run(host, "agent_node", f"/{arena}", **agent)
 
-    def record(self, bag: Path, topics: Sequence[str]) -> None:
-        """Some topics, on the learner's host, from before it begins."""
+    def record(self, bag: Path, topics: Sequence[str], host: int = 0) -> None:
+        """Some topics, on the learner's host or an arena's, from before all begins."""
         words = [sys.executable, "-m", "pa_ros", "record", bag, "--arenas", "arena1", "arena2"]
-        environment = self._common | self._environment(0)
-        log = self.folder / "record.log"
-        self.hosts.run(0, [*words, "--topics", *topics], environment, log)
+        environment = self._common | self._environment(host)
+        log = self.folder / f"record-{host}.log"
+        self.hosts.run(host, [*words, "--topics", *topics], environment, log)
         wait_for(lambda: "recording" in (log.read_text() if log.exists() else ""), "a recorder")
 
     @property

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hosts import hosts
 from sites import NO_HOSTS, SUBNET, Site, ended
@@ -17,13 +18,20 @@ from waiting import wait_for
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
+from pa_ros.wire.codec import header_stamp
 
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
 BY_THE_CLOCK = {"mode": "real_time", "real_time_factor": 5.0, "command_timeout_s": 2.0}
-WAYS: dict[str, dict[str, object]] = {"arrival": {}, "free": BY_THE_CLOCK}
+WAYS: dict[str, tuple[str, dict[str, object]]] = {
+    "arrival": ("arrival", {}),
+    "arrival, by the clock": ("arrival", BY_THE_CLOCK),
+    "free": ("free", BY_THE_CLOCK),
+}
 BAD = ("--loss", "0.02", "--delay-ms", "20", "--jitter-ms", "10")
 CUT_S = 30.0
 SPAN_S = 20.0  # of each measurement
+STILL_S = 8.0  # at the cut's end, in which the arm is looked at
+STILL_RAD_S = 0.05  # that a joint which holds may have
 TOPICS = ["trajectories", "policy_weights", "provenance"]
 
 
@@ -50,23 +58,45 @@ def gaps(site: Site) -> list[list[int]]:
     return [gap for account in site.ledger["accounts"].values() for gap in account["gaps"]]
 
 
+def seen_there(bag: Path, since: float, until: float) -> tuple[float | None, dict[int, float]]:
+    """On the cut arena's host: how many seconds after `since` its agent warned, if at all; and the
+    fastest joint's speed (rad/s) at each control step, by simulation time, of the last STILL_S
+    before `until`."""
+    said: float | None = None
+    speeds: dict[int, float] = {}
+    with Bag(bag) as opened:
+        for recorded in opened.messages():
+            message: Any = opened.deserialize(recorded)
+            at = recorded.stamp_ns / 1e9
+            if recorded.topic == "/arena2/joint_states" and until - STILL_S < at < until:
+                speeds[header_stamp(message)] = float(np.abs(message.velocity).max())
+            elif recorded.topic == "/diagnostics" and since < at < until and said is None:
+                levels = {entry.name: int(entry.level) for entry in message.status}
+                said = at - since if levels.get("/arena2/agent_node", 0) else None
+    return said, speeds
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_a_bad_link_that_is_cut_for_half_a_minute_loses_nothing_unsaid(three: Site, way: str):
-    site, figures = three, dict[str, Any](in_step=way)
-    bag = site.folder / "bag"
+    site, figures = three, dict[str, Any](way=way)
+    in_step, sim = WAYS[way]
+    bag, there = site.folder / "bag", site.folder / "bag-there"
     topics = [*TOPICS, *(f"arena{i}/{name}" for i in (1, 2) for name in TOPICS[2:])]
     site.record(bag, [*topics, "arena1/arena_info", "arena2/arena_info"])
-    site.begin(f"learner.schedule.in_step={way}", sim=WAYS[way], checkpoint_every_frames=500)
+    site.record(there, ["arena2/joint_states", "/diagnostics"], host=2)
+    site.begin(f"learner.schedule.in_step={in_step}", sim=sim, checkpoint_every_frames=500)
     site.learns()
     figures["frames_per_s_good"] = frames_per_s(site)
     site.hosts.worsen(2, *BAD, log=site.folder / "link.log")
     site.learns()
     figures["frames_per_s_bad"] = frames_per_s(site)
     site.hosts.cable(2, plugged=False)
+    cut = time.time()
     figures["frames_per_s_cut"] = frames_per_s(site)  # of the other arena alone
     time.sleep(CUT_S - SPAN_S)
-    site.hosts.cable(2, plugged=True)
     before, healed = heard_of(site, "arena2"), time.monotonic()
+    mended = time.time()
+    site.hosts.cable(2, plugged=True)
     wait_for(lambda: heard_of(site, "arena2") > before + 3, "the arena behind the link")
     figures["healed_after_s"] = time.monotonic() - healed
     site.learns(1000)
@@ -78,5 +108,21 @@ def test_a_bad_link_that_is_cut_for_half_a_minute_loses_nothing_unsaid(three: Si
     with Bag(bag) as opened:
         found = verify(Experience(opened))
     figures |= {"versions_equal": found.compared, "transitions_denied": found.altered}
-    print(json.dumps({k: round(v, 1) if isinstance(v, float) else v for k, v in figures.items()}))
+    figures["said_after_s"], speeds = seen_there(there, cut, mended)
+    figures |= {"steps_cut_off": len(speeds), "fastest_joint": max(speeds.values())}
+    print(json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in figures.items()}))
     assert not found.altered and found.compared > 0
+    check_arm(way, figures["said_after_s"], speeds)
+
+
+def check_arm(way: str, said_after_s: float | None, speeds: dict[int, float]) -> None:
+    """Cut off, an agent that waits for weights says so; in lockstep time stands still (the step
+    that stands is sent again and again), else the arm holds. A free agent goes on."""
+    if way == "free":
+        assert max(speeds.values()) > STILL_RAD_S
+        return
+    assert said_after_s is not None
+    if way == "arrival":
+        assert len(speeds) == 1
+    else:
+        assert len(speeds) > 1 and max(speeds.values()) < STILL_RAD_S
