@@ -6,19 +6,21 @@ from rclpy.node import Node
 
 from pa_ros.ros.refusals import Refusals
 from sim_node.entities import Entities
+from sim_node.samples import Samples
 from sim_node.services import ArenaServices, Steered
 from sim_node.simulator import SimulatorServices
 from sim_node.views import Views
 
 
 class Components:
-    """Its own services, the standard simulator's, and what viewers show."""
+    """Its own services, the standard simulator's, what viewers show, and a thin sample."""
 
     def __init__(self, node: Node, arena: Steered, refusals: Refusals) -> None:
         ArenaServices(node, arena, refusals)
         entities = Entities(arena.session)
         self._services = SimulatorServices(node, arena, entities, refusals)
         Views(node, arena.session, entities)
+        Samples(node, arena.session)
 
     def close(self) -> None:
         """Call before the node is destroyed."""

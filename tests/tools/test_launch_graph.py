@@ -110,6 +110,16 @@ def test_programs_are_accepted_refused_and_judged_and_ctrl_c_stops_all(launch):
     refused = send("NEAR(HAND, AND(RAD, CUBE))", "--namespace", "arena1")
     assert refused.returncode == 2
     assert "program.unknown_word" in refused.stderr and "did you mean RED?" in refused.stderr
+    suggested = refused.stderr.partition("programs that make sense now:\n")[2].split("\n")
+    assert all(line.startswith("  NEAR(HAND, ") for line in suggested[:-1]) and len(suggested) > 3
+
+    shown = send("--scene", "5", "--namespace", "arena1")
+    assert shown.returncode == 0, shown.stderr
+    episode, blocks, standing, distance, *others = shown.stdout.splitlines()
+    assert episode == "began episode 5" and blocks.startswith("blocks: ") and " m" in distance
+    assert standing == f"program: {program.replace(' ', '').replace(',', ', ')}"
+    taken = send(others[1].strip(), "--namespace", "arena1")
+    assert others[0] == "programs that make sense now:" and taken.returncode == 0, taken.stderr
 
     graph.process.send_signal(signal.SIGINT)
     status, out, err = graph.end()

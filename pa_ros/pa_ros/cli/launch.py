@@ -25,6 +25,7 @@ from pa_ros.tools.launch_params import (
 from pa_ros.tools.launcher import ChildError, Supervisor, tail
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record_launch import RECORDER, start_recorded, start_recorder
+from pa_ros.tools.scenes import SceneFigures
 
 DEFAULT = "execute_3d"
 EXIT_FAILED = 1
@@ -87,7 +88,8 @@ def run(options: argparse.Namespace) -> int:
                     start_recorder(supervisor, node, options.record, options.namespace, arenas)
                     start_recorded(supervisor, node, parameters, folder)
                 print(f"started {', '.join(supervisor.names)}; logs in {folder / 'log'}")
-                with Display("Graph (Ctrl-C stops it)", figures.rows, figures.line) as display:
+                tables = SceneFigures(node, figures, arenas_of(parameters))
+                with Display("Graph (Ctrl-C stops it)", tables.rows, tables.line) as display:
                     watch(node, supervisor, display.refresh, interrupted)
             except ChildError as error:
                 print(f"pa_ros launch: {error}", file=sys.stderr)

@@ -1,4 +1,7 @@
-"""`pa_ros send TEXT`: hand a program to a running graph, and see what becomes of it."""
+"""`pa_ros send TEXT`: hand a program to a running graph, and see what becomes of it.
+
+Without a text: what stands on the table, and programs that make sense there.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,31 @@ import time
 
 from pa_ros.acting.execution import Execution
 from pa_ros.cli.options import add_setting, settings_from
+from pa_ros.core.errors import ConfigError
+from pa_ros.ros.executor import spin_until
+from pa_ros.tools.arena_client import ArenaClient
 from pa_ros.tools.client import Node, client_node
 from pa_ros.tools.goals import GoalClient
+from pa_ros.tools.scenes import Scene
 from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError, sendable
-from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
+from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal, ResetRequest
 
+SUGGEST_S = 2.0  # in which an arena shows what stands on its table
 OFFER_S = 5.0  # in which an agent's action is found, if there is one
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros send`."""
-    parser.add_argument("text", help='a program: "NEAR(HAND, AND(RED, CUBE))"')
+    parser.add_argument(
+        "text", nargs="?",
+        help='a program: "NEAR(HAND, AND(RED, CUBE))"; without one, what stands on the table is '
+        "said, and what could be asked",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scene", type=_scene, metavar="next|N",
+        help="first have the arena begin its next scene, or that of episode N",
+    )  # fmt: skip
     add_setting(parser, SendOptions, "wait")
     add_setting(parser, SendOptions, "timeout_s", "--timeout", metavar="S")
     add_setting(parser, SendOptions, "time_limit_s", "--time-limit", metavar="S")
@@ -36,12 +52,45 @@ def run(options: argparse.Namespace) -> int:
     how = settings_from(options, SendOptions)
     with client_node("send", options.namespace) as node:
         try:
-            if how.wait and (status := _pursue(node, options.text, how)) is not None:
-                return status
-            return _send(node, options.text, how)
+            if options.scene is not None:
+                began = ArenaClient(node).reset(options.scene, how.timeout_s)
+                print(f"began episode {began.episode}")
+            scene = Scene(node)
+            if options.text is None:
+                return _describe(node, scene, how.timeout_s)
+            status = _pursue(node, options.text, how) if how.wait else None
+            status = _send(node, options.text, how) if status is None else status
+            if status == EXIT_REFUSED and spin_until(node, lambda: scene.known, SUGGEST_S):
+                print(_suggested(scene), file=sys.stderr)
+            return status
         except SendTimeoutError as error:
             print(f"timed out: {error}", file=sys.stderr)
             return EXIT_TIMED_OUT
+
+
+def _scene(text: str) -> ResetRequest:
+    """`--scene`: ConfigError for neither `next` nor a number."""
+    if text == "next":
+        return ResetRequest()
+    if not text.isdecimal():
+        raise ConfigError(f"--scene: expected next or the number of an episode, got {text!r}")
+    return ResetRequest(int(text))
+
+
+def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
+    """Say what stands there. SendTimeoutError if no arena shows itself in time."""
+    if not spin_until(node, lambda: scene.known, timeout_s):
+        raise SendTimeoutError(
+            f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
+        )
+    for label, text in scene.rows():
+        print(f"{label}: {text}")
+    print(_suggested(scene))
+    return 0
+
+
+def _suggested(scene: Scene) -> str:
+    return "\n  ".join(["programs that make sense now:", *scene.suggestions()])
 
 
 def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
@@ -62,13 +111,13 @@ def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
 
 
 class _Feedback:
-    """Prints how a goal stands, once a second."""
+    """Prints how a goal stands, once a second, from the first step under it on."""
 
     def __init__(self) -> None:
         self._said_at = -math.inf
 
     def __call__(self, progress: GoalProgress) -> None:
-        if time.monotonic() - self._said_at < 1.0:
+        if not math.isfinite(progress.distance) or time.monotonic() - self._said_at < 1.0:
             return
         self._said_at = time.monotonic()
         meant = zip(progress.objects, progress.relevance, strict=False)

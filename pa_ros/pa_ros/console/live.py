@@ -17,14 +17,15 @@ from pa_ros.console import markup
 from pa_ros.console.history import History
 from pa_ros.console.moment import Moment, looked
 from pa_ros.console.page import Page
-from pa_ros.console.sampler import DEPTH, Sampler, within
+from pa_ros.console.sampler import DEPTH, PARTS, Sampler, within
 from pa_ros.console.services import ArenaServices
 from pa_ros.console.weights import AgentWeights
 from pa_ros.core.errors import PaError
-from pa_ros.language import Vocabulary, parse, require_target
+from pa_ros.language import Vocabulary, parse
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS
+from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS, SAMPLES
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.tools.scenes import sensible
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ArenaDescription, Mode, ProgramRequest
@@ -32,9 +33,8 @@ from pa_ros.wire.records import ArenaDescription, Mode, ProgramRequest
 REMEMBERED = 256  # programs by id
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0
-LOCKSTEP_S = 0.5  # learning takes every core: its steps are sampled
+LOCKSTEP_S = 0.5  # learning takes every core: the arena's own samples are looked at
 LOCKSTEP_DEPTH = 4
-EXAMPLES = 12
 
 
 class LiveConsole:
@@ -94,8 +94,10 @@ class LiveConsole:
             return
         self._looked = now
         if self._sampler is None:
-            depth = LOCKSTEP_DEPTH if lockstep else DEPTH
-            self._sampler = Sampler(self._sampled, self._namespace, depth)
+            name = within(self._namespace, SAMPLES["features"])
+            thin = lockstep and self._node.count_publishers(name) > 0
+            taken = (LOCKSTEP_DEPTH, SAMPLES) if thin else (DEPTH, PARTS)
+            self._sampler = Sampler(self._sampled, self._namespace, *taken)
         self._weights.attend()
         self._look(self._sampler.take())
         self._page.say("History", self.history.html() + self._services.html())
@@ -206,29 +208,6 @@ class LiveConsole:
         if self._vocabulary is None:
             return ()
         return sensible(arena, self._vocabulary, [set(n.split()) for n in self._page.scene.names])
-
-
-def sensible(
-    arena: ArenaDescription, vocabulary: Vocabulary, blocks: Sequence[set[str]]
-) -> tuple[str, ...]:
-    """Up to EXAMPLES programs that name one of the blocks."""
-    texts = [str(program) for program in arena.training_programs]
-    groups, near = vocabulary.by_group.values(), vocabulary.relations[0]
-    for block in blocks:
-        words = [next((w for w in group if w in block), "") for group in groups]
-        known = [word for word in words if word]
-        if len(known) == len(words) > 1:
-            texts.insert(0, f"{near}(HAND, AND({', '.join(reversed(known))}))")
-        texts += [f"{near}(HAND, {word})" for word in known]
-        texts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
-    found: dict[str, None] = {}
-    for text in texts:
-        try:
-            require_target(parse(text, vocabulary), blocks, None)
-        except PaError:
-            continue
-        found[text] = None
-    return tuple(found)[:EXAMPLES]
 
 
 def _named(topic: Any, namespace: str) -> Any:

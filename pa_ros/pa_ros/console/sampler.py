@@ -6,7 +6,7 @@ what is not looked at costs no Python at all.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -24,8 +24,10 @@ PARTS = {"features": OBJECT_FEATURES, "joints": JOINT_STATES, "verdict": VERDICT
 class Sampler:
     """Steps of the arena in a namespace. `node` must not be served by an executor."""
 
-    def __init__(self, node: Node, namespace: str, depth: int = DEPTH) -> None:
-        """`depth`: so many steps are kept between two looks."""
+    def __init__(
+        self, node: Node, namespace: str, depth: int = DEPTH, parts: Mapping[str, Topic] = PARTS
+    ) -> None:
+        """`depth`: so many steps are kept between two looks. `parts`: the topics of a step."""
         self._node, self._depth = node, depth
         profile = QoSProfile(
             reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth
@@ -34,7 +36,7 @@ class Sampler:
             part: replace(topic, name=within(namespace, topic), reader=profile).subscribe(
                 node, lambda _: None
             )
-            for part, topic in PARTS.items()
+            for part, topic in parts.items()
         }
         self._open: dict[int, dict[str, Message]] = {}  # by stamp
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +16,7 @@ from mjviser import ViserMujocoScene
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.film import Stage
 from pa_ros.console.moment import Moment
+from pa_ros.tools.scenes import name_of
 from pa_ros.world.relations import RELATIONS
 
 REBUILD_S = 1.0  # at most so often other blocks are put on the table
@@ -89,7 +89,7 @@ class ArenaScene:
         blocks = self._stage.task.episode.blocks
         row = self._stage.task.design.vocabulary.row
         self._blocks = [
-            self._block(model, i, _name(block.kind.words, row)) for i, block in enumerate(blocks)
+            self._block(model, i, name_of(block.kind.words, row)) for i, block in enumerate(blocks)
         ]
         self._of, self._made_at = of, time.monotonic()
 
@@ -138,11 +138,6 @@ class ArenaScene:
 def _looks(moment: Moment) -> bytes:
     """What tells blocks apart but for their poses."""
     return np.ascontiguousarray(moment.observation.objects[:, 7:]).tobytes()
-
-
-def _name(words: frozenset[str], row: Mapping[str, int]) -> str:
-    """`RED CUBE`: as programs mostly say it, words of the last group first."""
-    return " ".join(sorted(words, key=lambda word: (-row.get(word, len(row)), word)))
 
 
 def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:

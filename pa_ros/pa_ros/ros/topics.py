@@ -91,6 +91,13 @@ TRANSFORMS = Topic("transforms", types.TransformStamped, STEP, STEP)
 MARKERS = Topic("markers", types.MarkerArray, STEP, STEP)
 RELEVANCE_MARKERS = Topic("relevance_markers", types.MarkerArray, STEP, STEP)
 
+# A whole step now and then, however fast the arena is.
+SAMPLES = {
+    "features": replace(OBJECT_FEATURES, name=f"samples/{OBJECT_FEATURES.name}"),
+    "joints": replace(JOINT_STATES, name=f"samples/{JOINT_STATES.name}"),
+    "verdict": replace(VERDICT, name=f"samples/{VERDICT.name}"),
+}
+
 RESET = ("reset", types.Reset)
 STEP_SERVICE = ("step", types.Step)
 PAUSE = ("pause", types.SetBool)

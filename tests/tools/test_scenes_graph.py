@@ -1,0 +1,57 @@
+"""What stands on the table of an arena that runs, and what could be asked there."""
+
+from __future__ import annotations
+
+import pytest
+from graph import graph
+
+from pa_ros.cli.main import main
+from pa_ros.language import parse, require_target
+from pa_ros.ros import topics
+from pa_ros.tools.monitor import GraphFigures
+from pa_ros.tools.scenes import Scene, SceneFigures
+from pa_ros.wire import codec
+from pa_ros.wire.records import ProgramRequest, ResetRequest
+from sim_node.node import SimNode
+
+ARENA = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__program_source": "topic"}
+
+
+@pytest.mark.graph
+def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
+    """In lockstep, with nobody who commands: the step that stands is shown all the same."""
+    with graph(SimNode, **ARENA) as probe:
+        scene, other = Scene(probe), Scene(probe, "/elsewhere")
+        assert probe.until(lambda: scene.known and scene.verdict is not None)
+        arena, session = scene.arena, probe.nodes[0].session
+        kinds = [block.kind.words for block in session.task.episode.blocks]
+        assert list(scene.blocks) == kinds and not other.known
+        assert dict(scene.rows())["program"] == "none"
+        assert all(set(name.split()) in kinds for name in scene.names())
+        found = scene.suggestions()
+        vocabulary = arena.world.vocabulary
+        for text in found:
+            require_target(parse(text, vocabulary), kinds, None)
+        assert len(found) > 4 and any("AND" in text for text in found)
+
+        speaker = probe.speaker(topics.PROGRAM)
+        speaker.publish(codec.encode_program(ProgramRequest("a", found[0])))
+        assert probe.until(lambda: scene.program == found[0] and " m" in scene.line())
+        fleet = SceneFigures(probe, GraphFigures(), ["", "elsewhere"])
+        one = SceneFigures(probe, GraphFigures(), [])
+        assert probe.until(lambda: "blocks" in dict(one.rows()))
+        labels = [label for label, _ in one.rows()]
+        assert labels[-5:] == ["blocks", "program", "distance", "refused messages", "alarms"]
+        assert found[0] in one.line() and "/elsewhere: at" in dict(fleet.rows())
+
+        before = scene.blocks
+        outcome = probe.call(topics.RESET, codec.encode_reset(ResetRequest(episode=7)))
+        assert outcome.success
+        assert probe.until(lambda: scene.episode == 7 and scene.blocks != before)
+
+
+@pytest.mark.parametrize("text", ["last", "-1", "1.5", ""])
+def test_a_scene_is_the_next_or_a_number(text, capsys):
+    assert main(["send", "--scene", text]) == 2
+    expected = "--scene: expected next or the number of an episode, got " + repr(text)
+    assert expected in capsys.readouterr().err
