@@ -48,6 +48,10 @@ def test_figures_and_table_say_what_was_done(tmp_path: Path):
         "| x / y | 1 | 1.0 | 2.0 | 0 | 0 | **failed**: a; b |",
     ]
     assert "`pa_ros chaos` (3 cycles, 2 of 3 rows failed)" in "\n".join(lines)
+    with (tmp_path / "F.md").open("a") as file:
+        file.write("\n## More\n\nkept\n")
+    write_table(tmp_path / "F.md", rows[:1], "pa_ros chaos")
+    assert (tmp_path / "F.md").read_text().endswith("| held |\n\n## More\n\nkept\n")
 
 
 def test_every_row_has_a_name_of_its_own_and_all_processes_are_hurt():

@@ -40,7 +40,8 @@ def report(rows: Sequence[Row]) -> Report:
 
 
 def write_table(path: Path, rows: Sequence[Row], command: str) -> None:
-    """Rewrite the table, a row for each fault that was done."""
+    """Rewrite the table, a row for each fault that was done; sections below it are kept."""
+    _, found, kept = (path.read_text() if path.exists() else "").partition("\n## ")
     figures = report(rows)
     text = HEAD.format(
         command=command,
@@ -48,7 +49,8 @@ def write_table(path: Path, rows: Sequence[Row], command: str) -> None:
         failed=figures["chaos.failed_rows"],
         rows=figures["chaos.rows"],
     )
-    path.write_text(text + "".join(map(_row, (row for row in rows if row.cycles))))
+    made = map(_row, (row for row in rows if row.cycles))
+    path.write_text(text + "".join(made) + found + kept)
 
 
 def _row(row: Row) -> str:
