@@ -5,20 +5,26 @@ from __future__ import annotations
 import statistics
 import sys
 import tempfile
+from itertools import count
 from pathlib import Path
 
 from pa_ros.benchmarks.pingpong import measure_round_trips
 from pa_ros.core.errors import PaError
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
 from pa_ros.tools.chaos.stage import with_key
-from pa_ros.tools.client import client_node
+from pa_ros.tools.client import Node, client_node
 from pa_ros.tools.domain import use_domain
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.wire import codec
+from pa_ros.wire.records import ProgramRequest
 
 SECONDS = 4.0  # of each measurement
 TIMEOUT_S = 60.0
+FLOOD_HZ = 1000.0  # programs a second
 PARAMETERS: Parameters = {
     "sim_node": {"seed": 0},
     "agent_node": {"weights": "random"},
@@ -39,7 +45,8 @@ def bench_graph(rounds: int = 3) -> dict[str, float | str]:
     clocks; `graph.transport_us`, a bare round trip; `graph.waking_us`, by how much more a round
     trip costs when as much is computed in it (colder caches, threads and cores asleep); and
     `graph.nodes_us`, the rest: encoding, matching, bookkeeping. `graph.with_key_of_without`: the
-    rate where nodes sign and check, as a share of the rate where they don't.
+    rate where nodes sign and check, as a share of the rate where they don't;
+    `graph.flooded_of_quiet`: where someone sends FLOOD_HZ programs a second.
     """
     use_domain(None)
     figures: dict[str, list[float]] = {}
@@ -47,6 +54,7 @@ def bench_graph(rounds: int = 3) -> dict[str, float | str]:
         found = _graph()
         work_us = found["graph.arena_us"] + found["graph.policy_us"]
         found["graph.with_key_steps_per_s"] = _graph(signed=True)["graph.lockstep_steps_per_s"]
+        found["graph.flooded_steps_per_s"] = _graph(flooded=True)["graph.lockstep_steps_per_s"]
         found["graph.bare_pingpong_per_s"] = _bare()
         found["graph.working_pingpong_per_s"] = _bare(work_us)
         for name, value in found.items():
@@ -60,6 +68,9 @@ def bench_graph(rounds: int = 3) -> dict[str, float | str]:
         **middle,
         "graph.with_key_of_without": (
             middle["graph.with_key_steps_per_s"] / middle["graph.lockstep_steps_per_s"]
+        ),
+        "graph.flooded_of_quiet": (
+            middle["graph.flooded_steps_per_s"] / middle["graph.lockstep_steps_per_s"]
         ),
         "graph.step_us": step_us,
         "graph.transport_us": bare_us,
@@ -81,7 +92,17 @@ def _bare(work_us: float = 0.0) -> float:
     return rate
 
 
-def _graph(signed: bool = False) -> dict[str, float]:
+def _flood(node: Node) -> None:
+    publisher, numbers = topics.PROGRAM.publisher(node), count()
+
+    def send() -> None:
+        request = ProgramRequest(f"flood-{next(numbers)}", "NEAR(HAND, OR(RED, NOT(RED)))")
+        publisher.publish(codec.encode_program(request))
+
+    steady_timer(node, 1.0 / FLOOD_HZ, send)
+
+
+def _graph(signed: bool = False, flooded: bool = False) -> dict[str, float]:
     rates: list[tuple[float, float, float]] = []
     figures = GraphFigures()
 
@@ -101,6 +122,8 @@ def _graph(signed: bool = False) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
         with client_node("bench") as node:
             watch_diagnostics(node, figures)
+            if flooded:
+                _flood(node)
             given = with_key(PARAMETERS, Path(folder)) if signed else PARAMETERS
             start_nodes(supervisor, given, Path(folder))
             wanted = 2 + int(SECONDS)  # the first is of the start, in part
