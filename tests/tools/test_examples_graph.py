@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from waiting import DEADLINE_S
+
+from pa_ros.core.experience import Float32
+from pa_ros.ros import topics
+from pa_ros.ros.executor import spin_until
+from pa_ros.tools.client import client_node
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import PoseStamped
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs/examples"
@@ -49,6 +59,69 @@ def test_an_example_executes_programs_and_refuses_others(nodes):
             (process.communicate(timeout=DEADLINE_S)[1], process.returncode) for process in started
         ]
     assert [status for _, status in ended] == [0, 0], ended
+
+
+class Tracker:
+    """A tag tracker's stand-in: the arena's own poses, in its fixed frame, as PoseStamped."""
+
+    def __init__(self, node) -> None:
+        self._node, self._speakers, self.silent = node, {}, False
+        self.newest = {"object_features": 0, "of_arena": 0}  # stamps, ns
+        self.features: dict[str, dict[int, Float32]] = {"object_features": {}, "of_arena": {}}
+        topics.TRANSFORMS.subscribe(node, self.on_transform)
+        for name, heard in self.features.items():
+            topic = replace(topics.OBJECT_FEATURES, name=name)
+            topic.subscribe(node, partial(self.on_features, name, heard))
+
+    def on_transform(self, message) -> None:
+        if self.silent:
+            return
+        name, placed = message.child_frame_id, message.transform
+        place, turn = placed.translation, placed.rotation
+        pose = np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
+        if name not in self._speakers:
+            topic = topics.Topic(f"poses/{name}", PoseStamped, topics.STEP, topics.STEP)
+            self._speakers[name] = topic.publisher(self._node)
+        self._speakers[name].publish(codec.encode_pose(pose, message.header.frame_id, 0))
+
+    def on_features(self, name, heard, message) -> None:
+        self.newest[name] = codec.header_stamp(message)
+        if not message.program:
+            heard[self.newest[name]] = codec.decode_objects(message)[0]
+
+    def agrees(self) -> bool:
+        """Whether features of a step of an arm at rest have come from both, and are the same."""
+        ours, arenas = self.features.values()
+        both = sorted(set(ours) & set(arenas))
+        return bool(both) and np.allclose(ours[both[-1]], arenas[both[-1]], atol=1e-4)
+
+    def late_s(self) -> float:
+        """For how long only the arena has sent features."""
+        return (self.newest["of_arena"] - self.newest["object_features"]) / 1e9
+
+
+@pytest.mark.graph
+def test_features_from_poses_are_the_arenas_and_the_agent_does_with_them_what_it_does():
+    arena = [*node("sim_node"), "-r", "object_features:=of_arena"]
+    labels = ["--ros-args", "-p", f"labels:={EXAMPLES / 'labels.yaml'}"]
+    nodes = [arena, [*example("features_from_poses.py"), *labels], node("agent_node")]
+    started = [subprocess.Popen(one, stderr=subprocess.PIPE, text=True) for one in nodes]
+    try:
+        with client_node("tracker") as tracker:
+            seen = Tracker(tracker)
+            assert spin_until(tracker, seen.agrees, DEADLINE_S)
+            command = [sys.executable, "-m", "pa_ros", "send", "NEAR(HAND, CYLINDER)", "--wait"]
+            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sent:
+                assert spin_until(tracker, lambda: sent.poll() is not None, DEADLINE_S)
+                assert sent.returncode == 0, sent.communicate()
+            assert spin_until(tracker, lambda: seen.late_s() < 1, DEADLINE_S)
+            seen.silent = True
+            assert spin_until(tracker, lambda: seen.late_s() > 1, DEADLINE_S), "old poses are used"
+    finally:
+        for process in started:
+            process.terminate()
+        ended = [(process.communicate()[1], process.returncode) for process in started]
+    assert [status for _, status in ended] == [0, 0, 0], ended
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NewType
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -91,6 +91,7 @@ __all__ = [
     "Message",
     "ObjectFeatures",
     "PolicyWeights",
+    "PoseStamped",
     "Program",
     "ProgramStatus",
     "Provenance",

@@ -19,6 +19,7 @@ from pa_ros.wire.codec.goal import (
 )
 from pa_ros.wire.codec.health import decode_diagnostics, encode_diagnostics
 from pa_ros.wire.codec.learner import decode_learner_info, encode_learner_info
+from pa_ros.wire.codec.poses import decode_pose, encode_pose
 from pa_ros.wire.codec.program import (
     decode_program,
     decode_program_status,
@@ -106,6 +107,7 @@ __all__ = [
     "decode_observation",
     "decode_outcome",
     "decode_pause",
+    "decode_pose",
     "decode_program",
     "decode_program_status",
     "decode_provenance",
@@ -140,6 +142,7 @@ __all__ = [
     "encode_outlines",
     "encode_pause",
     "encode_point",
+    "encode_pose",
     "encode_program",
     "encode_program_status",
     "encode_provenance",

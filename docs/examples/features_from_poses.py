@@ -1,0 +1,76 @@
+"""object_features from a pose of each object, as a tag tracker gives (docs/robot.md)."""
+
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import yaml
+from rclpy.node import Node
+
+from pa_ros.core.experience import Observation
+from pa_ros.ros import topics
+from pa_ros.ros.node_main import run_node
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.interfaces import PoseStamped
+from pa_ros.wire.records import StepContext
+from pa_ros.world.poses import objects_from_poses
+
+OLDEST_S = 0.5  # of a pose; without newer ones the agent gets nothing to act on, and the arm holds
+
+
+class FeaturesFromPoses(Node):
+    def __init__(self) -> None:
+        super().__init__("features_from_poses")
+        labels = self.declare_parameter("labels", "labels.yaml").value
+        self.driver = self.declare_parameter("driver", "/sim_node").value  # who judges programs
+        self.labels = yaml.safe_load(Path(labels).read_text())  # by object: group to value
+        self.names = ("hand", *self.labels)
+        self.poses, self.frame, self.arena, self.program, self.step = {}, "", None, ("", ""), 0
+        self.features = topics.OBJECT_FEATURES.publisher(self)
+        self.refusals = Refusals(self.get_logger().warning)
+        pose = topics.Topic("", PoseStamped, topics.STEP, topics.STEP)
+        for topic, react in (
+            (topics.ARENA_INFO, self.on_arena),
+            (topics.PROGRAM_STATUS, self.on_judged),
+            (topics.JOINT_STATES, self.on_joints),
+            *((replace(pose, name=f"poses/{n}"), partial(self.on_pose, n)) for n in self.names),
+        ):
+            topic.subscribe(self, self.refusals.guard(topic.name, react))
+
+    def on_arena(self, message) -> None:
+        self.arena = codec.decode_arena_info(message)
+
+    def on_judged(self, message) -> None:
+        status = codec.decode_program_status(message)
+        if status.node == self.driver and status.accepted:
+            self.program = status.program_id, status.canonical
+
+    def on_pose(self, name, message) -> None:
+        frame, pose = codec.decode_pose(message)
+        self.poses = self.poses if frame == self.frame else {}  # all of one frame
+        self.frame, self.poses[name] = frame, (time.monotonic(), pose)
+
+    def on_joints(self, message) -> None:
+        since = time.monotonic() - OLDEST_S
+        known = [self.poses[name] for name in self.names if name in self.poses]
+        fresh = [pose for at, pose in known if at > since]
+        if self.arena is None or len(fresh) < len(self.names):
+            return
+        seen = np.array(fresh)  # [1 + n, 7]
+        objects = objects_from_poses(self.arena.world.schema, [*self.labels.values()], seen)
+        (program_id, text), names = self.program, self.arena.joint_names
+        self.step += 1
+        when, joints = codec.header_stamp(message), codec.decode_joints(message, names)
+        step = Observation(0, self.step, when, objects, *joints, 0, program_id, seen[0])
+        context = StepContext(self.arena.arena_id, program=text)
+        self.features.publish(codec.encode_observation(step, names, context)[0])
+
+    def close(self) -> None:
+        pass
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_node("features_from_poses", FeaturesFromPoses))
