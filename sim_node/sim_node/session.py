@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from math import inf
 
 import numpy as np
@@ -157,7 +157,9 @@ class Session:
         if self.disturbed:  # not the command alone led here
             executed, self.disturbed = None, False
         self.steps += 1
-        self._frame(observation, evaluation, executed)
+        self._frame(
+            observation, lambda: self._masked(self.task.judge(observation)), evaluation, executed
+        )
         yield self.frame
         verdict = self.frame.verdict
         self._episode_rewards.append(verdict.reward)
@@ -171,17 +173,23 @@ class Session:
         self.program = program
         executed = program.program if program else self.task.episode.program
         program_id = program.program_id if program else None
-        observation, _ = self.task.set_program(executed, program_id)
-        self._frame(observation, evaluation, None)
+        observation, verdict = self.task.set_program(executed, program_id)
+        verdict = self._masked(verdict)  # now: another program may come while the step stands
+        self._frame(observation, lambda: verdict, evaluation, None)
 
-    def _frame(self, observation: Observation, evaluation: bool, executed: Executed | None) -> None:
+    def _frame(
+        self,
+        observation: Observation,
+        judge: Callable[[], Verdict],
+        evaluation: bool,
+        executed: Executed | None,
+    ) -> None:
         text = self.program.text if self.program else ""
         shown = observation if self.program else replace(observation, program_id="")
-        self.frame = Frame(shown, partial(self._judge, observation), evaluation, executed, text)
+        self.frame = Frame(shown, judge, evaluation, executed, text)
 
-    def _judge(self, observation: Observation) -> Verdict:
+    def _masked(self, verdict: Verdict) -> Verdict:
         """Without a program in force there is nothing to satisfy."""
-        verdict = self.task.judge(observation)
         if self.program is not None:
             return verdict
         reward = float(self.task.scoring.reward(False, inf))

@@ -215,6 +215,18 @@ def test_in_lockstep_only_the_step_that_stands_is_answered(wrong):
         without.check(answer_to(without))
 
 
+def test_a_step_that_stands_is_judged_under_its_own_program():
+    asked, later = Session(SimConfig(), "x"), Session(SimConfig(), "x")
+    verdict, frame = asked.begin().verdict, later.begin()
+    blocks = later.task.episode.blocks
+    for number, word in enumerate({word for block in blocks for word in block.kind.words}):
+        later.submit(ProgramRequest(f"mine-{number}", f"NEAR(HAND, {word})"))
+        if later.task.judge(frame.observation).distance != verdict.distance:
+            break  # by now another block is named
+    assert later.task.judge(frame.observation).distance != verdict.distance
+    assert frame.verdict == verdict
+
+
 def test_an_episodes_score_leaves_the_resets_reward_out(monkeypatch):
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
