@@ -11,13 +11,14 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: dist docs-check reference install install-dev install-bench install-console install-film run train test fuzz bench same-results links lint sanitize clean
+.PHONY: dist docs-check reference install install-dev install-bench install-console install-film install-tensorboard run train test fuzz bench same-results links lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
 install-bench: $(VENV)/.installed-bench
 install-console: $(VENV)/.installed-console
 install-film: $(VENV)/.installed-film
+install-tensorboard: $(VENV)/.installed-tensorboard
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -40,6 +41,10 @@ $(VENV)/.installed-console: $(VENV)/.installed
 
 $(VENV)/.installed-film: $(VENV)/.installed
 	$(PIP_INSTALL) $(call extra,film)
+	touch $@
+
+$(VENV)/.installed-tensorboard: $(VENV)/.installed
+	$(PIP_INSTALL) $(call extra,tensorboard)
 	touch $@
 
 run: install

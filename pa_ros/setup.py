@@ -10,7 +10,7 @@ setup(
     name=NAME,
     version="0.2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["config/*.yaml", "ros/*.xml", "**/*.so"]},
+    package_data={NAME: ["config/*.yaml", "layouts/*", "ros/*.xml", "**/*.so"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -27,6 +27,9 @@ class LearnerNodeConfig(LearningChoice, Authenticated, Extensible):
     )
     out: str = Field("", description="folder of the checkpoint; empty: none is written")
     resume: bool = Field(False, description="go on from the checkpoint in out")
+    tensorboard: str = Field(
+        "", description="folder of scalars for TensorBoard, every 5 s; empty: none are written"
+    )
     checkpoint_every_frames: int = Field(50_000, ge=0, description="0: only when the node stops")
 
     @model_validator(mode="after")

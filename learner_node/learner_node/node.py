@@ -18,11 +18,12 @@ from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.learning.errors import FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.newest import newest_whole
+from pa_ros.learning.scalars import Scalars
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas, OtherArenaError
 from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import ERROR, WARN, HealthReporter
+from pa_ros.ros.health import ERROR, PROGRESS_S, WARN, HealthReporter
 from pa_ros.ros.learners import LEARNER_ID
 from pa_ros.ros.parameters import settings_from_parameters
 from pa_ros.ros.refusals import Refusals
@@ -73,6 +74,8 @@ class LearnerNode(Node):
             newest_whole(checkpoint_of(Path(self.config.out)))
         elif self.config.out:
             refuse_used(Path(self.config.out))
+        folder = self.config.tensorboard
+        self._scalars = Scalars(Path(folder)) if folder else None
         self._failure: PaError | None = None  # why it can't learn about the arena that it knows of
         self._failed_at = 0.0
         self._arenas, self._steps = Arenas(), list[Any]()  # subscriptions, until it has learned
@@ -95,12 +98,14 @@ class LearnerNode(Node):
         alone = topics.POLICY_WEIGHTS, uuid.uuid4().hex
         HealthReporter(self, self.refusals, self._collect, alone, self._progress)
         steady_timer(self, WATCH_S, self._look)
+        steady_timer(self, PROGRESS_S, self._draw)
 
     def close(self) -> int:
         """Write a last checkpoint; the exit status, 1 if what was learned is not all saved."""
         if self.worker is None:
             return 0
         self.worker.close()
+        self._draw()
         if self.worker.trouble:
             self.get_logger().error(self.worker.trouble)
         return int(bool(self.worker.trouble))
@@ -221,6 +226,10 @@ class LearnerNode(Node):
         return *self._watch.state(
             worker.trouble, missing, worker.backlog, metrics["frames"], worker.awaited
         ), values
+
+    def _draw(self) -> None:
+        if self._scalars is not None and self.worker is not None:
+            self._scalars.add(self.worker.metrics)
 
     def _progress(self) -> str:
         """A line of how far it is; empty before the first frame."""

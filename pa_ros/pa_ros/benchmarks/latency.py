@@ -8,10 +8,11 @@ import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import rclpy
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from pa_ros.arena import design_named
 from pa_ros.core.errors import PaError
@@ -34,6 +35,7 @@ SECONDS = {"": 110.0, "fast.": 30.0}  # at 10 Hz p99.9 needs a thousand steps
 # control period, and fewer than the 50 a second that an arena judges.
 PAUSE_S = {"": 0.1, "fast.": 0.03}
 TICK_S, AGAIN_S = 0.005, 1.0
+DEEP = QoSProfile(depth=10_000)  # what comes while the machine does something else
 TIMEOUT_S, FEWEST = 120.0, 3
 SHARES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}  # percentiles
 
@@ -84,6 +86,32 @@ class Latencies:
         return found
 
 
+class Ear:
+    """What is said on topics, with the moment when its writer had it ready: a node that no executor
+    serves, since rclpy's fast one does not tell that moment."""
+
+    def __init__(self, node: Node, *heard: topics.Topic) -> None:
+        self._node = rclpy.create_node(f"{node.get_name()}_ear", namespace=node.get_namespace())
+        self._readers = [
+            self._node.create_subscription(t.type, t.name, lambda _: None, DEEP) for t in heard
+        ]
+
+    def drain(self) -> list[tuple[int, int, Message]]:
+        """What has come since: moment (ns, this machine's clock), which topic, message; in order.
+
+        Topics are looked at in the order given: of two, the effect's before the cause's.
+        """
+        found = []
+        for i, reader in enumerate(self._readers):
+            with reader.handle:
+                while taken := reader.handle.take_message(reader.msg_type, False):
+                    found.append((taken[1]["source_timestamp"], i, taken[0]))
+        return sorted(found, key=lambda one: one[0])
+
+    def close(self) -> None:
+        self._node.destroy_node()
+
+
 class Person:
     """Sends programs, the next some time after the last was obeyed, and notes all times."""
 
@@ -95,12 +123,14 @@ class Person:
         self._programs = [f"NEAR(HAND, NOT({word}))" for word in words]
         self._sent, self._due_s = 0, 0.0
         self._out = topics.PROGRAM.publisher(node)
-        topics.OBJECT_FEATURES.subscribe(node, self._on_step)
-        topics.JOINT_COMMANDS.subscribe(node, self._on_command)
+        self._ear = Ear(node, topics.JOINT_COMMANDS, topics.OBJECT_FEATURES)
+        self.close = self._ear.close
         steady_timer(node, TICK_S, self._tick)
 
     def _tick(self) -> None:
-        if time.perf_counter() >= self._due_s:
+        for written_ns, topic, message in self._ear.drain():
+            self._hear(written_ns * 1e-9, topic == 0, message)
+        if time.monotonic() >= self._due_s:
             self.ask()
 
     def ask(self) -> None:
@@ -108,27 +138,27 @@ class Person:
         self._sent += 1
         request = ProgramRequest(f"latency-{self._sent}", self._random.choice(self._programs))
         message = codec.encode_program(request)
-        now = time.perf_counter()
-        self.latencies.asked(request.program_id, now)
-        self._due_s = now + AGAIN_S
+        self.latencies.asked(request.program_id, time.time())
+        self._due_s = time.monotonic() + AGAIN_S
         self._out.publish(message)
 
-    def _on_step(self, message: Any) -> None:
-        now = time.perf_counter()
-        program_id = codec.decode_step_mark(message).program_id
-        self.latencies.observed(codec.header_stamp(message), program_id, now)
-
-    def _on_command(self, message: Message) -> None:
-        now = time.perf_counter()
-        if self.latencies.commanded(codec.header_stamp(message), now):
-            self._due_s = now + self._random.uniform(0.5, 1.5) * self._pause_s
+    def _hear(self, written_s: float, is_command: bool, message: Message) -> None:
+        stamp_ns = codec.header_stamp(message)
+        if not is_command:
+            program_id = codec.decode_step_mark(message).program_id
+            self.latencies.observed(stamp_ns, program_id, written_s)
+        elif self.latencies.commanded(stamp_ns, written_s):
+            pause_s = self._random.uniform(0.5, 1.5) * self._pause_s
+            self._due_s = time.monotonic() + pause_s
 
 
 def bench_latency(share: float = 1.0, conditions: tuple[str, ...] = ("", "training.")) -> Report:
-    """Milliseconds as a third process hears them: from a program that it sends to the first command
-    that obeys it, and from an observation to its command. Arena and agent are two processes; with
-    `training.` a third one learns besides. At 10 Hz a program waits for the next control step;
-    with `fast.` in lockstep, as fast as it goes. `share` of the usual time is measured."""
+    """Milliseconds from a program that is sent to the first command that obeys it, and from an
+    observation to its command, each as of the moment when its writer gave it to DDS: how long the
+    process that measures has to wait for its own turn doesn't count. Arena and agent are two
+    processes; with `training.` another one learns besides. At 10 Hz a program waits for the next
+    control step; with `fast.` in lockstep, as fast as it goes. `share` of the usual time is
+    measured."""
     use_domain(None)
     report: dict[str, float] = {}
     for condition in conditions:
@@ -150,13 +180,16 @@ def _measure(mode: str, seconds: float, pause_s: float, training: bool) -> dict[
             _train(supervisor, Path(name))
         with client_node("bench") as node:
             person = Person(node, pause_s)
-            start_nodes(supervisor, _parameters(mode), Path(name))
-            _obeyed(person, node)
-            person.latencies = Latencies()
-            spin_until(node, lambda: False, seconds)
-            _obeyed(person, node)
-            supervisor.check()
-            return person.latencies.figures()
+            try:
+                start_nodes(supervisor, _parameters(mode), Path(name))
+                _obeyed(person, node)
+                person.latencies = Latencies()
+                spin_until(node, lambda: False, seconds)
+                _obeyed(person, node)
+                supervisor.check()
+                return person.latencies.figures()
+            finally:
+                person.close()
 
 
 def _obeyed(person: Person, node: Node) -> None:

@@ -1,0 +1,57 @@
+"""Scalars for TensorBoard, read back by its own reader."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.learning.scalars import Scalars
+
+
+def read(folder):
+    """Name to (frames, value) of each event."""
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    events = accumulator.EventAccumulator(str(folder))
+    events.Reload()
+    names = events.Tags()["scalars"]
+    return {name: [(e.step, e.value) for e in events.Scalars(name)] for name in names}
+
+
+def test_scalars_stand_over_frames_and_only_while_there_are_more(tmp_path):
+    pytest.importorskip("tensorboard")
+    scalars = Scalars(tmp_path)
+    scalars.add({"frames": 100.0, "critic_loss": 0.5, "updates": 10.0})
+    scalars.add({"frames": 100.0, "critic_loss": 0.75, "updates": 10.0})
+    scalars.add({"frames": 200.0, "critic_loss": 0.25, "updates": 20.0})
+    scalars.close()
+    assert read(tmp_path) == {
+        "learner/critic_loss": [(100, 0.5), (200, 0.25)],
+        "learner/updates": [(100, 10.0), (200, 20.0)],
+    }
+
+
+def test_what_a_resumed_run_adds_is_read_with_what_was_there(tmp_path):
+    pytest.importorskip("tensorboard")
+    for frames in (100.0, 200.0):
+        scalars = Scalars(tmp_path)
+        scalars.add({"frames": frames, "updates": frames})
+        scalars.close()
+    assert read(tmp_path) == {"learner/updates": [(100, 100.0), (200, 200.0)]}
+
+
+def test_without_the_package_it_is_refused_in_one_line_that_says_what_to_install(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    with pytest.raises(ConfigError, match=r"tensorboard: expected .*make install-tens") as refused:
+        Scalars(tmp_path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_folder_that_cannot_be_is_refused(tmp_path):
+    pytest.importorskip("tensorboard")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="tensorboard: expected a folder"):
+        Scalars(tmp_path / "file" / "events")
