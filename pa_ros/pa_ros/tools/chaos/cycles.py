@@ -18,6 +18,7 @@ SEEN_S: Final = 3.0  # of the design's invariant 12
 HELD_RAD: Final = 2e-3  # that an arm which holds may settle by
 SETTLE_S: Final = 1.0  # until commands that stopped are noticed
 ACCOUNT_S: Final = 5.0  # until nodes, which say it once a second, account for all
+BACKLOG_S: Final = 0.5  # in which what waits to be heard is heard
 ADVANCE: Final = 5  # versions, or steps, that show work
 
 
@@ -92,6 +93,7 @@ def _noting(
 def _recover(stage: Stage, cycle: Cycle, struck: float) -> None:
     """Until all say OK, and work advances, and every trajectory is accounted for."""
     observer, lifted = stage.observer, time.monotonic()
+    stage.wait(BACKLOG_S)  # what was published before is not work done since
     learner, version, steps = observer.learner, observer.account.version, observer.steps
 
     def advanced() -> bool:

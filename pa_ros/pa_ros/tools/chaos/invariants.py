@@ -20,6 +20,7 @@ from pa_ros.world import Trajectory
 from pa_ros.world.world import World
 
 SHARED_MEMORY = Path("/dev/shm")
+LTTNG = "lttng-ust-wait"
 
 
 def mis_joined(
@@ -83,7 +84,8 @@ def orphans(mark: str, variable: str) -> list[int]:
 
 
 def shared_memory(mark: str, variable: str) -> set[Path]:
-    """Shared memory that living processes with the mark in their environment have mapped."""
+    """Shared memory that living processes with the mark in their environment have mapped, but for
+    LTTng's, which ROS's tracing brings along: one page for each user, and it is to stay."""
     found: set[Path] = set()
     for process in orphans(mark, variable):
         try:
@@ -92,5 +94,6 @@ def shared_memory(mark: str, variable: str) -> set[Path]:
             continue  # it ended
         words = (line.split() for line in maps.splitlines())
         paths = (Path(word[5]) for word in words if len(word) == 6)
-        found.update(path for path in paths if SHARED_MEMORY in path.parents)
+        ours = (path for path in paths if not path.name.startswith(LTTNG))
+        found.update(path for path in ours if SHARED_MEMORY in path.parents)
     return found
