@@ -110,6 +110,18 @@ def test_a_program_is_typed_and_followed(tmp_path, new_page):
         page.get_by_role("button", name="Go on").click()
         page.get_by_role("button", name="Next scene").click()
         table(page, "State").filter(has_text="episode 1,").wait_for()
+        moved_by_hand(page)
+
+
+def moved_by_hand(page):
+    """A block is chosen and put elsewhere, and the arena says that it is there."""
+    page.get_by_text("Move a block").click()
+    chosen = page.get_by_label("Block", exact=True)
+    chosen.click()
+    page.get_by_role("option").filter(has_text="1: ").click()
+    page.get_by_role("button", name="Put it there").click()
+    page.get_by_text(re.compile("move [a-z_]+: done")).wait_for()
+    shot(page, "console-moved")
 
 
 def test_a_recording_is_scrubbed(tmp_path, new_page):

@@ -7,11 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from waiting import DEADLINE_S
+from waiting import DEADLINE_S, wait_for
 
 from pa_ros.acting.execution import Execution
 from pa_ros.arena import design_named, preset_named, training_programs, world_of
@@ -49,10 +50,19 @@ def processes_of(folder: Path) -> list[Path]:
     return found
 
 
+def is_served(address: str) -> bool:
+    try:
+        return bool(urlopen(address, timeout=5).status == 200)
+    except (OSError, ValueError):
+        return False
+
+
 @graph
 def test_too_little_time_is_said_and_leaves_what_was_learned(tmp_path):
     folder = tmp_path / "demo"
-    with start(folder, "--no-shipped", "--minutes", "0.2", "--seed", "5") as process:
+    with start(
+        folder, "--no-shipped", "--no-console", "--minutes", "0.2", "--seed", "5"
+    ) as process:
         out, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 1, err
     assert "Target NOT reached" in out and "No success within 0.2 minutes" in out
@@ -65,11 +75,17 @@ def test_too_little_time_is_said_and_leaves_what_was_learned(tmp_path):
 
 
 @graph
-def test_ctrl_c_stops_everything(tmp_path):
+def test_ctrl_c_stops_everything_and_the_page(tmp_path):
     folder = tmp_path / "demo"
     with start(folder, "--no-shipped") as process:
         try:
             assert process.stdout is not None
+            said = re.compile(
+                r"the page to look at, in a moment: (\S+/)\?websocket=|no page to look"
+            )
+            found = next(filter(None, map(said.match, process.stdout)))
+            if found[1]:
+                wait_for(lambda: is_served(found[1]), "the page")
             learning = re.compile("zero-shot score.*frames [1-9]")
             assert any(learning.match(line) for line in process.stdout)
             assert len(processes_of(folder)) == 3
@@ -78,6 +94,7 @@ def test_ctrl_c_stops_everything(tmp_path):
         finally:
             process.kill()
     assert process.returncode == 130 and "interrupted" in out
+    assert not (found[1] and is_served(found[1]))
     assert not processes_of(tmp_path)
 
 

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,19 +21,22 @@ from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 
-SETTLE_S = 3.0  # after a page has come or gone
-SLICE_S = 6.0
+SETTLE_S = 2.0  # after a page has come or gone
+SLICE_S = 5.0
+LOAD_S = 30.0  # between two looks at the memory, of the long load
 
 
-def bench_console(rounds: int = 5) -> dict[str, float | str]:
+def bench_console(rounds: int = 10, minutes: float = 0.0) -> dict[str, float | str]:
     """Lockstep steps per second of sim_node and agent_node beside a console, with a page open and
-    without one, by turns; medians. Other processes on the machine hit both alike.
+    without one, by turns; medians. Other processes on the machine hit both alike. What share of a
+    core the console's process takes, they hardly change. Then a page is open for `minutes`.
 
     The page takes everything and draws nothing: what a browser costs is its machine's affair.
     """
     use_domain(None)
     figures = GraphFigures()
-    open_, closed, resident = [], [], []
+    open_, closed, resident, shares = [], [], [], []
+    load: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
         with client_node("bench") as node, _console() as (process, address):
             watch_diagnostics(node, figures)
@@ -57,8 +60,14 @@ def bench_console(rounds: int = 5) -> dict[str, float | str]:
             for _ in range(rounds):
                 closed.append(rate())
                 with _page(address):
+                    before, began = _cpu_s(process.pid), time.monotonic()
                     open_.append(rate())
+                    used, passed = _cpu_s(process.pid) - before, time.monotonic() - began
+                    shares.append(used / passed)
                     resident.append(_resident_mb(process.pid))
+            if minutes:
+                with _page(address):
+                    load = _load(rate, process.pid, minutes)
     cost = [1.0 - with_page / without for with_page, without in zip(open_, closed, strict=True)]
     return {
         "console.steps_per_s": statistics.median(closed),
@@ -66,9 +75,30 @@ def bench_console(rounds: int = 5) -> dict[str, float | str]:
         "console.cost": statistics.median(cost),
         "console.cost_least": min(cost),
         "console.cost_most": max(cost),
+        "console.core_share_page_open": statistics.median(shares),
         "console.resident_mb_first": resident[0],
         "console.resident_mb_last": resident[-1],
         "console.rounds": float(rounds),
+        **load,
+    }
+
+
+def _load(rate: Callable[[], float], pid: int, minutes: float) -> dict[str, float]:
+    """A page that stays open: rate and memory at the beginning and in the end."""
+    until = time.monotonic() + 60 * minutes
+    rates, resident = [rate()], [_resident_mb(pid)]
+    while time.monotonic() < until:
+        time.sleep(max(0.0, min(LOAD_S - SETTLE_S - SLICE_S, until - time.monotonic())))
+        rates.append(rate())
+        resident.append(_resident_mb(pid))
+    half = len(rates) // 2
+    return {
+        "console.load_minutes": minutes,
+        "console.load_steps_per_s_first_half": statistics.median(rates[:half] or rates),
+        "console.load_steps_per_s_second_half": statistics.median(rates[half:]),
+        "console.load_resident_mb_first": resident[0],
+        "console.load_resident_mb_last": resident[-1],
+        "console.load_resident_mb_most": max(resident),
     }
 
 
@@ -107,6 +137,12 @@ def _page(address: str) -> Iterator[None]:
         reader.start()
         yield
     reader.join()
+
+
+def _cpu_s(pid: int) -> float:
+    """Time that all threads of a process have had on a core."""
+    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _resident_mb(pid: int) -> float:

@@ -23,8 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--graph", action="store_true", help="train: the three nodes as processes instead"
     )
     parser.add_argument(
-        "--minutes", type=float, default=60.0, metavar="X", help="endurance: how long (%(default)s)"
-    )
+        "--minutes", type=float, metavar="X",
+        help="endurance: how long (60); console: for how long a page is open besides (0)",
+    )  # fmt: skip
     parser.add_argument(
         "--seeds", type=int, default=3, metavar="N", help="fleet: of each size (%(default)s)"
     )
@@ -49,7 +50,7 @@ def _endurance(options: argparse.Namespace) -> Report:
     from pa_ros.benchmarks.endurance import CAPACITY, bench_endurance
     from pa_ros.benchmarks.endurance_figure import draw_endurance
 
-    report, samples = bench_endurance(options.minutes)
+    report, samples = bench_endurance(60.0 if options.minutes is None else options.minutes)
     if options.json is not None:
         draw_endurance(options.json.with_suffix(".png"), samples, CAPACITY)
     return report
@@ -106,10 +107,10 @@ def _load(_: argparse.Namespace) -> Report:
     return bench_load()
 
 
-def _console(_: argparse.Namespace) -> Report:
+def _console(options: argparse.Namespace) -> Report:
     from pa_ros.benchmarks.console import bench_console
 
-    return bench_console()
+    return bench_console(minutes=options.minutes or 0.0)
 
 
 def _relations(_: argparse.Namespace) -> Report:

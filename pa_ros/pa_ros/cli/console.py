@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pa_ros.cli.options import add_settings, settings_from
 from pa_ros.core.errors import ConfigError
+from pa_ros.ros.process import die_with_parent
 from pa_ros.tools.graph import signals_noted
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal comes."""
+    die_with_parent()
     kind, serve_graph, serve_bag = _installed()
     settings = settings_from(options, kind)
     os.nice(POLITE)

@@ -15,6 +15,8 @@ from pa_ros.console.page import ORDER
 from pa_ros.language import Vocabulary
 
 EXAMPLES = 6
+NO_BLOCK = "none"
+HANDLE_M = 0.25  # length of the arrows by which a block is dragged
 SPEEDS = ("0.5", "1", "2", "5")
 
 
@@ -39,6 +41,12 @@ class Desk(Protocol):
     def ask(self, service: str, value: float = 0.0) -> None:
         """Use a service of the arena: pause, step, speed or reset."""
 
+    def blocks(self) -> Sequence[tuple[str, tuple[float, float, float]]]:
+        """The blocks' names, and where each is (m)."""
+
+    def move(self, block: int, x: float, y: float) -> None:
+        """Put a block, by its place in `blocks`, elsewhere on the table (m)."""
+
 
 class Controls:
     """The controls of one page."""
@@ -48,13 +56,21 @@ class Controls:
         self._shown: tuple[Any, ...] = ()
         self._program()
         self._arena()
+        self._handle: Any = None  # by which a block is dragged
+        self._dragging = False
+        self._blocks()
 
     def refresh(self) -> None:
-        """Offer what makes sense now."""
+        """Offer what makes sense now; a handle stays with its block."""
+        self._follow()
         examples, arenas = tuple(self._desk.examples()), tuple(self._desk.arenas())
-        if (examples, arenas) == self._shown:
+        blocks = tuple(f"{i + 1}: {name}" for i, (name, _) in enumerate(self._desk.blocks()))
+        if (examples, arenas, blocks) == self._shown:
             return
-        self._shown = examples, arenas
+        if (blocks,) != self._shown[2:]:
+            self._let_go()
+            self._block.options = (NO_BLOCK, *blocks)
+        self._shown = examples, arenas, blocks
         self._examples.visible = bool(examples)
         if examples:
             self._examples.options = examples
@@ -110,6 +126,56 @@ class Controls:
         pause.on_click(lambda _: act[pause.value]())
         reset.on_click(lambda _: act[reset.value]())
         speed.on_click(lambda _: ask("speed", float(speed.value)))
+
+    def _blocks(self) -> None:
+        """Which block is dragged: by its handle in the scene, or to a place that is typed."""
+        gui = self._client.gui
+        with gui.add_folder("Move a block", order=ORDER["Arena"], expand_by_default=False):
+            self._block = gui.add_dropdown("Block", (NO_BLOCK,), hint="then drag it in the scene")
+            to = gui.add_vector2("To, m", (0.3, 0.3), step=0.01, hint="from the arm's base")
+            put = gui.add_button("Put it there")
+        self._block.on_update(_by_hand(self._take_hold))
+
+        def put_there(_: Any) -> None:
+            if (number := self._chosen()) is not None:
+                self._desk.move(number, *map(float, to.value))
+
+        put.on_click(put_there)
+
+    def _chosen(self) -> int | None:
+        return None if self._block.value == NO_BLOCK else int(self._block.value.split(":")[0]) - 1
+
+    def _take_hold(self) -> None:
+        """A handle on the chosen block, of this page alone."""
+        self._let_go()
+        number, places = self._chosen(), self._desk.blocks()
+        if number is None or number >= len(places):
+            return
+        self._handle = self._client.scene.add_transform_controls(
+            "/move", scale=HANDLE_M, active_axes=(True, True, False), disable_rotations=True,
+            depth_test=False, position=places[number][1],
+        )  # fmt: skip
+
+        def dragged(event: Any) -> None:
+            self._dragging = event.phase != "end"
+            if not self._dragging:
+                x, y, _ = map(float, event.target.position)
+                self._desk.move(number, x, y)
+
+        self._handle.on_update(dragged)
+
+    def _follow(self) -> None:
+        """The block has been put elsewhere, or the scene is another."""
+        number, places = self._chosen(), self._desk.blocks()
+        held = self._handle is not None and not self._dragging
+        if held and number is not None and number < len(places):
+            self._handle.position = places[number][1]
+
+    def _let_go(self) -> None:
+        self._dragging = False
+        if self._handle is not None:
+            self._handle.remove()
+            self._handle = None
 
 
 def _by_hand(act: Callable[[], None]) -> Callable[[Any], None]:

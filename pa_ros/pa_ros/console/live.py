@@ -75,6 +75,12 @@ class LiveConsole:
     def ask(self, service: str, value: float = 0.0) -> None:
         self._todo.put(lambda: self._services.ask(service, value))
 
+    def blocks(self) -> Sequence[tuple[str, tuple[float, float, float]]]:
+        return self._page.scene.places
+
+    def move(self, block: int, x: float, y: float) -> None:
+        self._todo.put(lambda: self._services.move(block, x, y))
+
     # In the thread of the node
 
     def tick(self, pages: int) -> None:

@@ -57,6 +57,12 @@ class ArenaScene:
         """What the blocks are called: their true words."""
         return [block.name for block in self._blocks]
 
+    @property
+    def places(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+        """Each block's name, and where it is (m); on any thread."""
+        found = ((one.name, one.solid.position) for one in self._blocks)
+        return tuple((name, (float(p[0]), float(p[1]), float(p[2]))) for name, p in found)
+
     def show(self, moment: Moment) -> bool:
         """Draw a moment; False if its blocks are others, and these were changed just now.
 

@@ -10,10 +10,9 @@ import socket
 import viser
 from pydantic import Field
 
+from pa_ros.console.address import HOST, looking, sending
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
-
-HOST = "127.0.0.1"
 
 
 class ConsoleSettings(Settings):
@@ -53,12 +52,12 @@ class ConsoleServer:
     @property
     def watching(self) -> str:
         """Address of a page that may look."""
-        return f"http://{HOST}:{self.viser.get_port()}/"
+        return looking(self.viser.get_port())
 
     @property
     def address(self) -> str:
         """Address of a page that may send, too."""
-        return f"{self.watching}?websocket=ws://{HOST}:{self.viser.get_port()}/{self.token}"
+        return sending(self.viser.get_port(), self.token)
 
     @property
     def pages(self) -> int:

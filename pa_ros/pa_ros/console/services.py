@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 
 from pa_ros.console import markup
+from pa_ros.core.body import Body
 from pa_ros.core.errors import PaError
-from pa_ros.ros.topics import PAUSE, RESET, SPEED, STEP_SERVICE
+from pa_ros.ros.topics import GET_ENTITIES, PAUSE, RESET, SET_ENTITY_STATE, SPEED, STEP_SERVICE
 from pa_ros.wire import codec
 from pa_ros.wire.records import ResetRequest
+from pa_ros.wire.simulator import ResultCode
 
 REQUESTS: dict[str, tuple[tuple[str, Any], Callable[[float], Any]]] = {
     "pause": (PAUSE, lambda value: codec.encode_pause(bool(value))),
@@ -32,11 +35,8 @@ class ArenaServices:
 
     def ask(self, name: str, value: float) -> None:
         """Send a request; what becomes of it is in `html`."""
-        (service, kind), encode = REQUESTS[name]
-        if name not in self._clients:
-            where = f"/{self._namespace}/{service}".replace("//", "/")
-            self._clients[name] = self._node.create_client(kind, where)
-        client = self._clients[name]
+        service, encode = REQUESTS[name]
+        client = self._client(service)
         try:
             request = encode(value)
         except (PaError, ValueError, AssertionError, OverflowError) as error:
@@ -44,6 +44,35 @@ class ArenaServices:
             return
         self._said = f"{name}: asked, no answer yet"
         client.call_async(request).add_done_callback(lambda future: self._answered(name, future))
+
+    def move(self, block: int, x: float, y: float) -> None:
+        """Put a block, by its number in Ω without the hand, elsewhere on the table (m)."""
+        place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+
+        def named(future: Any) -> None:
+            names = codec.decode_names(future.result())[1:]
+            if block >= len(names):
+                self._said = f"move: expected one of {len(names)} blocks, got number {block}"
+                return
+            request = codec.encode_state_change(names[block], place)
+            moving = self._client(SET_ENTITY_STATE).call_async(request)
+            moving.add_done_callback(lambda done: moved(names[block], done))
+
+        def moved(name: str, future: Any) -> None:
+            code, reason = codec.decode_result(future.result())
+            self._said = f"move {name}: " + ("done" if code == ResultCode.OK else reason)
+
+        self._said = "move: asked, no answer yet"
+        asked = self._client(GET_ENTITIES).call_async(GET_ENTITIES[1].Request())
+        asked.add_done_callback(named)
+
+    def _client(self, service: tuple[str, Any]) -> Any:
+        """Made when it is first needed."""
+        name, kind = service
+        if name not in self._clients:
+            where = f"/{self._namespace}/{name}".replace("//", "/")
+            self._clients[name] = self._node.create_client(kind, where)
+        return self._clients[name]
 
     def html(self) -> str:
         """The last request, and its answer."""

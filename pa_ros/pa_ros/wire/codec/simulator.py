@@ -126,6 +126,17 @@ def decode_state_change(message: SetEntityState.Request) -> StateChange:
     return StateChange(message.entity, pose, twist)
 
 
+def encode_state_change(entity: str, place: Body) -> SetEntityState.Request:
+    """The inverse, for a pose at rest."""
+    state = entity_state(place, 0)
+    return SetEntityState.Request(entity=entity, state=state, set_pose=True, set_twist=True)
+
+
+def decode_names(response: Any) -> list[str]:
+    """What the entities are called, the hand first."""
+    return [str(name) for name in response.entities]
+
+
 def encode_entities(response: Any, entities: Sequence[Entity], stamp_ns: int) -> Any:
     """Names and, where the service has them, states."""
     response.entities = [entity.name for entity in entities]

@@ -1,0 +1,47 @@
+"""A block is dragged by a handle of the page's own."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import pytest
+
+pytest.importorskip("viser", reason="the extra `console` is not installed")
+
+from pa_ros.console.controls import Controls
+
+
+def dragged(phase: str, x: float, y: float) -> SimpleNamespace:
+    return SimpleNamespace(phase=phase, target=SimpleNamespace(position=(x, y, 0.1)))
+
+
+def test_a_block_is_put_where_its_handle_is_let_go():
+    client, desk = MagicMock(), MagicMock()
+    desk.examples.return_value = desk.arenas.return_value = ()
+    desk.blocks.return_value = (("RED CUBE", (0.1, 0.2, 0.03)), ("BLUE SPHERE", (0.3, 0.4, 0.03)))
+    gui, handle = client.gui, client.scene.add_transform_controls.return_value
+    block = MagicMock(value="none")
+    gui.add_dropdown.side_effect = lambda label, *_, **__: (
+        block if label == "Block" else MagicMock()
+    )
+    controls = Controls(client, desk)
+    controls.refresh()
+    assert block.options == ("none", "1: RED CUBE", "2: BLUE SPHERE")
+    block.value = "2: BLUE SPHERE"
+    block.on_update.call_args[0][0](SimpleNamespace(client=client))
+    assert client.scene.add_transform_controls.call_args[1]["position"] == (0.3, 0.4, 0.03)
+    pull = handle.on_update.call_args[0][0]
+    handle.position = "where the hand has it"
+    pull(dragged("start", 0.3, 0.4))
+    pull(dragged("update", 0.4, 0.4))
+    controls.refresh()
+    desk.move.assert_not_called()
+    assert handle.position == "where the hand has it"
+    pull(dragged("end", 0.5, 0.4))
+    desk.move.assert_called_once_with(1, 0.5, 0.4)
+    controls.refresh()
+    assert handle.position == (0.3, 0.4, 0.03)  # the arena has not moved it
+    desk.blocks.return_value = (("RED CUBE", (0.1, 0.2, 0.03)),)  # another scene
+    controls.refresh()
+    handle.remove.assert_called_once()
