@@ -10,7 +10,7 @@ import numpy as np
 from pa_ros.arena import ReachTask, world_of
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.verifier import Verifier
-from pa_ros.core.experience import Observation, Verdict
+from pa_ros.core.experience import Observation
 from pa_ros.world import Trajectory
 from sim_node.session import Session
 
@@ -23,15 +23,15 @@ class Witness:
         self._world = world_of(session.arena, session.task.design)
         self._moves: dict[int, list[Any]] = {}  # velocities, by episode
         self._kinds: dict[int, list[Kind]] = {}  # of the blocks, by episode
-        step, task = session.task.step, session.task
+        advance, task = session.task.advance, session.task
 
-        def noted(velocity: Any) -> tuple[Observation, Verdict]:
+        def noted(velocity: Any) -> Observation:
             assert task.episode is not None
             self._moves.setdefault(task.episode.index, []).append(np.array(velocity))
             self._kinds[task.episode.index] = [block.kind for block in task.episode.blocks]
-            return step(velocity)
+            return advance(velocity)
 
-        task.step = noted  # type: ignore[assignment, method-assign]
+        task.advance = noted  # type: ignore[method-assign]
 
     def false(self, trajectories: Iterable[Trajectory]) -> list[str]:
         """Transitions that never happened, by name."""

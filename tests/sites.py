@@ -14,6 +14,7 @@ from hosts import Hosts, why_not
 from recorded_runs import SMALL
 from waiting import wait_for
 
+from pa_ros.core.errors import PaError
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.folder import checkpoint_of
 
@@ -42,6 +43,7 @@ class Site:
     def begin(self, *options: str, sim: Mapping[str, Any] | None = None, **learner: Any) -> None:
         arenas = ["arena1", "arena2"]
         learner |= {"options": [*SMALL, *options], "out": str(self.folder / "run")}
+        learner.setdefault("checkpoint_every_frames", 200)
         self.run(0, "learner_node", arenas=arenas, **learner)
         for host, arena in enumerate(arenas, start=1):
             self.run(host, "sim_node", f"/{arena}", seed=host, **(sim or {}))
@@ -67,11 +69,20 @@ class Site:
         told = re.findall(r"frames ([\d,]+) \(", log.read_text()) if log.exists() else []
         return int(told[-1].replace(",", "")) if told else 0
 
+    @property
+    def heard(self) -> set[str]:
+        """The agents that the newest checkpoint accounts for."""
+        try:
+            return set(self.ledger["accounts"])
+        except PaError:  # there is none yet
+            return set()
+
     def learns(self, frames: int = 500) -> None:
-        """Wait until it has learned from so many more, once both agents act."""
+        """Wait until it has learned from so many more, once both agents act and were heard."""
         for host in (1, 2):
             log = self.folder / f"{host}-agent_node.log"
             wait_for(lambda log=log: "]: acting" in log.read_text(), f"acting in {log}")  # type: ignore[misc]
+        wait_for(lambda: self.heard == {"arena1", "arena2"}, "both agents' trajectories")
         before = self.frames
         wait_for(lambda: self.frames >= before + frames, f"{frames} frames after {before}")
 
