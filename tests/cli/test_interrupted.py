@@ -21,7 +21,8 @@ def sent(group: int, number: int) -> bool:
 
 def test_ctrl_c_ends_an_experiment_with_the_seeds_that_were_to_follow(tmp_path):
     options = ("programmable-2L", "--seeds", "9", "--runs", str(tmp_path))
-    command = [sys.executable, "-m", "pa_ros", "experiment", *options]
+    heard = ("env", "--default-signal=INT")  # pytest-xdist's processes ignore it, and so their own
+    command = [*heard, sys.executable, "-m", "pa_ros", "experiment", *options]
     pipe = subprocess.PIPE
     with subprocess.Popen(
         command, stdout=pipe, stderr=pipe, text=True, start_new_session=True
