@@ -25,11 +25,11 @@ class Witness:
         self._kinds: dict[int, list[Kind]] = {}  # of the blocks, by episode
         advance, task = session.task.advance, session.task
 
-        def noted(velocity: Any) -> Observation:
+        def noted(joint_velocity: Any) -> Observation:
             assert task.episode is not None
-            self._moves.setdefault(task.episode.index, []).append(np.array(velocity))
+            self._moves.setdefault(task.episode.index, []).append(np.array(joint_velocity))
             self._kinds[task.episode.index] = [block.kind for block in task.episode.blocks]
-            return advance(velocity)
+            return advance(joint_velocity)
 
         task.advance = noted  # type: ignore[method-assign]
 
