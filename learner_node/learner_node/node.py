@@ -98,7 +98,8 @@ class LearnerNode(Node):
         alone = topics.POLICY_WEIGHTS, uuid.uuid4().hex
         HealthReporter(self, self.refusals, self._collect, alone, self._progress)
         steady_timer(self, WATCH_S, self._look)
-        steady_timer(self, PROGRESS_S, self._draw)
+        if self._scalars is not None:
+            steady_timer(self, PROGRESS_S, self._draw)
 
     def close(self) -> int:
         """Write a last checkpoint; the exit status, 1 if what was learned is not all saved."""

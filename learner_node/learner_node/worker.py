@@ -213,8 +213,8 @@ class LearnerWorker:
         try:
             save_checkpoint(checkpoint_of(Path(self._config.out)), self._learner, extra)
             self.unsaved = None
-            version, frames = self.run.policy().snapshot.version, self._learner.counters.frames
-            self._sinks.tell(f"checkpoint: version {version} after {frames} frames")
+            done = self._learner.counters
+            self._sinks.tell(f"checkpoint: version {done.version} after {done.frames} frames")
         except DivergedError:
             raise
         except PaError as error:  # a full disk: the one before is still whole

@@ -47,7 +47,7 @@ class Actor:
         self.network = network
         self._noise = noise
         self._make_inference = inference_for(network, inference)
-        self.backend = "torch" if inference == "torch" or why_not_network(network) else "fused"
+        self.backend = "torch" if _why_torch(network, inference) else "fused"
         self._inference: Inference | None = None
         self._tensors: Tensors = {}
         self._version: int | None = None
@@ -122,10 +122,15 @@ class Actor:
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
 
+def _why_torch(network: NetworkConfig, inference: str) -> str:
+    """Why torch computes actions; empty: the fused code does."""
+    return "chosen" if inference == "torch" else why_not_network(network)
+
+
 @lru_cache(maxsize=16)
 def inference_for(network: NetworkConfig, inference: str) -> MakeInference:
     """FusedActor where it applies, else TorchActor; the choice is logged once."""
-    reason = "chosen" if inference == "torch" else why_not_network(network)
+    reason = _why_torch(network, inference)
     log.info("actor inference: %s", f"torch ({reason})" if reason else "fused")
     if reason:
         from pa_ros.networks.inference import TorchActor

@@ -93,9 +93,9 @@ RELEVANCE_MARKERS = Topic("relevance_markers", types.MarkerArray, STEP, STEP)
 
 # A whole step now and then, however fast the arena is.
 SAMPLES = {
-    "features": replace(OBJECT_FEATURES, name=f"samples/{OBJECT_FEATURES.name}"),
-    "joints": replace(JOINT_STATES, name=f"samples/{JOINT_STATES.name}"),
-    "verdict": replace(VERDICT, name=f"samples/{VERDICT.name}"),
+    "features": OBJECT_FEATURES.within("samples"),
+    "joints": JOINT_STATES.within("samples"),
+    "verdict": VERDICT.within("samples"),
 }
 
 RESET = ("reset", types.Reset)
