@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
@@ -81,11 +82,14 @@ def test_ctrl_c_stops_everything_and_the_page(tmp_path):
         try:
             assert process.stdout is not None
             said = re.compile(
-                r"the page to look at, in a moment: (\S+/)\?websocket=|no page to look"
+                r"the page to look at, in a moment: (\S+/)\?websocket=\S+/(\S+)|no page to look"
             )
             found = next(filter(None, map(said.match, process.stdout)))
             if found[1]:
                 wait_for(lambda: is_served(found[1]), "the page")
+                assert not any(found[2] in said for said in command_lines())  # all users see those
+                log = folder / "log" / "console.log"
+                wait_for(lambda: found[2] in log.read_text(), "the same token")
             learning = re.compile("zero-shot score.*frames [1-9]")
             assert any(learning.match(line) for line in process.stdout)
             assert len(processes_of(folder)) == 3
@@ -96,6 +100,14 @@ def test_ctrl_c_stops_everything_and_the_page(tmp_path):
     assert process.returncode == 130 and "interrupted" in out
     assert not (found[1] and is_served(found[1]))
     assert not processes_of(tmp_path)
+
+
+def command_lines() -> list[str]:
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            found.append(entry.read_bytes().decode(errors="replace"))
+    return found
 
 
 def demo_config(folder: Path, real_time_factor: float) -> DemoConfig:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pa_ros.arena import ArenaChoice, design_named, preset_named
 from pa_ros.cli.options import add_setting, add_settings, settings_from
-from pa_ros.console.address import free_port, sending
+from pa_ros.console.address import TOKEN, free_port, sending
 from pa_ros.core.errors import PaError
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.phases import demonstrate
@@ -76,8 +76,8 @@ def _page(wanted: bool, folder: Path) -> Iterator[None]:
         yield
         return
     port, token = free_port(), secrets.token_urlsafe(16)
-    command = [sys.executable, "-m", "pa_ros", "console", "--port", f"{port}", f"--token={token}"]
-    with Supervisor(folder / "log") as supervisor:
+    command = [sys.executable, "-m", "pa_ros", "console", "--port", f"{port}"]
+    with Supervisor(folder / "log", {TOKEN: token}) as supervisor:
         supervisor.start("console", command)
         print(f"the page to look at, in a moment: {sending(port, token)}\n", flush=True)
         yield

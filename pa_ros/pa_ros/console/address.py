@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 
 HOST = "127.0.0.1"
+TOKEN = "PA_ROS_CONSOLE_TOKEN"  # a variable: what a command says, every user of the host reads
 
 
 def looking(port: int) -> str:

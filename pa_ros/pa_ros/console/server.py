@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import secrets
 import socket
 
 import viser
 from pydantic import Field
 
-from pa_ros.console.address import HOST, looking, sending
+from pa_ros.console.address import HOST, TOKEN, looking, sending
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
 
@@ -34,7 +35,7 @@ class ConsoleServer:
 
     def __init__(self, settings: ConsoleSettings) -> None:
         """Raises PortError if the port is taken, ConfigError for a token that no address holds."""
-        self.token = settings.token or secrets.token_urlsafe(16)
+        self.token = settings.token or os.environ.get(TOKEN) or secrets.token_urlsafe(16)
         if not self.token.replace("-", "").replace("_", "").isalnum():
             raise ConfigError(f"token: expected letters, digits, - and _, got {self.token!r}")
         _check_free(settings.port)
