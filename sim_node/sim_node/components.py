@@ -5,6 +5,7 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from pa_ros.ros.refusals import Refusals
+from sim_node.camera import CameraView
 from sim_node.entities import Entities
 from sim_node.samples import Samples
 from sim_node.services import ArenaServices, Steered
@@ -13,15 +14,20 @@ from sim_node.views import Views
 
 
 class Components:
-    """Its own services, the standard simulator's, what viewers show, and a thin sample."""
+    """Its own services, the standard simulator's, what viewers show, a camera, a thin sample."""
 
     def __init__(self, node: Node, arena: Steered, refusals: Refusals) -> None:
+        """An episode has begun. Raises RenderError for a camera without OpenGL."""
         ArenaServices(node, arena, refusals)
         entities = Entities(arena.session)
         self._services = SimulatorServices(node, arena, entities, refusals)
-        Views(node, arena.session, entities)
+        with_camera = arena.session.config.camera.rate_hz > 0
+        self.camera = CameraView(node, arena.session, refusals) if with_camera else None
+        Views(node, arena.session, entities, self.camera)
         Samples(node, arena.session)
 
     def close(self) -> None:
         """Call before the node is destroyed."""
         self._services.close()
+        if self.camera is not None:
+            self.camera.close()

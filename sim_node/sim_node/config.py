@@ -15,6 +15,7 @@ from pa_ros.arena import (
     Design,
     condition_named,
 )
+from pa_ros.arena.camera import CameraConfig
 from pa_ros.core.authentication import Authenticated
 from pa_ros.core.extensions import Extensible
 from pa_ros.world import reward_from
@@ -63,6 +64,8 @@ class SimConfig(ArenaChoice, Authenticated, Extensible):
         le=LONGEST_S,
         description="wall time; an observation left unanswered is sent again (lockstep)",
     )
+
+    camera: CameraConfig = CameraConfig()
 
     @model_validator(mode="after")
     def _can_be(self) -> Self:

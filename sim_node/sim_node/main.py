@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from pa_ros.core.opengl import check_opengl
 from pa_ros.core.settings import Settings
 from pa_ros.ros.node_main import Shell, run_node
 
@@ -12,6 +13,7 @@ def main() -> int:
     """Run the arena until SIGINT or SIGTERM; the exit status."""
 
     def make() -> Shell:
+        check_opengl()
         from sim_node.node import SimNode  # after the environment is prepared
 
         return SimNode()

@@ -52,6 +52,7 @@ class SimNode(Node):
         self._core_s = 0.0  # spent in the arena itself
         self._make_publishers()
         self._make_subscriptions()
+        self.session.begin()  # sent as soon as someone listens
         self._components = Components(self, self, self.refusals)
         self._health = HealthReporter(
             self, self.refusals, self._collect, (topics.ARENA_INFO, self.session.arena_id)
@@ -61,7 +62,6 @@ class SimNode(Node):
             f"{self.config.arm}, {self.config.preset}, {self.config.mode}, programs "
             f"from {self.config.program_source}"
         )
-        self.session.begin()  # sent as soon as someone listens
         period = self.session.arena.control_period_s / self.config.real_time_factor
         if self._real_time:
             if not self.paused:
@@ -237,6 +237,8 @@ class SimNode(Node):
             "holds": str(self.watchdog.holds),
             "paused": str(self.paused).lower(),
         }
+        if self._components.camera is not None:
+            values["camera.pictures"] = str(self._components.camera.pictures)
         for evaluation, rewards in self.session.rewards.items():
             name = "eval" if evaluation else "train"
             if rewards:

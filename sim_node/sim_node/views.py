@@ -8,6 +8,7 @@ from pa_ros.arena.urdf import urdf
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import codec
+from sim_node.camera import FRAME, CameraView
 from sim_node.entities import Entities, solids
 from sim_node.session import Session
 
@@ -17,8 +18,10 @@ PERIOD_S = 0.1  # wall time
 class Views:
     """Published while someone looks, outside the control steps: they cost those nothing."""
 
-    def __init__(self, node: Node, session: Session, entities: Entities) -> None:
-        self._session, self._entities = session, entities
+    def __init__(
+        self, node: Node, session: Session, entities: Entities, camera: CameraView | None
+    ) -> None:
+        self._session, self._entities, self._camera = session, entities, camera
         self._described = False
         self._description = topics.ROBOT_DESCRIPTION.publisher(node)
         self._transforms = topics.TRANSFORMS.publisher(node)
@@ -34,9 +37,12 @@ class Views:
             self._description.publish(codec.encode_text(description))
         stamp_ns = self._session.frame.observation.stamp_ns
         if self._transforms.get_subscription_count():
-            for entity in self._entities.matching():
-                self._transforms.publish(codec.encode_transform(entity.name, entity.body, stamp_ns))
+            shown = {entity.name: entity.body for entity in self._entities.matching()}
+            if self._camera is not None:
+                shown[FRAME] = self._camera.pose
+            for name, body in shown.items():
+                self._transforms.publish(codec.encode_transform(name, body, stamp_ns))
         if self._markers.get_subscription_count():
-            shown = solids(self._session.task.simulation.model, self._entities.matching()[1:])
-            self._markers.publish(codec.encode_markers(shown, stamp_ns, self._shown))
-            self._shown = len(shown)
+            blocks = solids(self._session.task.simulation.model, self._entities.matching()[1:])
+            self._markers.publish(codec.encode_markers(blocks, stamp_ns, self._shown))
+            self._shown = len(blocks)

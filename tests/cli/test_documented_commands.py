@@ -76,7 +76,7 @@ def test_a_nodes_parameters_and_files_are_there(command: Command):
             assert (ROOT / value).is_file()
         elif option == "-p":
             name, _, text = value.partition(":=")
-            CONFIGS[command.program].model_validate({name: yaml.safe_load(text)})
+            CONFIGS[command.program]().changed(**{name: yaml.safe_load(text)})
         else:
             assert option == "-r" and re.fullmatch(r"[\w/]+:=[\w/]+", value)
 

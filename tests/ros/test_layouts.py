@@ -14,11 +14,11 @@ import yaml
 
 from pa_ros.ros import topics
 from pa_ros.wire.codec.simulator import WORLD
-from pa_ros.wire.interfaces import MarkerArray, String
+from pa_ros.wire.interfaces import Image, MarkerArray, String
 
 LAYOUTS = files("pa_ros") / "layouts"
 TOPICS = {t.name.lstrip("/"): t for t in vars(topics).values() if isinstance(t, topics.Topic)}
-SHOWS = {"RobotModel": String, "MarkerArray": MarkerArray}  # RViz's displays
+SHOWS = {"RobotModel": String, "MarkerArray": MarkerArray, "Image": Image}  # RViz's displays
 DURABILITIES = {"Volatile": "VOLATILE", "Transient Local": "TRANSIENT_LOCAL"}
 
 
@@ -46,7 +46,7 @@ def test_rviz_shows_what_the_graph_publishes_under_a_quality_that_fits(rviz):
         shown[topic.name] = durability
     latched = shown.pop("robot_description")
     assert latched == "TRANSIENT_LOCAL"  # it is sent once
-    assert set(shown) == {"markers", "relevance_markers"}
+    assert set(shown) == {"markers", "relevance_markers", "camera/image_raw"}
 
 
 def test_rviz_stands_in_the_frame_of_the_views(rviz):

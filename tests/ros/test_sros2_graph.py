@@ -18,12 +18,14 @@ POLICIES = Path(pa_ros.ros.__file__).with_name("sros2") / "policies.xml"
 OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "list_parameters",
             "set_parameters", "set_parameters_atomically", "get_type_description"}  # fmt: skip
 
-# Of agents that execute goals, send commands to controllers, or are looked at by a viewer.
+# Of arenas with a camera, and of agents that execute goals, send commands to controllers, or are
+# looked at by a viewer.
 AT_TIMES = {
+    "sim_node": {"publish": {"/camera/image_raw", "/camera/camera_info"}, "subscribe": set()},
     "agent_node": {
         "publish": {"/program", "/velocity_commands", "/joint_trajectory"},
         "subscribe": {"/program_status", "/markers"},
-    }
+    },
 }
 
 

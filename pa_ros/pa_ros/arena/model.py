@@ -40,6 +40,7 @@ def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
   <worldbody>
     <light pos="0 0 2.5" diffuse="0.7 0.7 0.7"/>
     <camera name="overview" pos="1.1 -1.1 1.1" xyaxes="1 1 0 -0.55 0.55 1"/>
+    <camera name="above" pos="0 0 2" xyaxes="1 0 0 0 1 0"/>
     <geom name="floor" type="plane" size="3 3 0.1" pos="0 0 {-c.FLOOR_DEPTH_M}"
       contype="{SOLID}" conaffinity="0" rgba="0.3 0.3 0.35 1"/>
     <geom name="table" type="box" pos="0 0 {-c.TABLE_THICKNESS_M / 2}"

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
+from contextlib import closing
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.arena import constants as c
 from pa_ros.arena.appearance import look_of
-from pa_ros.arena.errors import RenderError
+from pa_ros.arena.camera import Camera
 from pa_ros.arena.references import nearest_target
 from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
 from pa_ros.world.relations import RELATIONS
 
-CAMERA = "overview"
-MARK_M, MARK_RGBA = 0.065, (1.0, 1.0, 1.0, 1.0)
+VIEW = "overview"
 _INCH_PX = 100
-_refusals: list[str] = []  # of OpenGL in this process: none, or one
 
 
 def draw(task: ReachTask, side_px: int, rendered: bool) -> NDArray[np.uint8]:
@@ -36,44 +33,10 @@ def render(
     simulation: Simulation, width: int, height: int, marked: Sequence[int] = ()
 ) -> NDArray[np.uint8]:
     """Rendered RGB picture of the present moment, [height, width, 3]; a ring lies on the table
-    around each object that is `marked`.
-
-    MuJoCo reads the variable MUJOCO_GL ("egl" or "osmesa") when it is first imported. Raises
-    RenderError if there is no such OpenGL on this machine; then nor is there later in this
-    process, for another attempt would make MuJoCo abort it.
-    """
-    if _refusals:
-        raise RenderError(_refusals[0])
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # GLFW's, on a machine without a display
-            with mujoco.Renderer(simulation.model, height, width) as renderer:
-                renderer.update_scene(simulation.data, CAMERA)
-                for index in marked:
-                    _mark(renderer.scene, simulation.positions[index])
-                return np.asarray(renderer.render(), dtype=np.uint8)
-    except Exception as error:  # each OpenGL back end has its own kinds of failure
-        refusal = (
-            f"expected offscreen OpenGL (MUJOCO_GL=egl or osmesa), got {type(error).__name__}: "
-            f"{error}"
-        )
-        if not isinstance(error, ValueError):  # which is about the size
-            _refusals.append(refusal)
-        raise RenderError(refusal) from error
-
-
-def _mark(scene: mujoco.MjvScene, place: Float64) -> None:
-    """A bright disk on the table under a block, larger than it; dropped where the scene is full."""
-    if scene.ngeom < scene.maxgeom:
-        mujoco.mjv_initGeom(
-            scene.geoms[scene.ngeom],
-            mujoco.mjtGeom.mjGEOM_CYLINDER,
-            np.array([MARK_M, 0.001, 0.0]),
-            np.array([place[0], place[1], 0.002]),
-            np.eye(3).ravel(),
-            np.array(MARK_RGBA, dtype=np.float32),
-        )
-        scene.ngeom += 1
+    around each object that is `marked`. Raises RenderError as `Camera` does."""
+    with closing(Camera(simulation.model, VIEW, width, height, shadows=True)) as camera:
+        camera.look(simulation, marked)
+        return camera.picture()
 
 
 def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:

@@ -8,6 +8,8 @@ import tempfile
 from itertools import count
 from pathlib import Path
 
+from pa_ros.arena import ReachTask, RenderError, design_named, preset_named
+from pa_ros.arena.render import render
 from pa_ros.benchmarks.pingpong import measure_round_trips
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
@@ -46,15 +48,19 @@ def bench_graph(rounds: int = 3) -> dict[str, float | str]:
     trip costs when as much is computed in it (colder caches, threads and cores asleep); and
     `graph.nodes_us`, the rest: encoding, matching, bookkeeping. `graph.with_key_of_without`: the
     rate where nodes sign and check, as a share of the rate where they don't;
-    `graph.flooded_of_quiet`: where someone sends FLOOD_HZ programs a second.
+    `graph.flooded_of_quiet`: where someone sends FLOOD_HZ programs a second; and, where there is
+    OpenGL, `graph.filmed_of_quiet`: where someone looks through the arena's camera.
     """
     use_domain(None)
+    with_camera = _can_render()
     figures: dict[str, list[float]] = {}
     for _ in range(rounds):
         found = _graph()
         work_us = found["graph.arena_us"] + found["graph.policy_us"]
         found["graph.with_key_steps_per_s"] = _graph(signed=True)["graph.lockstep_steps_per_s"]
         found["graph.flooded_steps_per_s"] = _graph(flooded=True)["graph.lockstep_steps_per_s"]
+        if with_camera:
+            found["graph.filmed_steps_per_s"] = _graph(filmed=True)["graph.lockstep_steps_per_s"]
         found["graph.bare_pingpong_per_s"] = _bare()
         found["graph.working_pingpong_per_s"] = _bare(work_us)
         for name, value in found.items():
@@ -64,14 +70,12 @@ def bench_graph(rounds: int = 3) -> dict[str, float | str]:
     bare_us = 1e6 / middle["graph.bare_pingpong_per_s"]
     working_us = 1e6 / middle["graph.working_pingpong_per_s"]
     core_us = middle["graph.arena_us"] + middle["graph.policy_us"]
+    shares = {"with_key": "with_key_of_without", "flooded": "flooded_of_quiet"}
+    shares |= {"filmed": "filmed_of_quiet"} if with_camera else {}
+    quiet = middle["graph.lockstep_steps_per_s"]
     return {
         **middle,
-        "graph.with_key_of_without": (
-            middle["graph.with_key_steps_per_s"] / middle["graph.lockstep_steps_per_s"]
-        ),
-        "graph.flooded_of_quiet": (
-            middle["graph.flooded_steps_per_s"] / middle["graph.lockstep_steps_per_s"]
-        ),
+        **{f"graph.{to}": middle[f"graph.{of}_steps_per_s"] / quiet for of, to in shares.items()},
         "graph.step_us": step_us,
         "graph.transport_us": bare_us,
         "graph.waking_us": working_us - core_us - bare_us,
@@ -102,7 +106,17 @@ def _flood(node: Node) -> None:
     steady_timer(node, 1.0 / FLOOD_HZ, send)
 
 
-def _graph(signed: bool = False, flooded: bool = False) -> dict[str, float]:
+def _can_render() -> bool:
+    task = ReachTask(preset_named("fast"), design_named("2-L"), seed=0)
+    task.reset(0)
+    try:
+        render(task.simulation, 16, 16)
+    except RenderError:
+        return False
+    return True
+
+
+def _graph(signed: bool = False, flooded: bool = False, filmed: bool = False) -> dict[str, float]:
     rates: list[tuple[float, float, float]] = []
     figures = GraphFigures()
 
@@ -125,6 +139,9 @@ def _graph(signed: bool = False, flooded: bool = False) -> dict[str, float]:
             if flooded:
                 _flood(node)
             given = with_key(PARAMETERS, Path(folder)) if signed else PARAMETERS
+            if filmed:
+                topics.CAMERA_IMAGE.subscribe(node, lambda _picture: None)
+                given = {**given, "sim_node": {**given["sim_node"], "camera.rate_hz": 10.0}}
             start_nodes(supervisor, given, Path(folder))
             wanted = 2 + int(SECONDS)  # the first is of the start, in part
             if not watch(node, supervisor, sample, lambda: len(rates) >= wanted, TIMEOUT_S):

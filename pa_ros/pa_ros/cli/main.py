@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 from pa_ros import __version__
 from pa_ros.core import extensions
-from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.errors import PaError
+from pa_ros.core.opengl import check_opengl
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
 COMMANDS = {
@@ -65,20 +66,6 @@ def load_extensions(arguments: Sequence[str]) -> list[str]:
     given: list[str] = parser.parse_known_args(arguments)[0].extension
     extensions.load(given)
     return given
-
-
-def check_opengl() -> None:
-    """MuJoCo loads what MUJOCO_GL names when it is imported. ConfigError if that can't be."""
-    name = os.environ.get("MUJOCO_GL")
-    if not name:
-        return
-    try:
-        importlib.import_module("mujoco")
-    except Exception as error:  # each OpenGL back end has its own kinds of failure
-        raise ConfigError(
-            f"MUJOCO_GL={name}: expected an OpenGL that this machine has, got "
-            f"{type(error).__name__}: {error}; without the variable all but rendering works"
-        ) from error
 
 
 def main(argv: Sequence[str] | None = None) -> int:

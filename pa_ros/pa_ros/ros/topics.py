@@ -36,6 +36,8 @@ EXPERIENCE = QoSProfile(
 # must find both.
 POLICY = _reliable(depth=4, latched=True)
 
+# Large, and soon out of date.
+PICTURE = _reliable(depth=2)
 
 # Requests in flight are all answered, however long the one before them takes.
 SERVICE = _reliable(depth=1000)
@@ -90,6 +92,9 @@ ROBOT_DESCRIPTION = Topic("robot_description", types.String, LATCHED, LATCHED_RE
 TRANSFORMS = Topic("transforms", types.TransformStamped, STEP, STEP)
 MARKERS = Topic("markers", types.MarkerArray, STEP, STEP)
 RELEVANCE_MARKERS = Topic("relevance_markers", types.MarkerArray, STEP, STEP)
+# By the names that image_transport and camera drivers use.
+CAMERA_IMAGE = Topic("camera/image_raw", types.Image, PICTURE, STEP)
+CAMERA_INFO = Topic("camera/camera_info", types.CameraInfo, PICTURE, STEP)
 
 # A whole step now and then, however fast the arena is.
 SAMPLES = {

@@ -7,7 +7,7 @@ from typing import NewType
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -64,6 +64,7 @@ Message = NewType("Message", object)
 __all__ = [
     "ArenaInfo",
     "Bounds",
+    "CameraInfo",
     "Clock",
     "DeleteEntity",
     "DiagnosticArray",
@@ -80,6 +81,7 @@ __all__ = [
     "GetSimulationState",
     "GetSimulatorFeatures",
     "GetSpawnables",
+    "Image",
     "JointCommand",
     "JointState",
     "JointTrajectory",

@@ -7,6 +7,7 @@ what was expected and what came, and returns arrays that own their memory.
 from __future__ import annotations
 
 from pa_ros.wire.codec.arena import decode_arena_info, encode_arena_info
+from pa_ros.wire.codec.camera import encode_camera_info, encode_image
 from pa_ros.wire.codec.controllers import encode_point, encode_velocities
 from pa_ros.wire.codec.experience import decode_trajectory, decode_trajectory_key, encode_trajectory
 from pa_ros.wire.codec.goal import (
@@ -130,6 +131,7 @@ __all__ = [
     "decode_weights",
     "encode_arena_info",
     "encode_clock",
+    "encode_camera_info",
     "encode_command",
     "encode_diagnostics",
     "encode_entities",
@@ -138,6 +140,7 @@ __all__ = [
     "encode_goal",
     "encode_goal_feedback",
     "encode_goal_result",
+    "encode_image",
     "encode_learner_info",
     "encode_markers",
     "encode_observation",

@@ -1,0 +1,90 @@
+"""Pictures show each block where the camera's numbers say that it is."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from pictures import opengl, pixel_of
+
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena.appearance import look_of
+from pa_ros.arena.camera import Camera, CameraConfig, intrinsics, optical_pose
+from pa_ros.core.errors import ConfigError
+
+SIZES = [("overview", 320, 240), ("above", 200, 200), ("above", 640, 360)]
+
+
+@pytest.fixture(scope="module")
+def task() -> ReachTask:
+    opengl()
+    return ReachTask(preset_named("fast"), design_named("3-D"), seed=0)
+
+
+def first_seen(model: mujoco.MjModel, data: mujoco.MjData, eye, place) -> str:
+    """The geom that a look from `eye` towards a place meets."""
+    geom = np.zeros(1, dtype=np.int32)
+    mujoco.mj_ray(model, data, eye, place - eye, None, 1, -1, geom)
+    return str(model.geom(int(geom[0])).name)
+
+
+def hue(rgb) -> np.ndarray:
+    """What light and gloss leave of a color."""
+    colorful = rgb - rgb.min()
+    assert colorful.max() > 0.1, "grey"
+    return colorful / np.linalg.norm(colorful)
+
+
+@pytest.mark.parametrize(("view", "width", "height"), SIZES)
+def test_a_block_is_at_the_pixel_to_which_it_projects(task: ReachTask, view, width, height):
+    task.reset(0)
+    model = task.simulation.model
+    camera = Camera(model, view, width, height)
+    matrix, pose = intrinsics(model, view, width, height), optical_pose(model, view)
+    seen = 0
+    try:
+        for episode in range(4):  # other blocks each time: other models
+            task.reset(episode)
+            simulation = task.simulation
+            camera.look(simulation)
+            picture = camera.picture()
+            assert picture.shape == (height, width, 3)
+            for i, block in enumerate(task.episode.blocks):
+                place = simulation.positions[i + 1]
+                met = first_seen(simulation.model, simulation.data, pose.position, place)
+                if met != f"block{i}":
+                    continue  # behind the arm, or another block
+                u, v = pixel_of(place, matrix, pose.position, pose.quaternion)
+                seen_hue = hue(picture[round(v), round(u)] / 255)
+                assert seen_hue @ hue(np.array(look_of(block.kind).rgb)) > 0.95
+                seen += 1
+    finally:
+        camera.close()
+    assert seen >= 12  # of 16
+
+
+def test_what_is_closer_to_the_axis_of_the_picture_is_in_its_middle(task: ReachTask):
+    task.reset(0)
+    matrix = intrinsics(task.simulation.model, "above", 201, 101)
+    pose = optical_pose(task.simulation.model, "above")
+    assert pixel_of(np.zeros(3), matrix, pose.position, pose.quaternion) == pytest.approx([100, 50])
+    right = pixel_of(np.array([0.3, 0.1, 0.0]), matrix, pose.position, pose.quaternion)
+    assert right[0] > 100 and right[1] < 50  # x to the right, y up, seen from above
+
+
+def test_shadows_are_drawn_where_they_are_asked_for(task: ReachTask):
+    pictures = []
+    for shadows in (False, True):
+        camera = Camera(task.simulation.model, "overview", 160, 120, shadows)
+        camera.look(task.simulation)
+        pictures.append(camera.picture().astype(float))
+        camera.close()
+    assert np.abs(pictures[0] - pictures[1]).mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("width", 0), ("height", 5000), ("rate_hz", -1.0), ("view", "behind")]
+)
+def test_a_camera_that_cannot_be_is_refused(name, value):
+    with pytest.raises(ConfigError, match=f"camera.{name}: expected"):
+        CameraConfig(**{name: value})

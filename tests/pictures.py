@@ -1,0 +1,45 @@
+"""Rendered pictures: whether there is OpenGL, and where in them a place is."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import ReachTask, RenderError, design_named, preset_named
+from pa_ros.arena.render import render
+
+
+def opengl() -> None:
+    """Skip the test where there is no OpenGL."""
+    missing = _missing()
+    if missing:
+        pytest.skip(f"no OpenGL: {missing}")
+
+
+@lru_cache(maxsize=1)
+def _missing() -> str:
+    task = ReachTask(preset_named("fast"), design_named("2-L"), seed=0)
+    task.reset(0)
+    try:
+        render(task.simulation, 16, 16)
+    except RenderError as error:
+        return str(error)
+    return ""
+
+
+def pixel_of(place: Any, matrix: Any, position: Any, quaternion: Any) -> Any:
+    """Where a place, [3] m, is seen: (u, v) by K, from an optical frame's pose (xyzw)."""
+    x, y, z, w = quaternion
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    seen = np.asarray(matrix).reshape(3, 3) @ turn.T @ (np.asarray(place) - position)
+    assert seen[2] > 0, "behind the camera"
+    return seen[:2] / seen[2]
