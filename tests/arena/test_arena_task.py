@@ -1,5 +1,8 @@
 """Stepping, programs, time limit, clock and refusals."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -236,3 +239,16 @@ def test_unstable_physics_is_an_error_not_a_silent_restart(tmp_path, monkeypatch
         task.step(STILL)
     assert issubclass(DivergedError, PaError)
     assert task.reset(0)[1].step == 0
+
+
+def test_a_simulation_that_nobody_holds_is_gone_with_its_models() -> None:
+    """Without the collector of circles, which comes late to few large things."""
+    gc.disable()
+    try:
+        task = new_task()
+        task.reset(0)
+        held = weakref.ref(task.simulation)
+        del task
+        assert held() is None
+    finally:
+        gc.enable()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import copysign, cos, sin
 
 import mujoco
@@ -28,7 +28,7 @@ class Simulation:
         self.config, self._schema = config, schema
         self._joints = config.joints
         self._limits, self._substeps = np.array(config.joint_speed_limits), config.substeps
-        self._world = lru_cache(maxsize=128)(self._build)  # by the blocks' looks, in order
+        self._world = lru_cache(maxsize=128)(partial(_built, config))  # by the blocks' looks
         self._placed = False
 
     def place(self, episode: Episode) -> None:
@@ -153,10 +153,6 @@ class Simulation:
         mujoco.mj_jacBody(self.model, self.data, jacobian, None, self._hand)
         return jacobian[:, : self._joints]
 
-    def _build(self, looks: tuple[Look, ...]) -> _World:
-        model = build(self.config, looks)
-        return model, mujoco.MjData(model)
-
     def _view_arrays(self, blocks: int) -> None:
         """Views into MuJoCo's arrays: reading an attribute of MjData costs as much as using it."""
         self._hand = self.model.body("hand").id
@@ -166,3 +162,9 @@ class Simulation:
         self._warnings, self._control = self.data.warning.number, self.data.ctrl
         arm = slice(self._joints)
         self._arm_position, self._arm_velocity = self.data.qpos[arm], self.data.qvel[arm]
+
+
+def _built(config: ArenaConfig, looks: tuple[Look, ...]) -> _World:
+    """Not a method: a cache of one would hold the simulation, and all its models, in a circle."""
+    model = build(config, looks)
+    return model, mujoco.MjData(model)

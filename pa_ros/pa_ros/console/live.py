@@ -123,9 +123,7 @@ class LiveConsole:
 
     def _attend(self, namespace: str) -> None:
         """Turn to the arena of a namespace."""
-        for entity in self._open:
-            self._node.destroy_subscription(entity)
-        self._listen_no_more()
+        self._leave()
         self._namespace = namespace.strip("/")
         self._arena: ArenaDescription | None = None
         self._vocabulary: Vocabulary | None = None
@@ -141,6 +139,17 @@ class LiveConsole:
             for topic, callback in ((ARENA_INFO, self._on_arena), (PROGRAM_STATUS, self._on_status))
         ]
         self._page.say("State", "")
+
+    def _leave(self) -> None:
+        """Hold nothing of the arena that was attended to."""
+        self._listen_no_more()
+        if not self._open:
+            return
+        for entity in self._open:
+            self._node.destroy_subscription(entity)
+        self._node.destroy_publisher(self._publisher)
+        self._services.close()
+        self._weights.close()
 
     def _survey(self) -> tuple[str, ...]:
         """Namespaces in which an arena describes itself."""

@@ -115,7 +115,7 @@ class ArenaScene:
             scene.add_label(f"{path}/label", name, anchor="bottom-center"),
             scene.add_line_segments(
                 f"{path}/circle", np.zeros((1, 2, 3), np.float32), (255, 255, 255),
-                line_width=2.0, visible=False,
+                thickness=2.0, thickness_units="screen", visible=False,
             ),
         )  # fmt: skip
 

@@ -33,6 +33,12 @@ class ArenaServices:
         self._clients: dict[str, Any] = {}
         self._said = ""
 
+    def close(self) -> None:
+        """Another arena is looked at; what is under way goes unanswered."""
+        for client in self._clients.values():
+            self._node.destroy_client(client)
+        self._clients.clear()
+
     def ask(self, name: str, value: float) -> None:
         """Send a request; what becomes of it is in `html`."""
         service, encode = REQUESTS[name]

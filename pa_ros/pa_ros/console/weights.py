@@ -35,7 +35,8 @@ class AgentWeights:
         self._reader: Any = None
         self._since = -PERIOD_S
         provenance = replace(PROVENANCE, name=within(namespace, PROVENANCE))
-        provenance.subscribe(node, refusals.guard(provenance.name, self._on_origin))
+        guarded = refusals.guard(provenance.name, self._on_origin)
+        self._origins = provenance.subscribe(node, guarded)
 
     def attend(self) -> None:
         """Called as long as somebody looks: listen for a moment, from time to time."""
@@ -51,6 +52,11 @@ class AgentWeights:
         if self._reader is not None:
             self._node.destroy_subscription(self._reader)
             self._reader = None
+
+    def close(self) -> None:
+        """Another arena is looked at."""
+        self.rest()
+        self._node.destroy_subscription(self._origins)
 
     def _on_origin(self, message: Message) -> None:
         parameters = codec.decode_provenance(message).parameters
