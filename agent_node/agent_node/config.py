@@ -10,6 +10,7 @@ from typing_extensions import Self
 from pa_ros.core.authentication import Authenticated
 from pa_ros.core.extensions import Extensible
 from pa_ros.core.settings import OneOf
+from pa_ros.language import LOGICS, MIN_MAX
 from pa_ros.networks.families import FAMILIES
 
 LONGEST_S = 1e6  # of any period; 11 days
@@ -34,6 +35,11 @@ class AgentConfig(Authenticated, Extensible):
     seed: int = Field(0, ge=0, description="of the exploration noise, and of random weights")
     network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
         "programmable", description="of random weights"
+    )
+    logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
+        MIN_MAX.name,
+        description="what AND and OR of degrees are in executing programs; who learns acts by "
+        "product",
     )
     resend_period_s: float = Field(
         2.0,

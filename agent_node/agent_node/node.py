@@ -19,7 +19,7 @@ from pa_ros.acting.answer import Load, Wait
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.experience import AgentKey, Observation
-from pa_ros.language import Program
+from pa_ros.language import Program, logic_named
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.provenance.origins import origin
@@ -80,7 +80,7 @@ class AgentNode(Node):
         key = AgentKey(self.agent_id, time.time_ns())
         if self.config.learning:
             return LearningAgent(key, self.config.seed)
-        agent = Agent(key)
+        agent = Agent(key, logic_named(self.config.logic))
         if self.config.weights == "checkpoint":
             agent.offer(fixed(load_policy(Path(self.config.checkpoint))))
         return agent  # random weights need the arena's vocabulary first

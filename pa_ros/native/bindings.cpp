@@ -99,10 +99,10 @@ Network make_network(int arm_features, int actions, const std::vector<float>& sc
 Network make_trunk(int hidden, int attention, int arm_features, int actions,
                    const std::vector<float>& scale, const std::vector<int>& group_sizes,
                    const std::vector<Value>& words, bool detectors, bool hide_properties,
-                   bool critic, float self_weight, int relations) {
+                   bool critic, float self_weight, int relations, bool min_max) {
     Network n = make_network(arm_features, actions, scale, group_sizes, words);
     n.hidden = hidden, n.attention = attention, n.self_weight = self_weight;
-    n.relations = relations;
+    n.relations = relations, n.min_max = min_max;
     n.detectors = detectors, n.hide_properties = hide_properties, n.critic = critic;
     check(n);
     return n;
@@ -203,9 +203,11 @@ void bind_network(nb::module_& m) {
         .def_static("trunk", make_trunk, nb::kw_only(), "hidden"_a, "attention"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "detectors"_a,
                     "hide_properties"_a, "critic"_a, "self_weight"_a, "relations"_a = 0,
+                    "min_max"_a = false,
                     "A programmable one. `scale`: of each feature of an object. `words`: the first "
                     "feature of each one's value, its numbers as scaled, and how near is near; no "
-                    "numbers: true of nothing. `relations`: 0 where programs ask for one alone.")
+                    "numbers: true of nothing. `relations`: 0 where programs ask for one alone. "
+                    "`min_max`: what AND and OR of degrees are, of an actor that doesn't learn.")
         .def_static("canonical", make_canonical, nb::kw_only(), "hidden"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "slots"_a, "critic"_a,
                     "An MLP. `slots`: the words, one of each group, of the block that fills each.")

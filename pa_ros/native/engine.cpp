@@ -19,6 +19,8 @@ const Network& checked(const Network& network) {
 // Both networks share scratch memory and programs.
 void check_pair(const Network& actor, const Network& critic) {
     if (actor.critic || !critic.critic) throw Error("expected an actor, then a critic");
+    if (actor.min_max || critic.min_max)
+        throw Error("expected networks whose AND and OR can be differentiated, got min and max");
     check_range("critic's kind", critic.canonical, actor.canonical, actor.canonical);
     check_range("critic's hidden", critic.hidden, actor.hidden, actor.hidden);
     check_range("critic's attention", critic.attention, actor.attention, actor.attention);

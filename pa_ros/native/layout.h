@@ -41,6 +41,7 @@ struct Network {
     int32_t group_size[kMaxGroups];
     int32_t detectors;
     int32_t hide_properties;  // f, r and α̃ have zero weights for the properties, and keep them
+    int32_t min_max;  // of an actor that doesn't learn: AND and OR of degrees are min and max
     int32_t critic;  // 1: reads an action, writes one number; 0: writes an action
     Word word[kMaxWords];
     float number[kMaxNumbers];

@@ -5,6 +5,7 @@
 namespace pa::PA_LEVEL {
 
 // x op y = c0 + c1·x + c2·y + c3·x·y, for NOT, AND, OR, COPY (paper, eq. logic).
+inline constexpr int32_t kAnd = 1, kOr = 2;
 inline constexpr float kCoefficients[4][4] = {{1, -1, 0, 0}, {0, 0, 0, 1}, {0, 1, 1, -1}, {0, 1, 0, 0}};
 
 // Φ of all samples: a softmax per group over the logits in `first`, or the true properties.
@@ -50,13 +51,16 @@ inline void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t 
     const int words = net.shape->words;
     const int64_t base = program * w.length;
     for (int64_t k = 0; k < w.length; k++) {
-        const float* c = kCoefficients[w.op[base + k]];
+        const int32_t op = w.op[base + k];
+        const float* c = kCoefficients[op];
         const float* x = register_at(w, words, s, sk, w.a[base + k]);
         const float* y = register_at(w, words, s, sk, w.b[base + k]);
         float* out = w.registers + (sk * w.capacity + k) * w.lanes;
+        const bool extreme = net.shape->min_max && (op == kAnd || op == kOr);
         for (int o = 0; o < w.lanes; o += W) {
             const vf u = loadu(x + o), v = loadu(y + o);
-            store(out + o, (c[0] + c[1] * u) + v * (c[2] + c[3] * u));
+            if (extreme) store(out + o, (op == kAnd) ? (u < v ? u : v) : (u > v ? u : v));
+            else store(out + o, (c[0] + c[1] * u) + v * (c[2] + c[3] * u));
         }
     }
     const float* last = w.registers + (sk * w.capacity + w.length - 1) * w.lanes;

@@ -12,7 +12,7 @@ from worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
-from pa_ros.language import ProgramError, Vocabulary, parse
+from pa_ros.language import MIN_MAX, ProgramError, Vocabulary, parse
 from pa_ros.learning.learner import Learner
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
@@ -82,7 +82,7 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     given = snapshot()
     one.load(given)
     observation, _ = PointWorld().reset(0)
-    plain = TorchActor(NETWORK, given.tensors)
+    plain = TorchActor(NETWORK, given.tensors, MIN_MAX)
     expected = plain.act(observation.objects, WORLD.arm(observation), PROGRAMS[0], 0)
     np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
     other.load(given)

@@ -17,7 +17,7 @@ from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.arena import ReachTask
 from pa_ros.core.experience import Executed, Observation, Verdict
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.language import parse
+from pa_ros.language import PRODUCT, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.world import Trajectory
@@ -211,7 +211,7 @@ def test_evaluation_episodes_leave_no_trace(arm) -> None:
 
 
 def test_evaluation_is_greedy_and_training_is_not(arm) -> None:
-    greedy = Arm(Agent(ME))
+    greedy = Arm(Agent(ME, PRODUCT))  # as who learns acts
     greedy.agent.offer(published(0))
     for one in (arm, greedy):
         one.reset(0, evaluation=True)

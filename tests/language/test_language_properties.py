@@ -7,6 +7,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from pa_ros.language import (
+    MIN_MAX,
     And,
     Expression,
     Not,
@@ -131,6 +132,30 @@ def test_de_morgan(x: Expression, y: Expression, phi: list[list[float]]) -> None
 @relaxed
 def test_double_negation(x: Expression, phi: list[list[float]]) -> None:
     assert degrees(Not(Not(x)), phi) == pytest.approx(degrees(x, phi), abs=1e-12)
+
+
+@given(expressions, expressions, expressions, soft)
+@relaxed
+def test_min_and_max_make_a_lattice(
+    x: Expression, y: Expression, z: Expression, phi: list[list[float]]
+) -> None:
+    """Idempotence, absorption, distribution and De Morgan, to rounding of 1 - (1 - x)."""
+    equal = [
+        (x, And((x, x))),
+        (x, Or((x, x))),
+        (x, Or((x, And((x, y))))),
+        (x, And((x, Or((x, y))))),
+        (And((x, Or((y, z)))), Or((And((x, y)), And((x, z))))),
+        (Or((x, And((y, z)))), And((Or((x, y)), Or((x, z))))),
+        (And((x, y)), And((y, x))),
+        (And((And((x, y)), z)), And((x, And((y, z))))),
+        (Or((x, y)), Not(And((Not(x), Not(y))))),
+    ]
+    for left, right in equal:
+        one, other = (
+            relevance(Program(side), phi, VOCABULARY.row, HAND, MIN_MAX) for side in (left, right)
+        )
+        assert one == pytest.approx(other, abs=1e-12)
 
 
 @given(st.lists(expressions, min_size=3, max_size=5), soft)

@@ -28,7 +28,7 @@ from worlds import dpg
 from pa_ros.benchmarks.straightforward import Scenes, parameters
 from pa_ros.benchmarks.straightforward import actor as formulas
 from pa_ros.core.errors import ConfigError
-from pa_ros.language import parse
+from pa_ros.language import LOGICS, MIN_MAX, Logic, parse
 from pa_ros.language.vocabulary import Vocabulary, WordGroup
 from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -37,6 +37,7 @@ from pa_ros.learning.schedule import values_after
 from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
 from pa_ros.native.errors import FusedError
+from pa_ros.native.families import FUSED
 from pa_ros.native.library import level, why_not_network
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import TensorError
@@ -297,10 +298,12 @@ def test_nan_is_not_hidden() -> None:
 
 
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
+@pytest.mark.parametrize("logic", LOGICS.values(), ids=LOGICS)
 @pytest.mark.parametrize(("hand", "self_weight"), [(0, 1.0), (2, 0.3), (2, 0.0)])
-def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float) -> None:
+def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float, logic: Logic) -> None:
     made = setting(kind, self_weight=self_weight)
-    actor, named = FusedActor(made.network, made.actor), parameters(made.actor)
+    actor, named = FusedActor(made.network, made.actor, logic), parameters(made.actor)
+    reference = TorchActor(made.network, made.actor, logic)
     for objects in (5, 3):
         batch = make_batch(np.random.default_rng(objects), 1, objects, 1, 6)
         order = np.roll(np.arange(objects), hand)  # the hand at its index; the rest in any order
@@ -310,10 +313,35 @@ def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float) -> 
             features = torch.from_numpy(batch.objects[:, order]).double()
             joints = torch.from_numpy(batch.arm).double()
             rows = torch.zeros(1, 1, dtype=torch.long)
-            scene = Scenes(features, joints, [program], rows, index)
+            scene = Scenes(features, joints, [program], rows, index, logic)
             expected = formulas(made.network, named, scene)[0, 0].detach()
-            ours = actor.act(batch.objects[0][order], batch.arm[0], program, index)
-            np.testing.assert_allclose(ours, expected, rtol=0, atol=2e-6)
+            seen = batch.objects[0][order], batch.arm[0], program, index
+            np.testing.assert_allclose(actor.act(*seen), expected, rtol=0, atol=2e-6)
+            np.testing.assert_allclose(reference.act(*seen), expected, rtol=0, atol=2e-6)
+
+
+def test_equal_programs_are_executed_alike_by_min_and_max_alone() -> None:
+    made = setting()
+    batch = make_batch(np.random.default_rng(0), 1, 5, 1, 6)
+    once, twice = (parse(f"NEAR(HAND, {e})", VOCABULARY) for e in ("RED", "AND(RED, RED)"))
+    differ = {}
+    for name, logic in LOGICS.items():
+        for kind in FusedActor, TorchActor:
+            actor = kind(made.network, made.actor, logic)
+            both = [actor.act(batch.objects[0], batch.arm[0], e, 0) for e in (once, twice)]
+            differ[name, kind] = float(np.abs(np.subtract(*both)).max())
+    for kind in FusedActor, TorchActor:
+        assert differ["min_max", kind] == 0.0
+        assert differ["product", kind] > 1e-5
+
+
+def test_who_learns_needs_what_can_be_differentiated() -> None:
+    made = setting()
+    family = FUSED[type(made.network.family)]
+    actor, critic = (family.describe(made.network, x, MIN_MAX) for x in (False, True))
+    values = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
+    with pytest.raises(FusedError, match="can be differentiated, got min and max"):
+        _fused.Engine(actor, critic, **values, threads=1)
 
 
 @pytest.mark.parametrize(

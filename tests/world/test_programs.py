@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import (
+    LOGICS,
     And,
     Expression,
+    Logic,
     Not,
     Or,
     Program,
@@ -54,19 +56,19 @@ def random_phi(seed: int, *lead: int, objects: int) -> torch.Tensor:
     return torch.rand(*lead, WORDS, objects, generator=generator)
 
 
-@given(programs, seeds, st.integers(1, 6), st.data())
+@given(programs, seeds, st.integers(1, 6), st.sampled_from([*LOGICS.values()]), st.data())
 @settings(deadline=None)
 def test_a_batch_of_different_programs_equals_each_alone(
-    members: list[Program], seed: int, objects: int, data: st.DataObject
+    members: list[Program], seed: int, objects: int, logic: Logic, data: st.DataObject
 ) -> None:
     hand = data.draw(st.integers(0, objects - 1))
     table, rows = table_of(members)
     op, a, b = (x[rows] for x in program_tensors(table))
     phi = random_phi(seed, len(members), objects=objects)
-    p = relevant_objects(phi, hand, op, a, b)
+    p = relevant_objects(phi, hand, op, a, b, logic)
     assert p.shape == (len(members), objects)
     for i, program in enumerate(members):
-        expected = relevance(program, phi[i].tolist(), VOCABULARY.row, hand)
+        expected = relevance(program, phi[i].tolist(), VOCABULARY.row, hand, logic)
         torch.testing.assert_close(p[i], torch.tensor(expected), atol=FLOAT32, rtol=0)
 
 

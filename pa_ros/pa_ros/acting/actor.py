@@ -13,7 +13,7 @@ from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
-from pa_ros.language import Program
+from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.language.evaluate import relevance
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-MakeInference = Callable[[NetworkConfig, Tensors], "Inference"]
+MakeInference = Callable[[NetworkConfig, Tensors, Logic], "Inference"]
 
 
 class Actor:
@@ -35,7 +35,8 @@ class Actor:
 
     Without `noise` it is greedy. Actions are computed by the fused code where it applies, else by
     torch: the choice depends on `network` and `inference` ("auto" or "torch") alone, so it is the
-    same in process and over the graph.
+    same in process and over the graph. AND and OR are `logic`'s: MIN_MAX, by which equal programs
+    are executed alike; who learns acts by the PRODUCT that its critic judges.
     """
 
     def __init__(
@@ -43,8 +44,9 @@ class Actor:
         network: NetworkConfig,
         inference: str = "auto",
         noise: ExplorationNoise | None = None,
+        logic: Logic = MIN_MAX,
     ) -> None:
-        self.network = network
+        self.network, self.logic = network, logic
         self._noise = noise
         self._make_inference = inference_for(network, inference)
         self.backend = "torch" if _why_torch(network, inference) else "fused"
@@ -53,17 +55,17 @@ class Actor:
         self._version: int | None = None
 
     @classmethod
-    def of(cls, snapshot: PolicySnapshot) -> Actor:
+    def of(cls, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> Actor:
         """A greedy actor with these weights, of whatever architecture they have."""
-        actor = cls.fitting(snapshot)
+        actor = cls.fitting(snapshot, logic)
         actor.load(snapshot)
         return actor
 
     @classmethod
-    def fitting(cls, snapshot: PolicySnapshot) -> Actor:
+    def fitting(cls, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> Actor:
         """A greedy actor of a snapshot's architecture, without weights as yet."""
         try:
-            return cls(actor_config(snapshot.architecture))
+            return cls(actor_config(snapshot.architecture), logic=logic)
         except ConfigError as error:
             raise PolicyError(str(error)) from error
 
@@ -90,7 +92,7 @@ class Actor:
     def load(self, snapshot: PolicySnapshot) -> None:
         """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
         self.check(snapshot)
-        self._inference = self._make_inference(self.network, snapshot.tensors)
+        self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
         self._tensors, self._version = snapshot.tensors, snapshot.version
 
     def act(self, observation: Observation, program: Program) -> Float32:
@@ -112,7 +114,8 @@ class Actor:
         arm = self.network.world.arm(observation)
         phi = degrees(self.network, self._tensors, observation.objects, arm)
         rows = self.network.vocabulary.row
-        return tuple(relevance(program, phi.tolist(), rows, observation.hand_index))
+        hand = observation.hand_index
+        return tuple(relevance(program, phi.tolist(), rows, hand, self.logic))
 
     def explore(self, observation: Observation, program: Program) -> Float32:
         """The action with this episode's exploration noise, clipped to [-1, 1], [J]."""

@@ -22,7 +22,7 @@ from pa_ros.core.experience import (
     Verdict,
 )
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.language import Program
+from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.world import Trajectory
 from pa_ros.world.schema import PAPER, ObjectSchema
 
@@ -46,11 +46,12 @@ EARLY_LEARNERS, EARLY_POLICIES = 4, 4  # kept of learners that may come to be fo
 class Agent:
     """A greedy agent: at each step `observe`, `load` what `answer` says, and `act`.
 
-    Until a learner has announced itself, the architecture of the first weights counts.
+    Until a learner has announced itself, the architecture of the first weights counts. Soft truths
+    are joined by `logic`.
     """
 
-    def __init__(self, key: AgentKey) -> None:
-        self.key = key
+    def __init__(self, key: AgentKey, logic: Logic = MIN_MAX) -> None:
+        self.key, self.logic = key, logic
         self.refusal = ""  # why it does not act for the learner; empty: it does
         self._learner: LearnerInfo | None = None  # whose weights alone are used; None: anyone's
         self._early: OrderedDict[str, deque[PublishedPolicy]] = OrderedDict()  # by learner
@@ -115,8 +116,8 @@ class Agent:
         if learner is not None and (
             actor is None or actor.network.architecture != learner.architecture
         ):
-            actor = Actor(network_of(learner), learner.inference)
-        actor = actor or Actor.fitting(policy.snapshot)
+            actor = Actor(network_of(learner), learner.inference, logic=self.logic)
+        actor = actor or Actor.fitting(policy.snapshot, self.logic)
         actor.check(policy.snapshot)
         if actor is not self._actor:
             self._actor, self._loaded = actor, None

@@ -15,6 +15,7 @@ from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Float32
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.language import PRODUCT
 from pa_ros.world import Trajectory
 
 
@@ -28,7 +29,7 @@ class LearningAgent(Agent):
 
     def __init__(self, key: AgentKey, seed: int, first_sequence: int = 0) -> None:
         """`seed`: of the exploration noise. `first_sequence`: of the first trajectory."""
-        super().__init__(key)
+        super().__init__(key, PRODUCT)
         self.interrupted = 0  # runs of steps broken off: not as commanded, or for another learner
         self.overtaken = 0  # times that someone else sent trajectories under this agent's name
         self._seed, self._first_sequence = seed, first_sequence
@@ -129,7 +130,7 @@ class LearningAgent(Agent):
         network, period = network_of(learner), learner.control_period
         actions = network.world.actions
         noise = ExplorationNoise(exploration_of(learner), period, self._seed, actions)
-        actor = Actor(network, learner.inference, noise)
+        actor = Actor(network, learner.inference, noise, self.logic)
         self._actor, self._loaded = actor, None
         builder, step = self._break_off(learner), self._step
         rule = FreeAccount if learner.free else Account

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
-from pa_ros.language import Program, degree
+from pa_ros.language import PRODUCT, Logic, Program, degree
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
@@ -34,6 +34,7 @@ class Scenes(NamedTuple):
     programs: Sequence[Program]
     row: Tensor  # [B, K], of `programs`
     hand_index: int = HAND_INDEX
+    logic: Logic = PRODUCT
 
 
 def parameters(tensors: Mapping[str, NDArray[Any]], dtype: torch.dtype = torch.float64) -> Named:
@@ -87,8 +88,9 @@ def relevance(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
     phi = properties(network, named, seen)
     hand = torch.zeros_like(seen.objects[..., 0])
     hand[:, seen.hand_index] = 1.0
-    named_by = [degree(program.target, phi.__getitem__) for program in seen.programs]
-    p = torch.stack([hand + e - hand * e for e in named_by], 1)  # [B, P, N]
+    logic = seen.logic
+    named_by = [degree(program.target, phi.__getitem__, logic) for program in seen.programs]
+    p = torch.stack([logic.either(hand, e) for e in named_by], 1)  # [B, P, N]
     return p[torch.arange(len(p))[:, None], seen.row]
 
 

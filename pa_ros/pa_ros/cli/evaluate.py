@@ -27,6 +27,7 @@ from pa_ros.evaluation.studies.generalization import (
     conditions_of,
     summarize,
 )
+from pa_ros.language import logic_named
 from pa_ros.provenance.software import device, versions
 
 ALL = "all"
@@ -47,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
         "`all` for all of them (%(default)s)",
     )
-    add_settings(parser, EvaluationConfig, "episodes", "seed")
+    add_settings(parser, EvaluationConfig, "episodes", "seed", "logic")
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
 
 
@@ -56,7 +57,8 @@ def run(options: argparse.Namespace) -> int:
     if options.condition in (ALL, RANDOM_WEIGHTS) and not options.checkpoint:
         raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
     if options.checkpoint:
-        agent = load_agent(options.checkpoint, options.design, options.preset, options.arm)
+        logic = logic_named(options.logic)
+        agent = load_agent(options.checkpoint, options.design, options.preset, options.arm, logic)
         if options.condition == ALL:
             return _all_conditions(agent, options)
         report = _agent_report(agent, options)
@@ -72,7 +74,8 @@ def _agent_report(agent: TrainedAgent, options: argparse.Namespace) -> Report:
     drawn_from = options.condition
     if drawn_from == RANDOM_WEIGHTS:
         agent, drawn_from = without_training(agent, options.seed), "train"
-    return _report(options, agent.design, agent.arena, agent.policy, drawn_from)
+    report = _report(options, agent.design, agent.arena, agent.policy, drawn_from)
+    return {**report, "eval.logic": agent.logic.name}
 
 
 def _report(
@@ -125,6 +128,7 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
                 f"eval.{condition}.{name}": values[name]
                 for name in ("normalized", "low", "high", "success_rate", "blind_normalized")
             }
+    report |= {"eval.logic": agent.logic.name}
     write_report(options.json, report | _setting(options, agent.design, agent.arena))
     return 0
 

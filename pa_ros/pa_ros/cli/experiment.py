@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, folder_to_write
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import write_report
+from pa_ros.language import MIN_MAX, Logic, logic_named
 
 if TYPE_CHECKING:
     from pa_ros.evaluation.studies.experiments import Experiment, SeedSummary
@@ -26,6 +27,7 @@ OF_TABLES = ("variants", "algorithms", "summary")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros experiment`."""
     from pa_ros.arena import ArenaChoice
+    from pa_ros.evaluation.scoring.evaluate import EvaluationConfig
     from pa_ros.evaluation.studies.experiments import EXPERIMENTS
     from pa_ros.evaluation.studies.seeds import SeedsConfig
     from pa_ros.learning.loop import TrainConfig
@@ -39,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_setting(parser, LearningChoice, "protocol", otherwise=usual)
     add_setting(parser, LearningChoice, "algorithm")
     add_settings(parser, ArenaChoice, "arm", "preset")
+    add_setting(parser, EvaluationConfig, "logic")
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
         help="change the protocol, as in pa_ros train; with --tag",
@@ -198,8 +201,9 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
         )
     if options.cluster is not None:
         _score_on_cluster(options, runs)
-    agents = {seed: load_agent(run) for seed, run in runs.items()}
-    suffix = label.removeprefix("programmable-3D")
+    logic = logic_named(options.logic)
+    agents = {seed: load_agent(run, logic=logic) for seed, run in runs.items()}
+    suffix = label.removeprefix("programmable-3D") + _suffix(logic)
     if options.name == "generalization":
         cache = options.runs / "scores"
         for row in results.generalization(agents, options.results, cache, suffix=suffix):
@@ -212,6 +216,11 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     return 0
 
 
+def _suffix(logic: Logic) -> str:
+    """Of the names of tables: none for what agents execute by."""
+    return "" if logic == MIN_MAX else f".{logic.name}"
+
+
 def _score_on_cluster(options: argparse.Namespace, runs: dict[int, Path]) -> None:
     """What `generalization` needs, computed on a cluster; the study then reads it."""
     from pa_ros.evaluation.studies.cluster import Cluster
@@ -220,4 +229,4 @@ def _score_on_cluster(options: argparse.Namespace, runs: dict[int, Path]) -> Non
     if options.name != "generalization":
         raise ConfigError(f"experiment {options.name}: expected no --cluster: it runs here alone")
     with Cluster(options.cluster, options.extension) as cluster:
-        score_on(cluster, runs, options.runs / "scores")
+        score_on(cluster, runs, options.runs / "scores", logic=logic_named(options.logic))

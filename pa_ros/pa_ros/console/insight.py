@@ -10,7 +10,18 @@ import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
-from pa_ros.language import And, Expression, Not, Or, Program, Word, degree, relevance
+from pa_ros.language import (
+    MIN_MAX,
+    And,
+    Expression,
+    Logic,
+    Not,
+    Or,
+    Program,
+    Word,
+    degree,
+    relevance,
+)
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import TensorError
@@ -37,9 +48,10 @@ class Look:
 
 
 class Insight:
-    """The detectors of one set of weights. ConfigError if these have none, or don't fit."""
+    """The detectors of one set of weights, their degrees joined as by who executes programs.
+    ConfigError if these have none, or don't fit."""
 
-    def __init__(self, snapshot: PolicySnapshot) -> None:
+    def __init__(self, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> None:
         network = actor_config(snapshot.architecture)
         if not network.family.evaluates_programs:
             raise ConfigError(f"the networks {network.family.name!r} evaluate no programs")
@@ -47,7 +59,7 @@ class Insight:
             self._inference = TorchActor(network, snapshot.tensors)
         except TensorError as error:
             raise ConfigError(str(error)) from error
-        self._world, self._version = network.world, snapshot.version
+        self._world, self._version, self._logic = network.world, snapshot.version, logic
         self._vocabulary = network.vocabulary
 
     def look(self, observation: Observation, program: Program | None) -> Look:
@@ -56,19 +68,20 @@ class Insight:
         words, row = self._vocabulary.words, self._vocabulary.row
         if program is None:
             return Look(self._version, words, phi, np.zeros(0), ())
-        p = relevance(program, phi.tolist(), row, observation.hand_index)
-        tree = tuple(_nodes(program.target, lambda word: phi[row[word]].astype(np.float64)))
+        p = relevance(program, phi.tolist(), row, observation.hand_index, self._logic)
+        values = {word: phi[row[word]].astype(np.float64) for word in program.words}
+        tree = tuple(_nodes(program.target, values.__getitem__, self._logic))
         return Look(self._version, words, phi, np.array(p), tree)
 
 
-def _nodes(expression: Expression, value: Any, depth: int = 0) -> Iterator[Node]:
-    yield Node(depth, name_of(expression), np.asarray(degree(expression, value)))
+def _nodes(expression: Expression, value: Any, logic: Logic, depth: int = 0) -> Iterator[Node]:
+    yield Node(depth, name_of(expression), np.asarray(degree(expression, value, logic)))
     match expression:
         case Not(operand):
-            yield from _nodes(operand, value, depth + 1)
+            yield from _nodes(operand, value, logic, depth + 1)
         case And(operands) | Or(operands):
             for operand in operands:
-                yield from _nodes(operand, value, depth + 1)
+                yield from _nodes(operand, value, logic, depth + 1)
 
 
 def name_of(expression: Expression) -> str:

@@ -3,6 +3,7 @@
 from pa_ros.language.errors import ProgramError
 from pa_ros.language.evaluate import degree, relevance, require_target, satisfying
 from pa_ros.language.flat import FlatProgram, compile_program
+from pa_ros.language.logic import LOGICS, MIN_MAX, PRODUCT, Logic, logic_named
 from pa_ros.language.parser import parse
 from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
 from pa_ros.language.vocabulary import Vocabulary
@@ -11,15 +12,20 @@ __all__ = [
     "And",
     "Expression",
     "FlatProgram",
+    "LOGICS",
+    "Logic",
+    "MIN_MAX",
     "Not",
     "Or",
+    "PRODUCT",
     "Program",
     "ProgramError",
     "Vocabulary",
     "Word",
     "compile_program",
-    "parse",
     "degree",
+    "logic_named",
+    "parse",
     "relevance",
     "require_target",
     "satisfying",

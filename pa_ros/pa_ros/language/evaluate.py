@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence, Set
 from functools import reduce
-from operator import mul
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.errors import NamesNothingError, ProgramError, one_of, refuse_word
+from pa_ros.language.logic import PRODUCT, Logic
 from pa_ros.language.span import Span
 from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
 
@@ -64,7 +64,11 @@ def describes(expression: Expression, words: Set[str]) -> bool:
 
 
 def relevance(
-    program: Program, phi: Sequence[Sequence[float]], row: Mapping[str, int], hand_index: int
+    program: Program,
+    phi: Sequence[Sequence[float]],
+    row: Mapping[str, int],
+    hand_index: int,
+    logic: Logic = PRODUCT,
 ) -> list[float]:
     """Relevant objects p = OR(HAND, e) over soft sets (paper, eq. logic), one object at a time.
 
@@ -79,10 +83,10 @@ def relevance(
     check_hand(hand_index, columns)
 
     def of(j: int) -> float:
-        value: float = degree(program.target, lambda word: phi[row[word]][j])
+        value: float = degree(program.target, lambda word: phi[row[word]][j], logic)
         return value
 
-    return [_either(1.0 if j == hand_index else 0.0, of(j)) for j in range(columns)]
+    return [logic.either(1.0 if j == hand_index else 0.0, of(j)) for j in range(columns)]
 
 
 def unknown_word(program: Program, word: str, known: Mapping[str, int]) -> ProgramError:
@@ -93,7 +97,7 @@ def unknown_word(program: Program, word: str, known: Mapping[str, int]) -> Progr
     return refuse_word(source, span, word, known)
 
 
-def degree(expression: Expression, value: Callable[[str], Any]) -> Any:
+def degree(expression: Expression, value: Callable[[str], Any], logic: Logic = PRODUCT) -> Any:
     """Soft truth from each word's (paper, eq. logic): of numbers a number, of arrays an array.
 
     AND and OR of more than two fold from the left.
@@ -102,15 +106,11 @@ def degree(expression: Expression, value: Callable[[str], Any]) -> Any:
         case Word(name):
             return value(name)
         case Not(operand):
-            return 1.0 - degree(operand, value)
+            return 1.0 - degree(operand, value, logic)
         case And(operands):
-            return reduce(mul, (degree(operand, value) for operand in operands))
+            return reduce(logic.both, (degree(operand, value, logic) for operand in operands))
         case Or(operands):
-            return reduce(_either, (degree(operand, value) for operand in operands))
-
-
-def _either(x: Any, y: Any) -> Any:
-    return x + y - x * y
+            return reduce(logic.either, (degree(operand, value, logic) for operand in operands))
 
 
 def check_hand(hand_index: int | None, objects: int) -> None:

@@ -10,7 +10,7 @@ from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
 from pa_ros.language.vocabulary import Vocabulary
 
 NOT, AND, OR, COPY = range(4)
-"""Operations: 1 - x, xy, x + y - xy (paper, eq. logic) and x (padding)."""
+"""Operations: 1 - x, both, either (language.logic) and x (padding)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import AgentKey, Float64, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.core.settings import Settings
-from pa_ros.language import Program
+from pa_ros.language import PRODUCT, Program
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError
@@ -298,7 +298,7 @@ class _Run:
             **{name: learner.metrics().get(name, float("nan")) for name in _FIGURES},
         }
         if self._evaluate is not None:
-            actor = Actor(learner.network, learner.config.acting.inference)
+            actor = Actor(learner.network, learner.config.acting.inference, logic=PRODUCT)
             actor.load(learner.snapshot())
             row |= self._evaluate(actor)
         self._rewards = []

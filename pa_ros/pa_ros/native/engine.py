@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
 from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
-from pa_ros.language import Program
+from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native import _fused
 from pa_ros.native.errors import FusedError
@@ -207,13 +207,13 @@ class FusedEngine:
 class FusedActor:
     """`pa_ros.networks.inference.Inference` by the native library; one thread at a time."""
 
-    def __init__(self, config: NetworkConfig, tensors: Tensors) -> None:
+    def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
         if reason := why_not_network(config):
             raise FusedError(f"fused actor: {reason}")
         check_tensors(tensors, actor_shapes(config), "actor")
         self._config = config
         self._family = FUSED[type(config.family)]
-        described = self._family.describe(config, critic=False)
+        described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
         self._told: tuple[Program, tuple[Int32, ...]] | None = None  # the newest, and its codes
         FlatNetwork(described).write(self._actor.parameters, tensors)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
-from pa_ros.language import Program
+from pa_ros.language import MIN_MAX, PRODUCT, Logic, Program
 from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import Canonical, Codes, Family, Programmable, codes_of
@@ -22,7 +22,9 @@ class FusedFamily(ABC):
     """How the library computes a family."""
 
     @abstractmethod
-    def describe(self, network: NetworkConfig, critic: bool) -> _fused.Network:
+    def describe(
+        self, network: NetworkConfig, critic: bool, logic: Logic = PRODUCT
+    ) -> _fused.Network:
         """The actor or the critic."""
 
     @abstractmethod
@@ -62,7 +64,9 @@ def _world(network: NetworkConfig) -> dict[str, Any]:
 
 
 class _Trunk(FusedFamily):
-    def describe(self, network: NetworkConfig, critic: bool) -> _fused.Network:
+    def describe(
+        self, network: NetworkConfig, critic: bool, logic: Logic = PRODUCT
+    ) -> _fused.Network:
         return _fused.Network.trunk(
             hidden=network.hidden,
             attention=network.attention,
@@ -71,6 +75,7 @@ class _Trunk(FusedFamily):
             critic=critic,
             self_weight=network.self_weight,
             relations=network.relation_inputs,
+            min_max=logic == MIN_MAX,
             **_world(network),
         )
 
@@ -89,7 +94,9 @@ class _Trunk(FusedFamily):
 
 
 class _Mlp(FusedFamily):
-    def describe(self, network: NetworkConfig, critic: bool) -> _fused.Network:
+    def describe(
+        self, network: NetworkConfig, critic: bool, logic: Logic = PRODUCT
+    ) -> _fused.Network:
         world = network.world
         rows = [
             [world.vocabulary.row.get(value, -1) for value in group.features.values]

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from pa_ros.core.experience import Float32
-from pa_ros.language import Program
+from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import codes_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
@@ -23,12 +23,16 @@ class Inference(Protocol):
 
 
 class TorchActor:
-    """`Inference` by the modules of `pa_ros.networks`; TensorError if the weights do not fit."""
+    """`Inference` by the modules of `pa_ros.networks`; TensorError if the weights do not fit.
 
-    def __init__(self, config: NetworkConfig, tensors: Tensors) -> None:
+    Networks that evaluate no programs know of no `logic`.
+    """
+
+    def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
         check_tensors(tensors, actor_shapes(config), "actor")
         self._config = config
         self._module = config.family.modules()[0](config).eval().requires_grad_(False)
+        self._module.logic = logic
         self._module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
 
     @torch.inference_mode()

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from pa_ros.language.logic import PRODUCT, Logic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import NOTHING
 from pa_ros.networks.properties import TrueProperties, input_scales
@@ -30,9 +31,9 @@ class Programs:
     b: Tensor
     relation: Tensor | None = None
 
-    def relevant_objects(self, phi: Tensor, hand_index: int) -> Tensor:
+    def relevant_objects(self, phi: Tensor, hand_index: int, logic: Logic = PRODUCT) -> Tensor:
         """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.world.programs`."""
-        return relevant_objects(phi, hand_index, self.op, self.a, self.b)
+        return relevant_objects(phi, hand_index, self.op, self.a, self.b, logic)
 
 
 class Attention(nn.Module):
@@ -55,14 +56,18 @@ class Relations(nn.Module):
 class Trunk(nn.Module):
     """From Ω and programs to h = Σ p_i ω'_i; actor and critic each have their own.
 
-    With `learned_detectors` Φ is computed by detectors, else it is the true one.
+    With `learned_detectors` Φ is computed by detectors, else it is the true one. `logic` joins
+    degrees: PRODUCT, unless an actor is set to another.
     """
+
+    logic: Logic
 
     scales: Tensor  # [F]
     seen: Tensor  # [F + A]: 1 for what f, r and α see of a column, else 0
 
     def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
         super().__init__()
+        self.logic = PRODUCT
         self._group_sizes = config.vocabulary.group_sizes
         columns = config.world.columns
         self._learned = learned_detectors
@@ -99,7 +104,8 @@ class Trunk(nn.Module):
 
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
         """Compute h, [B, K, H], of objects [B, N, F] and arm [B, A] under K programs each."""
-        p = programs.relevant_objects(self.phi(objects, arm), hand_index)  # [B, K, N]
+        phi = self.phi(objects, arm)
+        p = programs.relevant_objects(phi, hand_index, self.logic)  # [B, K, N]
         columns = self._columns(objects, arm) * self.seen
         alpha = self._attention(columns, p)  # [B, K, N, N]
         first, local_last = _layers(self.local)

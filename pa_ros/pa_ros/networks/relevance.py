@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import torch
 from torch import Tensor
 
 from pa_ros.language.evaluate import check_hand
+from pa_ros.language.flat import AND, NOT, OR
+from pa_ros.language.logic import PRODUCT, Logic
 from pa_ros.world.programs import COEFFICIENTS, ProgramTable
+
+Joined = Callable[[int, Tensor, Tensor], Tensor]
+"""What instruction k of each program writes, of its sources [B, K, N] each."""
 
 
 def program_tensors(
@@ -19,7 +25,9 @@ def program_tensors(
     return op, a, b
 
 
-def relevant_objects(phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Tensor) -> Tensor:
+def relevant_objects(
+    phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Tensor, logic: Logic = PRODUCT
+) -> Tensor:
     """Relevant objects vector p = OR(HAND, e) of each program (paper, eq. logic), differentiable.
 
     `phi` is [B, V, N] in [0, 1]; `op`, `a`, `b` are flat programs, integers [B, L] for p [B, N] or
@@ -38,13 +46,33 @@ def relevant_objects(phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Ten
     )
     sources = torch.stack((a, b), dim=-1).long().unsqueeze(-1)
     sources = sources.expand(*lead, length, 2, objects)  # [B, K, L, (a, b), N]
-    coefficients = _coefficients(phi.device, phi.dtype)[op.long()].unsqueeze(-1)  # [B, K, L, 4, 1]
+    joined = (_products if logic == PRODUCT else _extremes)(op.long(), phi)
     for k in range(length):
         x, y = registers.gather(-2, sources[..., k, :, :]).unbind(-2)  # [B, K, N] each
-        c0, c1, c2, c3 = coefficients[..., k, :, :].unbind(-2)  # [B, K, 1] each
-        written = (c0 + c1 * x + c2 * y + c3 * (x * y)).unsqueeze(-2)  # [B, K, 1, N]
-        registers = torch.cat((registers, written), dim=-2)
+        registers = torch.cat((registers, joined(k, x, y).unsqueeze(-2)), dim=-2)
     return registers[..., -1, :]
+
+
+def _products(op: Tensor, phi: Tensor) -> Joined:
+    coefficients = _coefficients(phi.device, phi.dtype)[op].unsqueeze(-1)  # [B, K, L, 4, 1]
+
+    def joined(k: int, x: Tensor, y: Tensor) -> Tensor:
+        c0, c1, c2, c3 = coefficients[..., k, :, :].unbind(-2)  # [B, K, 1] each
+        return c0 + c1 * x + c2 * y + c3 * (x * y)
+
+    return joined
+
+
+def _extremes(op: Tensor, phi: Tensor) -> Joined:
+    """Of `MIN_MAX`; not meant to be differentiated."""
+
+    def joined(k: int, x: Tensor, y: Tensor) -> Tensor:
+        which = op[..., k, None]  # [B, K, 1]
+        unary = torch.where(which == NOT, 1.0 - x, x)
+        either = torch.where(which == OR, torch.maximum(x, y), unary)
+        return torch.where(which == AND, torch.minimum(x, y), either)
+
+    return joined
 
 
 @lru_cache

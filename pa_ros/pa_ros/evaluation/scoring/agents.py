@@ -14,7 +14,7 @@ from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot
 from pa_ros.evaluation.scoring.evaluate import AgentPolicy
-from pa_ros.language import Program
+from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.networks.config import actor_config
@@ -25,16 +25,17 @@ RANDOM_WEIGHTS_STREAM = 4  # 0 arena, 1 exploration, 2 learner, 3 the random ref
 
 @dataclass(frozen=True)
 class TrainedAgent:
-    """Weights of an actor and the setting that they were trained in."""
+    """Weights of an actor, the setting that they were trained in, and by which logic they act."""
 
     snapshot: PolicySnapshot
     design: Design
     arena: ArenaConfig
+    logic: Logic = MIN_MAX
 
     @property
     def policy(self) -> AgentPolicy:
         """The greedy policy."""
-        return greedy(self.snapshot, self.arena)
+        return greedy(self.snapshot, self.arena, self.logic)
 
     @property
     def digest(self) -> str:
@@ -44,9 +45,18 @@ class TrainedAgent:
             content.update(name.encode() + np.ascontiguousarray(tensor).tobytes())
         return content.hexdigest()[:12]
 
+    @property
+    def key(self) -> str:
+        """Of all that its actions follow from: the digest, and the logic."""
+        return f"{self.digest}-{self.logic.name}"
+
 
 def load_agent(
-    path: Path, design: str | None = None, preset: str | None = None, arm: str | None = None
+    path: Path,
+    design: str | None = None,
+    preset: str | None = None,
+    arm: str | None = None,
+    logic: Logic = MIN_MAX,
 ) -> TrainedAgent:
     """The agent of a checkpoint or of a training run's folder.
 
@@ -62,7 +72,8 @@ def load_agent(
     arena = preset_named(named["preset"], named["arm"])
     snapshot = load_policy(folder)
     asked = actor_config(snapshot.architecture).vocabulary.relations
-    return TrainedAgent(snapshot, design_named(named["design"]).with_relations(*asked), arena)
+    task = design_named(named["design"]).with_relations(*asked)
+    return TrainedAgent(snapshot, task, arena, logic)
 
 
 def trained(out: Path) -> Path:
@@ -71,9 +82,9 @@ def trained(out: Path) -> Path:
     return inner if inner.is_dir() else out
 
 
-def greedy(snapshot: PolicySnapshot, arena: ArenaConfig) -> AgentPolicy:
+def greedy(snapshot: PolicySnapshot, arena: ArenaConfig, logic: Logic = MIN_MAX) -> AgentPolicy:
     """An actor without exploration, as joint velocities (rad/s) for an arena."""
-    actor, speeds = Actor.of(snapshot), np.array(arena.joint_speed_limits)
+    actor, speeds = Actor.of(snapshot, logic), np.array(arena.joint_speed_limits)
 
     def act(observation: Observation, program: Program) -> Float64:
         return np.asarray(actor.act(observation, program).astype(np.float64) * speeds)

@@ -72,10 +72,10 @@ class Scorer:
             act = agent.policy
             return lambda observation: act(observation, self._task.program)
 
-        return self._kept(agent.digest, condition, policy)
+        return self._kept(agent.key, condition, policy)
 
     def path(self, name: str, condition: str) -> Path:
-        """Where the scores of a reference, or of the agent with that digest, are kept."""
+        """Where the scores of a reference, or of the agent with that key, are kept."""
         return self._cache / name / f"{condition}.csv"
 
     def _kept(self, name: str, condition: str, policy: MakePolicy | None) -> list[EpisodeScore]:

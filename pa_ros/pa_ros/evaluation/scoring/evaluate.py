@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -18,9 +19,10 @@ from pa_ros.arena import (
     scripted_action,
 )
 from pa_ros.core.experience import Float64, Observation
+from pa_ros.core.settings import OneOf
 from pa_ros.evaluation.scoring.intervals import Interval, mean_interval, normalized_interval
 from pa_ros.evaluation.scoring.rewards import EpisodeScore, rewards
-from pa_ros.language import Program
+from pa_ros.language import LOGICS, MIN_MAX, Program
 
 # From what an agent sees, and the program, to joint velocities in rad/s [J].
 AgentPolicy = Callable[[Observation, Program], Float64]
@@ -33,6 +35,9 @@ class EvaluationConfig(ArenaChoice):
     condition: str = Field("eval", description="that episodes are drawn from")
     episodes: int = Field(100, ge=1, description="how many")
     seed: int = Field(0, ge=0, description="of the episodes")
+    logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
+        MIN_MAX.name, description="what AND and OR of degrees are"
+    )
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from pa_ros.evaluation.studies.cluster import Cluster, Files, Part, read_files, 
 from pa_ros.evaluation.studies.experiments import CURVE, Experiment, run_seed
 from pa_ros.evaluation.studies.generalization import RANDOM_WEIGHTS, conditions_of
 from pa_ros.evaluation.studies.seeds import SeedsProgress, folder_of, progress_bar
+from pa_ros.language import MIN_MAX, Logic, logic_named
 from pa_ros.learning.checkpoints import (
     LATEST,
     METADATA,
@@ -100,10 +101,11 @@ def score_on(
     cache: Path,
     episodes: int = 100,
     conditions: Sequence[str] = (),
+    logic: Logic = MIN_MAX,
 ) -> None:
     """Score trained seeds and references under conditions (default: every one of their design),
     into the cache that `generalization.generalize` reads."""
-    jobs = score_jobs(runs, cache, episodes, conditions)
+    jobs = score_jobs(runs, cache, episodes, conditions, logic)
     with progress_bar() as bar:
         task = bar.add_task("generalization", total=len(jobs))
 
@@ -135,10 +137,14 @@ class ScoreJob:
 
 
 def score_jobs(
-    runs: Mapping[int, Path], cache: Path, episodes: int, conditions: Sequence[str]
+    runs: Mapping[int, Path],
+    cache: Path,
+    episodes: int,
+    conditions: Sequence[str],
+    logic: Logic = MIN_MAX,
 ) -> list[ScoreJob]:
     """A job for each condition and reference, and for each condition and agent (by seed)."""
-    agents = {seed: load_agent(run) for seed, run in runs.items()}
+    agents = {seed: load_agent(run, logic=logic) for seed, run in runs.items()}
     first, agent = next(iter(agents.items()))
     scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
     jobs = []
@@ -150,8 +156,8 @@ def score_jobs(
             jobs.append(ScoreJob(f"{condition}, {name}", runs[first], cache, kept, score))
         for seed, one in agents.items():
             acting = without_training(one, seed) if condition == RANDOM_WEIGHTS else one
-            score = partial(score_agent, seed, condition, episodes)
-            kept = scorer.path(acting.digest, drawn_from)
+            score = partial(score_agent, seed, condition, episodes, logic.name)
+            kept = scorer.path(acting.key, drawn_from)
             jobs.append(ScoreJob(f"{condition}, seed {seed}", runs[seed], cache, kept, score))
     return jobs
 
@@ -163,9 +169,9 @@ def score_reference(name: str, condition: str, episodes: int, folder: Path) -> N
     Scorer(benchmark, folder / SCORES).reference(name, condition)
 
 
-def score_agent(seed: int, condition: str, episodes: int, folder: Path) -> None:
+def score_agent(seed: int, condition: str, episodes: int, logic: str, folder: Path) -> None:
     """On a node: the agent in `folder`, of that seed."""
-    agent = load_agent(folder)
+    agent = load_agent(folder, logic=logic_named(logic))
     benchmark = Benchmark(design=agent.design, arena=agent.arena, episodes=episodes)
     acting = without_training(agent, seed) if condition == RANDOM_WEIGHTS else agent
     drawn_from = "train" if condition == RANDOM_WEIGHTS else condition

@@ -84,10 +84,11 @@ class DetectorView:
     def _look(self, observation: Observation) -> Look:
         task, vocabulary = self._task, self._vocabulary
         phi = self._inference.properties(observation.objects, self._world.arm(observation))
-        p = relevance(task.program, phi.tolist(), vocabulary.row, observation.hand_index)
-        hand, *blocks = [(float(x), float(y)) for x, y, _ in task.simulation.positions]
+        hand, logic = observation.hand_index, self._agent.logic
+        p = relevance(task.program, phi.tolist(), vocabulary.row, hand, logic)
+        first, *blocks = [(float(x), float(y)) for x, y, _ in task.simulation.positions]
         return Look(task.episode, observation.step, task.verifier.targets, vocabulary.words, phi,
-                    np.array(p), observation, hand, tuple(blocks))  # fmt: skip
+                    np.array(p), observation, first, tuple(blocks))  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from pa_ros.arena import ReachTask
 from pa_ros.core.experience import Observation
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.benchmark import EPISODES_SEED
-from pa_ros.language import And, Expression, Not, Or, Program, Word
+from pa_ros.language import LOGICS, MIN_MAX, And, Expression, Not, Or, Program, Word
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.relevance import program_tensors, relevant_objects
@@ -36,21 +36,25 @@ class Law:
     """Two ways to say the same of what expression `e` names: a thing of color c and shape s."""
 
     name: str
-    exact: bool  # holds over soft sets too
+    exact: frozenset[str]  # logics in which it holds over soft sets, too
     pair: Callable[[Expression, Word, Word], Pair]
 
 
+_EVERY, _LATTICE, _NONE = frozenset(LOGICS), frozenset({MIN_MAX.name}), frozenset[str]()
+
 LAWS = (
-    Law("double negation", True, lambda e, c, s: (e, Not(Not(e)))),
-    Law("De Morgan", True, lambda e, c, s: (e, de_morgan(e))),
-    Law("commuted", True, lambda e, c, s: (e, commuted(e))),
-    Law("associated AND", True, lambda e, c, s: (And((And((e, c)), s)), And((e, And((c, s)))))),
-    Law("associated OR", True, lambda e, c, s: _associated_or(e, And((e, c)), And((e, s)))),
-    Law("idempotent AND", False, lambda e, c, s: (e, And((e, e)))),
-    Law("idempotent OR", False, lambda e, c, s: (e, Or((e, e)))),
-    Law("distributive AND", False, lambda e, c, s: _distributive(And, Or, e, c, s)),
-    Law("distributive OR", False, lambda e, c, s: _distributive(Or, And, e, c, s)),
-    Law("absorption", False, lambda e, c, s: (e, Or((e, And((e, c)))))),
+    Law("double negation", _EVERY, lambda e, c, s: (e, Not(Not(e)))),
+    Law("De Morgan", _EVERY, lambda e, c, s: (e, de_morgan(e))),
+    Law("commuted", _EVERY, lambda e, c, s: (e, commuted(e))),
+    Law("associated AND", _EVERY, lambda e, c, s: (And((And((e, c)), s)), And((e, And((c, s)))))),
+    Law("associated OR", _EVERY, lambda e, c, s: _associated_or(e, And((e, c)), And((e, s)))),
+    Law("idempotent AND", _LATTICE, lambda e, c, s: (e, And((e, e)))),
+    Law("idempotent OR", _LATTICE, lambda e, c, s: (e, Or((e, e)))),
+    Law("distributive AND", _LATTICE, lambda e, c, s: _distributive(And, Or, e, c, s)),
+    Law("distributive OR", _LATTICE, lambda e, c, s: _distributive(Or, And, e, c, s)),
+    Law("absorption", _LATTICE, lambda e, c, s: (e, Or((e, And((e, c)))))),
+    Law("excluded middle", _NONE, lambda e, c, s: (e, And((e, Or((c, Not(c))))))),
+    Law("contradiction", _NONE, lambda e, c, s: (e, Or((e, And((c, Not(c))))))),
 )
 
 
@@ -114,7 +118,7 @@ class _Comparison:
 
     def __init__(self, agent: TrainedAgent) -> None:
         network = actor_config(agent.snapshot.architecture)
-        self._agent = agent
+        self._logic = agent.logic
         self._act = agent.policy
         self._limits = np.array(agent.arena.joint_speed_limits)
         self._world, self._vocabulary = network.world, network.vocabulary
@@ -161,7 +165,7 @@ class _Comparison:
         scenes = zip(seen, arms, strict=True)
         phi = np.stack([self._inference.properties(o.objects, arm) for o, arm in scenes])
         codes = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
-        p = relevant_objects(torch.from_numpy(phi), seen[0].hand_index, *codes)
+        p = relevant_objects(torch.from_numpy(phi), seen[0].hand_index, *codes, self._logic)
         return np.asarray(p.numpy())
 
 
@@ -177,7 +181,17 @@ def differences(seed: int, agent: TrainedAgent, episodes: int) -> list[Differenc
             p, action, score = (float(value) for value in np.abs(found).max(axis=0))
             mean = float(found[:, 2].mean())
             rows.append(
-                Difference(seed, law.name, law.exact, condition, episodes, p, action, score, mean)
+                Difference(
+                    seed,
+                    law.name,
+                    agent.logic.name in law.exact,
+                    condition,
+                    episodes,
+                    p,
+                    action,
+                    score,
+                    mean,
+                )  # fmt: skip
             )
     return rows
 

@@ -19,9 +19,10 @@ from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import TrainingScores
+from pa_ros.language import PRODUCT
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import holds_checkpoint
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.loop import Evaluate, TrainConfig, train
 from pa_ros.learning.protocols import Protocol, protocol_named, usual_protocol
 from pa_ros.provenance.software import device, versions
 
@@ -133,23 +134,35 @@ def experiment_named(name: str) -> Experiment:
     return EXPERIMENTS[name]
 
 
-def run_seed(experiment: Experiment, seed: int, folder: Path, until: int | None = None) -> Path:
+def run_seed(
+    experiment: Experiment,
+    seed: int,
+    folder: Path,
+    until: int | None = None,
+    scores: Evaluate | None = None,
+) -> Path:
     """Train one seed into `folder`, or go on where it was interrupted; its progress.csv.
 
     A seed that reached its frames, or `until`, is not run again. How it is parted changes nothing.
+    `scores` is asked in place of `TrainingScores`.
     """
     curve = folder / CURVE
     frames = min(until or experiment.frames, experiment.frames)
     switch = experiment.switch_frames
     if switch and frames_done(curve) < min(switch, frames):
-        _train_until(experiment, seed, folder, min(switch, frames), "train")
+        _train_until(experiment, seed, folder, min(switch, frames), "train", scores)
     if frames_done(curve) < frames:
-        _train_until(experiment, seed, folder, frames, "eval" if switch else "train")
+        _train_until(experiment, seed, folder, frames, "eval" if switch else "train", scores)
     return curve
 
 
 def _train_until(
-    experiment: Experiment, seed: int, folder: Path, frames: int, condition: str
+    experiment: Experiment,
+    seed: int,
+    folder: Path,
+    frames: int,
+    condition: str,
+    scores: Evaluate | None,
 ) -> None:
     arena = preset_named(experiment.preset, experiment.arm)
     design = design_named(experiment.design)
@@ -171,7 +184,7 @@ def _train_until(
         ReachTask(arena, design, seed),
         np.array(arena.joint_speed_limits),
         training_programs(design),
-        TrainingScores(arena, design, experiment.evaluation_episodes),
+        scores or TrainingScores(arena, design, experiment.evaluation_episodes),
         resume=holds_checkpoint(folder),
     )
 
@@ -238,8 +251,9 @@ def summarize(
 
 
 def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> tuple[float, float]:
-    """Normalized scores, held out and in training, of a run's last checkpoint on fresh episodes."""
-    agent = load_agent(folder)
+    """Normalized scores, held out and in training, of a run's last checkpoint on fresh episodes,
+    acting as it did while it learned: by PRODUCT."""
+    agent = load_agent(folder, logic=PRODUCT)
     scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
 
     def score(condition: str) -> float:

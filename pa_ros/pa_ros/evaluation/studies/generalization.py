@@ -183,6 +183,7 @@ def setting(agents: Mapping[int, TrainedAgent], episodes: int) -> dict[str, obje
             seed: {"weights": agent.digest, "version": agent.snapshot.version}
             for seed, agent in agents.items()
         },
+        "logic": next(iter(agents.values())).logic.name,
         "device": device(),
         "versions": versions(),
     }

@@ -18,7 +18,7 @@ from pa_ros.arena import (
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.pictures.drawing import learning_curve, phi_picture
 from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
-from pa_ros.language import parse, relevance, satisfying
+from pa_ros.language import MIN_MAX, parse, relevance, satisfying
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor
@@ -114,7 +114,7 @@ def draw_phi(path: Path, checkpoint: Path, config: ArenaConfig, design: Design, 
         observation.objects, network.world.arm(observation)
     )
     parsed = parse(program, network.vocabulary)
-    p = relevance(parsed, phi.tolist(), network.vocabulary.row, observation.hand_index)
+    p = relevance(parsed, phi.tolist(), network.vocabulary.row, observation.hand_index, MIN_MAX)
     hand, *blocks = task.simulation.positions[:, :2].tolist()
     phi_picture(
         path,
