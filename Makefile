@@ -11,11 +11,12 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: dist docs-check reference install install-dev install-bench install-console install-film install-tensorboard run train test fuzz bench same-results links lint sanitize clean
+.PHONY: dist docs-check reference install install-dev install-bench install-peers install-console install-film install-tensorboard run train test fuzz bench same-results links lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
 install-bench: $(VENV)/.installed-bench
+install-peers: $(VENV)/.installed-peers
 install-console: $(VENV)/.installed-console
 install-film: $(VENV)/.installed-film
 install-tensorboard: $(VENV)/.installed-tensorboard
@@ -33,6 +34,10 @@ $(VENV)/.installed-dev: $(VENV)/.installed
 
 $(VENV)/.installed-bench: $(VENV)/.installed
 	$(PIP_INSTALL) $(call extra,bench)
+	touch $@
+
+$(VENV)/.installed-peers: $(VENV)/.installed
+	$(PIP_INSTALL) $(call extra,peers)
 	touch $@
 
 $(VENV)/.installed-console: $(VENV)/.installed

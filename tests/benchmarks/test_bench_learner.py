@@ -185,8 +185,11 @@ def test_without_the_library_it_says_so(monkeypatch) -> None:
         bench.bench_learner(NETWORK, CONFIG, PROGRAMS, Sizes(8, 3, 1), rounds=1, slice_s=0.001)
 
 
-def test_stable_baselines_is_left_out_with_a_message(monkeypatch, capsys) -> None:
-    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+def test_libraries_that_are_missing_are_left_out_with_a_message(monkeypatch, capsys) -> None:
+    for name in ("stable_baselines3", "sbx"):
+        monkeypatch.setitem(sys.modules, name, None)
     peers, facts = design.installed_peers()
-    assert peers == [] and facts == {"learner.sb3": "not installed"}
-    assert "Stable-Baselines3 is left out" in capsys.readouterr().err
+    assert peers == []
+    assert facts == {"learner.sb3": "not installed", "learner.sbx": "not installed"}
+    told = capsys.readouterr().err
+    assert "stable-baselines3 is left out" in told and "sbx-rl is left out" in told

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import Design, design_named
+from pa_ros.arena.flat import FlatObservation
 from pa_ros.arena.render import top_view
 from pa_ros.arena.structured import PROGRAM_ROWS, StructuredObservation
 from pa_ros.arena.task import ReachTask, world_of
@@ -29,10 +30,7 @@ SEED_RANGE = 2**31 - 1
 class ReachEnv(gymnasium.Env[Any, Float32]):
     """Reach for one named block.
 
-    Observation, float32 [A + F · K + V + R]: the arm's A features; F features for each of the K
-    kinds of block in the design, always at the same place and zero if absent (paper, appendix
-    "Canonical"); 1 at the V vocabulary words that describe the target; where the design has several
-    relations, 1 at the one of the R that is asked for. Action, [J] in [-1, 1]:
+    Observation: a vector (`pa_ros.arena.flat`). Action, [J] in [-1, 1]:
     parts of the joint speed limits. With `observation="structured"` a `Dict` of objects, arm and
     program (`pa_ros.arena.structured`), for programs of any kind. Reward ±1, or as `reward` has
     it. Episodes are truncated, never terminated. `info` has the program, the distance (m) and
@@ -60,15 +58,11 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm)
         self.design = design if isinstance(design, Design) else design_named(design)
         self.condition, self.render_mode, self._reward = condition, render_mode, reward
-        self._slot = {kind: i for i, kind in enumerate(self.design.extended_pool)}
-        if condition in ("train", "eval"):
-            self._slot = {kind: i for i, kind in enumerate(self.design.pool)}
         self.world = world_of(self.config, self.design)
-        size = self.world.arm_features + self.world.object_features * len(self._slot)
-        size += len(self.design.vocabulary.words) + self.design.vocabulary.relation_inputs
-        self.observation_space: spaces.Space[Any]
-        self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
-        self._observed: Callable[[Observation], Any] = self._flat
+        self.flat = FlatObservation(self.world, self.design, condition)
+        self.observation_space: spaces.Space[Any] = self.flat.space
+        self._observed: Callable[[Observation], Any]
+        self._observed = lambda seen: self.flat(seen, self.task)
         if observation == "structured":
             self.structured = StructuredObservation(self.world, self.design, program_rows)
             self.observation_space = self.structured.space
@@ -109,24 +103,6 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
 
     def _new_task(self, seed: int) -> ReachTask:
         return ReachTask(self.config, self.design, seed, reward=self._reward)
-
-    def _flat(self, observation: Observation) -> Float32:
-        blocks = self.task.episode.blocks
-        slots = np.zeros((len(self._slot), self.world.object_features), dtype=np.float32)
-        for block, row in zip(blocks, observation.objects[1:], strict=True):
-            slots[self._slot[block.kind]] = row
-        return np.concatenate([self.world.arm(observation), slots.ravel(), self._goal()])
-
-    def _goal(self) -> Float32:
-        """What is asked for, [V + R]."""
-        vocabulary, program = self.design.vocabulary, self.task.program
-        words = np.zeros(len(vocabulary.words), dtype=np.float32)
-        target = self.task.episode.blocks[self.task.verifier.targets[0] - 1].kind
-        words[[vocabulary.row[word] for word in target.words if word in vocabulary.row]] = 1.0
-        relations = np.zeros(vocabulary.relation_inputs, dtype=np.float32)
-        if len(relations):
-            relations[vocabulary.relation_row[program.relation]] = 1.0
-        return np.concatenate([words, relations])
 
     def _info(self, verdict: Verdict) -> dict[str, Any]:
         return {

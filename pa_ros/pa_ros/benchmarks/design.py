@@ -84,13 +84,18 @@ def _setting(kind: str) -> tuple[NetworkConfig, LearnerConfig, tuple[Program, ..
 
 
 def installed_peers() -> tuple[list[Contender], dict[str, str]]:
-    """Stable-Baselines3 if it is installed, and what the report says of it."""
-    name = "learner.sb3"
-    try:
-        from pa_ros.benchmarks.sb3 import sb3_contender
+    """Stable-Baselines3 and SBX if they are installed, and what the report says of them."""
+    from pa_ros.benchmarks.sb3 import sb3_contender, sbx_contender
 
-        peer = sb3_contender(gymnasium.make(ENV_ID, design=DESIGN))
-    except ImportError as error:
-        print(f"Stable-Baselines3 is left out: {error} (make install-bench)", file=sys.stderr)
-        return [], {name: "not installed"}
-    return [peer], {name: f"stable-baselines3 {version('stable-baselines3')}"}
+    peers, facts = list[Contender](), dict[str, str]()
+    for name, package, make in (
+        ("sb3", "stable-baselines3", sb3_contender),
+        ("sbx", "sbx-rl", sbx_contender),
+    ):
+        try:
+            peers.append(make(gymnasium.make(ENV_ID, design=DESIGN)))
+            facts[f"learner.{name}"] = f"{package} {version(package)}"
+        except ImportError as error:
+            print(f"{package} is left out: {error} (make install-peers)", file=sys.stderr)
+            facts[f"learner.{name}"] = "not installed"
+    return peers, facts

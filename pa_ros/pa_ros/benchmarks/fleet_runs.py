@@ -74,7 +74,7 @@ def heard(request: Request, every: int) -> Heard:
     def keep(message: Message) -> None:
         policy = codec.decode_weights(message)
         version = policy.snapshot.version
-        if not version or version >= max(policies) + every:
+        if not policies or version >= max(policies) + every:
             policies.setdefault(version, (policy.stamp_ns, policy.snapshot))
 
     def value(name: str) -> float:

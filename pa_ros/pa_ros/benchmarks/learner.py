@@ -39,6 +39,7 @@ SAMPLED = "learner.sampled_updates_per_s"
 STRAIGHTFORWARD = "learner.straightforward_updates_per_s"
 EAGER = "learner.eager_updates_per_s"
 SB3 = "learner.sb3_ddpg_updates_per_s"
+SBX = "learner.sbx_ddpg_updates_per_s"
 GPU = "learner.gpu_updates_per_s"
 ACT, ACT_TORCH = "actor.inference_us", "actor.inference_torch_us"
 TRAJECTORY_STEPS, TRAJECTORIES = 100, 20
@@ -157,7 +158,7 @@ def _actors(learner: Learner, program: Program) -> list[Contender]:
     network, snapshot = learner.network, learner.snapshot()
     actor = Actor(network)
     actor.load(snapshot)
-    plain = TorchActor(network, snapshot.tensors)
+    plain = TorchActor(network, snapshot.tensors, actor.logic)
     objects = learner.replay.arrays["objects"][0].copy()
     joints = np.random.default_rng(0).normal(size=network.world.joints)
     pose = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])
@@ -226,8 +227,10 @@ def _ratios(report: Report) -> dict[str, float]:
         for name, short in names.items()
         if name in report
     }
-    if SB3 in report:  # its train() draws its batches from a replay buffer, so ours does here
-        ratios["learner.ratio_to_sb3_ddpg"] = float(report[SAMPLED]) / float(report[SB3])
+    for name in (SB3, SBX):  # train() draws its batches from a replay buffer, so ours does here
+        if name in report:
+            short = name.removeprefix("learner.").removesuffix("_updates_per_s")
+            ratios[f"learner.ratio_to_{short}"] = float(report[SAMPLED]) / float(report[name])
     if TWO_THREADS in report:
         ratios["learner.ratio_2_threads"] = float(report[TWO_THREADS]) / ours
     return ratios

@@ -27,7 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="endurance: how long (60); console: for how long a page is open besides (0)",
     )  # fmt: skip
     parser.add_argument(
-        "--seeds", type=int, default=3, metavar="N", help="fleet: of each size (%(default)s)"
+        "--seeds",
+        type=int,
+        default=3,
+        metavar="N",
+        help="fleet: of each size; peers: of each contender (%(default)s)",
     )
     parser.add_argument(
         "--arenas", type=int, nargs="+", default=[1, 2, 4, 8], metavar="N",
@@ -113,6 +117,19 @@ def _console(options: argparse.Namespace) -> Report:
     return bench_console(minutes=options.minutes or 0.0)
 
 
+def _peers(options: argparse.Namespace) -> Report:
+    from pa_ros.benchmarks.peers import bench_peers, scores_in
+    from pa_ros.benchmarks.peers_figure import draw_peers
+
+    if options.json is None:
+        with tempfile.TemporaryDirectory() as name:
+            return bench_peers(Path(name), options.seeds)
+    folder = options.json.with_suffix(".runs")
+    found = bench_peers(folder, options.seeds)
+    draw_peers(options.json.with_suffix(".png"), scores_in(folder))
+    return found
+
+
 def _relations(_: argparse.Namespace) -> Report:
     from pa_ros.benchmarks.relations import bench_relations
 
@@ -129,6 +146,7 @@ BENCHMARKS = {
     "latency": _latency,
     "learner": _learner,
     "load": _load,
+    "peers": _peers,
     "relations": _relations,
     "train": _train,
 }

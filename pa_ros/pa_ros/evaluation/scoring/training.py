@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
-from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, ReachTask
+from pa_ros.core.experience import Float32, Observation
 from pa_ros.evaluation.scoring.evaluate import REFERENCES, reference_scores, run_episodes
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
+from pa_ros.language import Program
+
+
+class Acts(Protocol):
+    """Something greedy."""
+
+    def act(self, observation: Observation, program: Program) -> Float32:
+        """The action, [J] in [-1, 1]."""
+
 
 EVALUATION_SEED = 1_000_003  # apart from every training seed's episodes
 
@@ -32,7 +43,12 @@ class TrainingScores:
             for condition in self._conditions
         }
 
-    def __call__(self, actor: Actor) -> dict[str, float]:
+    @property
+    def task(self) -> ReachTask:
+        """Whose episode is being scored."""
+        return self._task
+
+    def __call__(self, actor: Acts) -> dict[str, float]:
         """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
         row: dict[str, float] = {}
         for condition in self._conditions:

@@ -1,0 +1,236 @@
+"""Other libraries' agents on `pa_ros/Reach-v0` beside ours: `pa_ros bench peers`.
+
+Each has one processor, the same frames, and the library's own settings but for the discount, and
+TD3's exploration, which it has none of by default. Each is scored greedily on the same episodes;
+the clock stands while it is.
+"""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from pa_ros.arena import design_named, preset_named
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Observation
+from pa_ros.core.report import Report
+from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+from pa_ros.evaluation.scoring.training import Acts, TrainingScores
+from pa_ros.evaluation.studies.experiments import Experiment, experiment_named, read_curve, run_seed
+from pa_ros.language import Program
+
+OURS = "ours"
+PEERS = {  # library and class
+    "SAC": ("stable_baselines3", "SAC"),
+    "TD3": ("stable_baselines3", "TD3"),
+    "TQC": ("sb3_contrib", "TQC"),
+    "SBX TQC": ("sbx", "TQC"),
+    "SBX CrossQ": ("sbx", "CrossQ"),
+}
+GAMMA = 0.9  # what `ours` begins with
+TD3_NOISE = 0.1  # deviation of its exploration (Fujimoto et al. 2018)
+FRAMES = 60_000
+EVERY = 2_500  # frames between scores
+EPISODES = 50
+EQUAL_FRAMES = 15_000
+EXPERIMENT = "programmable-2L"
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One evaluation of one contender."""
+
+    contender: str
+    seed: int
+    frames: float
+    wall_s: float  # of training alone
+    train_success: float  # share of episodes that end with the program satisfied
+    train_normalized: float  # 0 at random actions, 1 at the script
+    held_out_success: float
+    held_out_normalized: float
+
+
+def bench_peers(folder: Path, seeds: int = 1, contenders: Sequence[str] = ()) -> Report:
+    """Train every contender (default: all) and score it on the way.
+
+    `peers.NAME.…`: the last scores, those after EQUAL_FRAMES, and those of the last evaluation
+    within the time in which `ours` had made its EQUAL_FRAMES; means over the seeds. Runs that
+    `folder` holds are not made again. Raises ConfigError for a contender whose library isn't
+    installed.
+    """
+    named = tuple(contenders) or (OURS, *PEERS)
+    for name in named:
+        _require(name)
+    paths = {(name, seed): folder / f"{name}-{seed}.csv" for seed in range(seeds) for name in named}
+    for (name, seed), path in paths.items():
+        if not path.exists():
+            write_rows(path, _apart(name, seed))
+        last = read_rows(path, Score)[-1]
+        share, held_out = last.train_success, last.held_out_success
+        print(
+            f"{name}, seed {seed}: {last.frames:.0f} frames in {last.wall_s:.0f} s, "
+            f"success {share:.0%}, held out {held_out:.0%}",
+            flush=True,
+        )
+    return report(scores_in(folder))
+
+
+def scores_in(folder: Path) -> list[Score]:
+    """All scores that a folder holds."""
+    return [row for path in sorted(folder.glob("*.csv")) for row in read_rows(path, Score)]
+
+
+def report(scores: Sequence[Score]) -> Report:
+    """Means over seeds, of each contender."""
+    found: dict[str, float | int | str] = {}
+    by_name: dict[str, dict[int, list[Score]]] = {}
+    for row in scores:
+        by_name.setdefault(row.contender, {}).setdefault(row.seed, []).append(row)
+    ours = [row for row in scores if row.contender == OURS and row.frames == EQUAL_FRAMES]
+    within = float(np.mean([row.wall_s for row in ours])) if ours else 0.0
+    for name, by_seed in by_name.items():
+        curves = list(by_seed.values())
+        found[f"peers.{name}.seeds"] = len(curves)
+        found |= _figures(f"peers.{name}", [curve[-1] for curve in curves])
+        equal = [row for curve in curves for row in curve if row.frames == EQUAL_FRAMES]
+        found |= _figures(f"peers.{name}.at_{EQUAL_FRAMES}", equal)
+        in_time = [[row for row in curve if row.wall_s <= within] for curve in curves]
+        found |= _figures(f"peers.{name}.in_time", [curve[-1] for curve in in_time if curve])
+    return found
+
+
+def _figures(name: str, rows: Sequence[Score]) -> dict[str, float | int | str]:
+    fields = ("frames", "wall_s", "train_success", "held_out_success")
+    return {
+        f"{name}.{f}": float(np.mean([getattr(row, f) for row in rows])) for f in fields if rows
+    }
+
+
+def _require(name: str) -> None:
+    if name == OURS:
+        return
+    if name not in PEERS:
+        raise ConfigError(f"peers: expected of {(OURS, *PEERS)}, got {name!r}")
+    library = PEERS[name][0]
+    try:
+        importlib.import_module(library)
+    except ImportError as error:
+        raise ConfigError(
+            f"peers: {name} expects {library} (the extra `peers`: make install-peers): {error}"
+        ) from error
+
+
+def _apart(name: str, seed: int) -> list[Score]:
+    """In a process of its own, on one processor, so that no library's threads help it."""
+    with multiprocessing.get_context("spawn").Pool(1, _alone) as pool:
+        return pool.apply(run_contender, (name, seed))
+
+
+def _alone() -> None:
+    os.environ["OMP_NUM_THREADS"] = "1"
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+
+
+def run_contender(
+    name: str, seed: int, frames: int = FRAMES, every: int = EVERY, episodes: int = EPISODES
+) -> list[Score]:
+    """Train one contender and score it on the way."""
+    experiment = replace(
+        experiment_named(EXPERIMENT),
+        frames=frames,
+        evaluate_every_frames=every,
+        evaluation_episodes=episodes,
+    )
+    run = _Run(name, seed, experiment)
+    (run.train_ours if name == OURS else run.train_peer)()
+    return run.rows
+
+
+class _Run:
+    """One contender with one seed: its scores, and the time that they took."""
+
+    def __init__(self, name: str, seed: int, experiment: Experiment) -> None:
+        self._name, self._seed, self._experiment = name, seed, experiment
+        arena, design = preset_named(experiment.preset), design_named(experiment.design)
+        self._scores = TrainingScores(arena, design, experiment.evaluation_episodes)
+        self._stood_s = 0.0
+        self.rows: list[Score] = []
+
+    def train_ours(self) -> None:
+        """`ours`, as `pa_ros experiment` trains it."""
+        stood: list[float] = []  # until each score
+
+        def scored(actor: Acts) -> dict[str, float]:
+            stood.append(self._stood_s)
+            return self._score(actor)
+
+        with TemporaryDirectory() as name:
+            curve = read_curve(run_seed(self._experiment, self._seed, Path(name), scores=scored))
+        for row, before in zip(curve, stood, strict=True):
+            self._add(row["frames"], row["wall_s"] - before, row)
+
+    def train_peer(self) -> None:
+        """One of PEERS, on the flat observation."""
+        model = self._model()
+        greedy = _Greedy(model, self._scores)
+        began = time.perf_counter()
+
+        def score(*_: Any) -> bool:
+            if model.num_timesteps % self._experiment.evaluate_every_frames == 0:
+                wall_s = time.perf_counter() - began - self._stood_s
+                self._add(model.num_timesteps, wall_s, self._score(greedy))
+            return True
+
+        model.learn(self._experiment.frames, callback=score)
+
+    def _model(self) -> Any:
+        library, kind = PEERS[self._name]
+        design, preset = self._experiment.design, self._experiment.preset
+        environment = gymnasium.make("pa_ros/Reach-v0", design=design, preset=preset)
+        own: dict[str, Any] = {} if library == "sbx" else {"device": "cpu"}
+        if kind == "TD3":
+            from stable_baselines3.common.noise import NormalActionNoise
+
+            joints = environment.action_space.shape or ()
+            own["action_noise"] = NormalActionNoise(np.zeros(joints), np.full(joints, TD3_NOISE))
+        make = getattr(importlib.import_module(library), kind)
+        return make("MlpPolicy", environment, gamma=GAMMA, seed=self._seed, **own)
+
+    def _score(self, actor: Acts) -> dict[str, float]:
+        started = time.perf_counter()
+        row = self._scores(actor)
+        self._stood_s += time.perf_counter() - started
+        return row
+
+    def _add(self, frames: float, wall_s: float, row: Mapping[str, float]) -> None:
+        figures = [
+            row[f"{condition}_greedy.{figure}"]
+            for condition in ("train", "eval")
+            for figure in ("success_rate", "normalized")
+        ]
+        self.rows.append(Score(self._name, self._seed, frames, wall_s, *figures))
+
+
+class _Greedy:
+    """A library's model as an actor."""
+
+    def __init__(self, model: Any, scores: TrainingScores) -> None:
+        self._model, self._task = model, scores.task
+        self._flat = model.env.envs[0].unwrapped.flat
+
+    def act(self, observation: Observation, program: Program) -> Float32:
+        """The greedy action, [J]."""
+        seen = self._flat(observation, self._task)
+        action, _state = self._model.predict(seen, deterministic=True)
+        return np.asarray(action, np.float32)

@@ -1,0 +1,36 @@
+"""Picture of other libraries' agents beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+
+from pa_ros.benchmarks.peers import Score
+
+COLUMNS = {"train_success": "trained programs", "held_out_success": "held-out program"}
+
+
+def draw_peers(path: Path, scores: Sequence[Score]) -> None:
+    """Share of episodes that end satisfied against seconds of training, a line for each run."""
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained", sharey=True)
+    names = list(dict.fromkeys(row.contender for row in scores))
+    for plot, (field, title) in zip(axes, COLUMNS.items(), strict=True):
+        for color, name in enumerate(names):
+            for seed in sorted({row.seed for row in scores if row.contender == name}):
+                run = [row for row in scores if (row.contender, row.seed) == (name, seed)]
+                shares = [getattr(row, field) for row in run]
+                label = None if seed else name
+                plot.plot([row.wall_s for row in run], shares, color=f"C{color}", label=label)
+        plot.set(xlabel="training (s)", title=title, xscale="log", ylim=(-0.03, 1.03))
+        plot.grid(alpha=0.3)
+    axes[0].set_ylabel("episodes that end satisfied")
+    axes[0].legend(frameon=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

@@ -1,0 +1,67 @@
+"""Other libraries' agents beside ours: the same frames, the same episodes, the same scores."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pa_ros.benchmarks import peers
+from pa_ros.benchmarks.peers import OURS, PEERS, Score, report, run_contender
+from pa_ros.benchmarks.peers_figure import draw_peers
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.scoring.tables import write_rows
+
+FRAMES, EVERY, EPISODES = 5000, 2500, 2
+
+
+def score(name: str, frames: float, wall_s: float, train: float) -> Score:
+    return Score(name, 0, frames, wall_s, train, train, train / 2, train / 2)
+
+
+def test_ours_is_scored_on_the_way_without_the_time_that_it_takes() -> None:
+    rows = run_contender(OURS, 0, FRAMES, EVERY, EPISODES)
+    assert [row.frames for row in rows] == [2500, 5000]
+    assert 0 < rows[0].wall_s < rows[1].wall_s
+    assert all(0 <= row.train_success <= 1 for row in rows)
+
+
+@pytest.mark.filterwarnings("ignore")  # of the libraries
+@pytest.mark.parametrize("name", PEERS)
+def test_each_peer_learns_and_is_scored(name: str) -> None:
+    pytest.importorskip(PEERS[name][0])
+    rows = run_contender(name, 0, 200, 100, 1)
+    assert [row.frames for row in rows] == [100, 200]
+    assert {row.contender for row in rows} == {name}
+    assert 0 < rows[0].wall_s < rows[1].wall_s
+
+
+def test_the_report_compares_at_equal_frames_and_in_equal_time() -> None:
+    rows = [score(OURS, 15_000, 20.0, 1.0), score(OURS, 60_000, 90.0, 1.0)]
+    rows += [score("TD3", f, f / 500, s) for f, s in ((5000, 0.1), (15_000, 0.2), (60_000, 0.4))]
+    found = report(rows)
+    assert found["peers.TD3.frames"] == 60_000 and found["peers.TD3.train_success"] == 0.4
+    assert found["peers.TD3.at_15000.held_out_success"] == 0.1
+    assert found["peers.TD3.in_time.frames"] == 5000  # the next was after 30 s
+    assert found["peers.ours.in_time.frames"] == 15_000
+
+
+def test_what_is_there_is_not_trained_again_and_what_cannot_be_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for seed in range(2):
+        rows = [replace(score(OURS, 15_000, 20.0, 1.0), seed=seed)]
+        write_rows(tmp_path / f"{OURS}-{seed}.csv", rows)
+    found = peers.bench_peers(tmp_path, 2, [OURS])
+    assert (
+        found["peers.ours.seeds"] == 2 and "ours, seed 1: 15000 frames" in capsys.readouterr().out
+    )
+    draw_peers(tmp_path / "peers.png", peers.scores_in(tmp_path))
+    assert (tmp_path / "peers.png").stat().st_size > 10_000
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    with pytest.raises(ConfigError, match="TQC expects sb3_contrib .the extra `peers`"):
+        peers.bench_peers(tmp_path, 1, ["TQC"])
+    with pytest.raises(ConfigError, match="expected of .*got 'PPO'"):
+        peers.bench_peers(tmp_path, 1, ["PPO"])
