@@ -17,14 +17,14 @@ from pa_ros.evaluation.scoring.tables import write_rows
 FRAMES, EVERY, EPISODES = 5000, 2500, 2
 
 
-def score(name: str, frames: float, wall_s: float, train: float) -> Score:
-    return Score(name, 0, frames, wall_s, train, train, train / 2, train / 2)
+def score(name: str, frames: float, seconds: float, train: float) -> Score:
+    return Score(name, 0, frames, seconds, train, train, train / 2, train / 2)
 
 
 def test_ours_is_scored_on_the_way_without_the_time_that_it_takes() -> None:
     rows = run_contender(OURS, 0, FRAMES, EVERY, EPISODES)
     assert [row.frames for row in rows] == [2500, 5000]
-    assert 0 < rows[0].wall_s < rows[1].wall_s
+    assert 0 < rows[0].seconds < rows[1].seconds
     assert all(0 <= row.train_success <= 1 for row in rows)
 
 
@@ -35,7 +35,7 @@ def test_each_peer_learns_and_is_scored(name: str) -> None:
     rows = run_contender(name, 0, 200, 100, 1)
     assert [row.frames for row in rows] == [100, 200]
     assert {row.contender for row in rows} == {name}
-    assert 0 < rows[0].wall_s < rows[1].wall_s
+    assert 0 < rows[0].seconds < rows[1].seconds
 
 
 def test_the_report_compares_at_equal_frames_and_in_equal_time() -> None:

@@ -13,7 +13,7 @@ from pa_ros.console.insight import Insight
 from pa_ros.console.moment import Moment, looked
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot
-from pa_ros.language import parse, relevance
+from pa_ros.language import MIN_MAX, parse, relevance
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.parameters import initial_actor
@@ -28,7 +28,8 @@ OBSERVATION, _ = TASK.reset(0, "train")
 def test_p_is_the_programs_relevance_and_the_root_is_p_of_the_blocks():
     program = parse("NEAR(HAND, AND(RED, NOT(OR(SPHERE, CYLINDER))))", VOCABULARY)
     look = Insight(SNAPSHOT).look(OBSERVATION, program)
-    expected = relevance(program, look.phi.tolist(), VOCABULARY.row, OBSERVATION.hand_index)
+    hand = OBSERVATION.hand_index
+    expected = relevance(program, look.phi.tolist(), VOCABULARY.row, hand, MIN_MAX)
     np.testing.assert_allclose(look.p, expected)
     assert [(node.depth, node.text) for node in look.tree] == [
         (0, "AND"), (1, "RED"), (1, "NOT"), (2, "OR"), (3, "SPHERE"), (3, "CYLINDER"),

@@ -140,7 +140,7 @@ def test_min_and_max_make_a_lattice(
     x: Expression, y: Expression, z: Expression, phi: list[list[float]]
 ) -> None:
     """Idempotence, absorption, distribution and De Morgan, to rounding of 1 - (1 - x)."""
-    equal = [
+    equal: list[tuple[Expression, Expression]] = [
         (x, And((x, x))),
         (x, Or((x, x))),
         (x, Or((x, And((x, y))))),

@@ -1,8 +1,8 @@
 """Other libraries' agents on `pa_ros/Reach-v0` beside ours: `pa_ros bench peers`.
 
 Each has one processor, the same frames, and the library's own settings but for the discount, and
-TD3's exploration, which it has none of by default. Each is scored greedily on the same episodes;
-the clock stands while it is.
+TD3's exploration, which it has none of by default. Each is scored greedily on the same episodes, in
+time that doesn't count. Time is the processor's, so that other work on the machine changes little.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Score:
     contender: str
     seed: int
     frames: float
-    wall_s: float  # of training alone
+    seconds: float  # of a processor, for training alone
     train_success: float  # share of episodes that end with the program satisfied
     train_normalized: float  # 0 at random actions, 1 at the script
     held_out_success: float
@@ -78,7 +78,7 @@ def bench_peers(folder: Path, seeds: int = 1, contenders: Sequence[str] = ()) ->
         last = read_rows(path, Score)[-1]
         share, held_out = last.train_success, last.held_out_success
         print(
-            f"{name}, seed {seed}: {last.frames:.0f} frames in {last.wall_s:.0f} s, "
+            f"{name}, seed {seed}: {last.frames:.0f} frames in {last.seconds:.0f} s, "
             f"success {share:.0%}, held out {held_out:.0%}",
             flush=True,
         )
@@ -97,20 +97,20 @@ def report(scores: Sequence[Score]) -> Report:
     for row in scores:
         by_name.setdefault(row.contender, {}).setdefault(row.seed, []).append(row)
     ours = [row for row in scores if row.contender == OURS and row.frames == EQUAL_FRAMES]
-    within = float(np.mean([row.wall_s for row in ours])) if ours else 0.0
+    within = float(np.mean([row.seconds for row in ours])) if ours else 0.0
     for name, by_seed in by_name.items():
         curves = list(by_seed.values())
         found[f"peers.{name}.seeds"] = len(curves)
         found |= _figures(f"peers.{name}", [curve[-1] for curve in curves])
         equal = [row for curve in curves for row in curve if row.frames == EQUAL_FRAMES]
         found |= _figures(f"peers.{name}.at_{EQUAL_FRAMES}", equal)
-        in_time = [[row for row in curve if row.wall_s <= within] for curve in curves]
+        in_time = [[row for row in curve if row.seconds <= within] for curve in curves]
         found |= _figures(f"peers.{name}.in_time", [curve[-1] for curve in in_time if curve])
     return found
 
 
 def _figures(name: str, rows: Sequence[Score]) -> dict[str, float | int | str]:
-    fields = ("frames", "wall_s", "train_success", "held_out_success")
+    fields = ("frames", "seconds", "train_success", "held_out_success")
     return {
         f"{name}.{f}": float(np.mean([getattr(row, f) for row in rows])) for f in fields if rows
     }
@@ -164,34 +164,34 @@ class _Run:
         self._name, self._seed, self._experiment = name, seed, experiment
         arena, design = preset_named(experiment.preset), design_named(experiment.design)
         self._scores = TrainingScores(arena, design, experiment.evaluation_episodes)
-        self._stood_s = 0.0
+        self._not_training_s = time.process_time()
         self.rows: list[Score] = []
 
     def train_ours(self) -> None:
         """`ours`, as `pa_ros experiment` trains it."""
-        stood: list[float] = []  # until each score
+        spent: list[float] = []
 
         def scored(actor: Acts) -> dict[str, float]:
-            stood.append(self._stood_s)
+            spent.append(self._seconds)
             return self._score(actor)
 
         with TemporaryDirectory() as name:
             curve = read_curve(run_seed(self._experiment, self._seed, Path(name), scores=scored))
-        for row, before in zip(curve, stood, strict=True):
-            self._add(row["frames"], row["wall_s"] - before, row)
+        for row, seconds in zip(curve, spent, strict=True):
+            self._add(row["frames"], seconds, row)
 
     def train_peer(self) -> None:
         """One of PEERS, on the flat observation."""
         model = self._model()
         greedy = _Greedy(model, self._scores)
-        began = time.perf_counter()
 
         def score(*_: Any) -> bool:
             if model.num_timesteps % self._experiment.evaluate_every_frames == 0:
-                wall_s = time.perf_counter() - began - self._stood_s
-                self._add(model.num_timesteps, wall_s, self._score(greedy))
+                spent = self._seconds
+                self._add(model.num_timesteps, spent, self._score(greedy))
             return True
 
+        self._not_training_s = time.process_time()  # loading the library isn't, either
         model.learn(self._experiment.frames, callback=score)
 
     def _model(self) -> Any:
@@ -207,19 +207,23 @@ class _Run:
         make = getattr(importlib.import_module(library), kind)
         return make("MlpPolicy", environment, gamma=GAMMA, seed=self._seed, **own)
 
+    @property
+    def _seconds(self) -> float:
+        return time.process_time() - self._not_training_s
+
     def _score(self, actor: Acts) -> dict[str, float]:
-        started = time.perf_counter()
+        started = time.process_time()
         row = self._scores(actor)
-        self._stood_s += time.perf_counter() - started
+        self._not_training_s += time.process_time() - started
         return row
 
-    def _add(self, frames: float, wall_s: float, row: Mapping[str, float]) -> None:
+    def _add(self, frames: float, seconds: float, row: Mapping[str, float]) -> None:
         figures = [
             row[f"{condition}_greedy.{figure}"]
             for condition in ("train", "eval")
             for figure in ("success_rate", "normalized")
         ]
-        self.rows.append(Score(self._name, self._seed, frames, wall_s, *figures))
+        self.rows.append(Score(self._name, self._seed, frames, seconds, *figures))
 
 
 class _Greedy:

@@ -26,8 +26,10 @@ def draw_peers(path: Path, scores: Sequence[Score]) -> None:
                 run = [row for row in scores if (row.contender, row.seed) == (name, seed)]
                 shares = [getattr(row, field) for row in run]
                 label = None if seed else name
-                plot.plot([row.wall_s for row in run], shares, color=f"C{color}", label=label)
-        plot.set(xlabel="training (s)", title=title, xscale="log", ylim=(-0.03, 1.03))
+                plot.plot([row.seconds for row in run], shares, color=f"C{color}", label=label)
+        plot.set(
+            xlabel="training (s of one processor)", title=title, xscale="log", ylim=(-0.03, 1.03)
+        )
         plot.grid(alpha=0.3)
     axes[0].set_ylabel("episodes that end satisfied")
     axes[0].legend(frameon=False)

@@ -53,8 +53,7 @@ LAWS = (
     Law("distributive AND", _LATTICE, lambda e, c, s: _distributive(And, Or, e, c, s)),
     Law("distributive OR", _LATTICE, lambda e, c, s: _distributive(Or, And, e, c, s)),
     Law("absorption", _LATTICE, lambda e, c, s: (e, Or((e, And((e, c)))))),
-    Law("excluded middle", _NONE, lambda e, c, s: (e, And((e, Or((c, Not(c))))))),
-    Law("contradiction", _NONE, lambda e, c, s: (e, Or((e, And((c, Not(c))))))),
+    Law("excluded middle", _NONE, lambda e, c, s: (e, Or((e, And((c, Not(c))))))),
 )
 
 
@@ -165,7 +164,9 @@ class _Comparison:
         scenes = zip(seen, arms, strict=True)
         phi = np.stack([self._inference.properties(o.objects, arm) for o, arm in scenes])
         codes = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
-        p = relevant_objects(torch.from_numpy(phi), seen[0].hand_index, *codes, self._logic)
+        op, a, b = codes
+        hand = seen[0].hand_index
+        p = relevant_objects(torch.from_numpy(phi), hand, op, a, b, self._logic)
         return np.asarray(p.numpy())
 
 
