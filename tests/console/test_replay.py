@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+from itertools import groupby
+
+import numpy as np
 import pytest
 from recorded_runs import rewritten, train
 
-pytest.importorskip("viser", reason="the extra `console` is not installed")
-
+from pa_ros.arena.appearance import look_of
 from pa_ros.bags.errors import BagError, ProvenanceError
+from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
-from pa_ros.console.replay import Replay
+from pa_ros.console.recorded import Replay
 
 
 @pytest.fixture(scope="module")
@@ -61,3 +65,82 @@ def test_a_damaged_bag_is_one_line(recorded, tmp_path, capsys):
     assert error.startswith("pa_ros console: bag:") and "Traceback" not in error
     with pytest.raises(BagError):
         Bag(tmp_path / "none")
+
+
+def test_without_its_extra_rerun_is_one_line(recorded, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert main(["bag", "export", str(recorded), "--rerun", str(tmp_path / "a.rrd")]) == 2
+    assert "expected the extra rerun (pip install" in capsys.readouterr().err
+    assert not (tmp_path / "a.rrd").exists()
+
+
+@pytest.mark.parametrize("given", [[], ["--out", "a", "--rerun", "b.rrd"]])
+def test_an_export_goes_to_one_place(recorded, capsys, given):
+    assert main(["bag", "export", str(recorded), *given]) == 2
+    assert "expected one of --out DIR and --rerun FILE.rrd" in capsys.readouterr().err
+
+
+def columns(path) -> dict[str, list]:
+    """What a file for Rerun says, by "entity component": (simulation time in s, value) in order."""
+    from rerun.chunk import RrdReader
+
+    found: dict[str, list] = {}
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        if "sim_time" not in batch.schema.names:
+            continue
+        times = [round(time.total_seconds(), 6) for time in batch.column("sim_time").to_pylist()]
+        for name in batch.schema.names:
+            if ":" in name:
+                rows = found.setdefault(f"{chunk.entity_path} {name}", [])
+                rows += zip(times, batch.column(name).to_pylist(), strict=True)
+    return {name: sorted(rows, key=lambda row: row[0]) for name, rows in found.items()}
+
+
+def test_a_file_for_rerun_says_what_is_recorded(recorded, tmp_path, capsys):
+    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
+    path = tmp_path / "run.rrd"
+    assert main(["bag", "export", str(recorded), "--rerun", str(path), "--episodes", "0", "2"]) == 0
+    assert "2 episodes in" in capsys.readouterr().out
+    told = columns(path)
+    with Bag(recorded) as bag:
+        replay = Replay(bag)
+        wanted = [(place, e) for place, e in enumerate(replay.episodes) if e.number in (0, 2)]
+        rows = [row for _, episode in wanted for row in episode.rows]
+        rewards = [row.reward for row in rows if np.isfinite(row.reward)]
+        assert [value for _, (value,) in told["/reward Scalars:scalars"]] == rewards
+        hand = told["/world/arm/hand Transform3D:translation"]
+        assert [time for time, _ in hand] == pytest.approx(0.1 * np.arange(len(rows)))
+        texts = [text for _, (text,) in told["/program TextDocument:text"]]
+        assert texts == [key for key, _ in groupby(row.program for row in rows)]
+        for start, (place, episode) in zip((0, len(wanted[0][1].rows)), wanted, strict=True):
+            the_blocks_are_as_recorded(told, replay, place, episode, start)
+    assert main(["bag", "export", str(recorded), "--rerun", str(path)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def the_blocks_are_as_recorded(told, replay, place, episode, start):
+    """Poses, shapes, colors, and p in curves and labels, at an episode's step 7."""
+    stage, moment = Stage(episode, replay.arena), replay.moment(place, 7)
+    stage.show(episode.rows[7])
+    at = pytest.approx(0.1 * (start + 7))
+    for i, block in enumerate(stage.task.episode.blocks, start=1):
+        words = sorted(block.kind.words, key=replay.arena.world.vocabulary.row.get, reverse=True)
+        name, p = "_".join(words).lower(), moment.look.p[i]
+        (pose,) = [v for t, v in told[f"/world/blocks/{name} Transform3D:translation"] if t == at]
+        assert pose[0] == pytest.approx(stage.task.simulation.positions[i].tolist(), abs=1e-6)
+        shape = {"CUBE": "Boxes3D", "SPHERE": "Ellipsoids3D"}[words[1]]
+        (label,) = [v for t, v in told[f"/world/blocks/{name} {shape}:labels"] if t == at]
+        assert label == [f"{' '.join(words)}  p {p:.2f}"]
+        (curve,) = [v for t, v in told[f"/p/{name} Scalars:scalars"] if t == at]
+        assert curve == [pytest.approx(p)]
+        rgba = told[f"/world/blocks/{name} {shape}:colors"][0][1][0].to_bytes(4, "big")
+        assert list(rgba[:3]) == [round(255 * c) for c in look_of(block.kind).rgb]
+
+
+def test_a_file_that_cannot_be_is_one_line(recorded, tmp_path, capsys):
+    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
+    for name, said in (("a.txt", "ends in .rrd"), ("none/a.rrd", "No such file")):
+        assert main(["bag", "export", str(recorded), "--rerun", str(tmp_path / name)]) == 2
+        error = capsys.readouterr().err
+        assert said in error and "Traceback" not in error

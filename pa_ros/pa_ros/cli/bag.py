@@ -9,6 +9,7 @@ from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.film import add_look, check_look
+from pa_ros.core.errors import ConfigError
 
 EXIT_PARTIAL = 1  # some of the bag could not be looked at
 
@@ -18,7 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     info = actions.add_parser("info", help="episodes, programs, scores, versions, gaps")
     export = actions.add_parser("export", help="episodes as NPZ or Parquet, and a table of them")
-    export.add_argument("--out", type=Path, required=True, metavar="DIR")
+    export.add_argument("--out", type=Path, metavar="DIR", help="for the files of --format")
+    export.add_argument(
+        "--rerun", type=Path, metavar="FILE.rrd", help="all in one file for Rerun's viewer"
+    )
     export.add_argument(
         "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
     )
@@ -54,8 +58,22 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.export import export
 
+    if (options.out is None) == (options.rerun is None):
+        raise ConfigError("export: expected one of --out DIR and --rerun FILE.rrd")
+    if options.rerun is not None:
+        return _export_rerun(bag, options)
     count = export(episodes(bag, options.namespace), options.out, options.episodes, options.format)
     print(f"{count} episodes in {options.out}, described in docs/bags.md")
+    return 0
+
+
+def _export_rerun(bag: Bag, options: argparse.Namespace) -> int:
+    from pa_ros.console.recorded import Replay
+    from pa_ros.console.rerun_file import check_rerun, write_rerun
+
+    check_rerun(options.rerun)
+    count = write_rerun(Replay(bag, options.namespace), options.rerun, options.episodes)
+    print(f"{count} episodes in {options.rerun}, described in docs/bags.md")
     return 0
 
 

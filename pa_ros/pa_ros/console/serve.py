@@ -16,7 +16,8 @@ from pa_ros.console import markup
 from pa_ros.console.controls import Controls
 from pa_ros.console.live import LiveConsole
 from pa_ros.console.page import Page
-from pa_ros.console.replay import Replay, Timeline
+from pa_ros.console.recorded import Replay
+from pa_ros.console.replay import Timeline
 from pa_ros.console.server import ConsoleServer, ConsoleSettings
 from pa_ros.ros.executor import spin_until, steady_timer
 from pa_ros.tools.client import client_node

@@ -1,0 +1,219 @@
+"""A recording as one file for Rerun's viewer: what stands where, p, programs and rewards."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.bags.episodes import RecordedEpisode
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.film import Stage
+from pa_ros.console.moment import Moment
+from pa_ros.console.recorded import Replay
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float64
+from pa_ros.tools.scenes import name_of
+from pa_ros.wire.records import ArenaDescription
+
+VERDICTS = {True: "satisfied", False: "not yet", None: "not recorded"}
+Shown = list[tuple[int, str]]
+_BOX, _SPHERE = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_SPHERE)
+_CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
+
+
+def check_rerun(path: Path) -> None:
+    """BagError if there is something at `path`; ConfigError without the extra."""
+    _rerun()
+    if path.suffix != ".rrd":
+        raise ConfigError(f"export: expected a file that ends in .rrd, got {path}")
+    if path.exists():
+        raise BagError(f"export: {path} exists already, not overwriting")
+
+
+def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = None) -> int:
+    """Write episodes, all or those of some numbers, onto one simulation time; how many.
+
+    Raises BagError if the file can't be written, or the joints' positions aren't recorded.
+    """
+    rerun = _rerun()
+    try:
+        path.open("xb").close()
+    except OSError as error:
+        raise BagError(f"export: {error}") from error
+    chosen = [
+        (place, episode)
+        for place, episode in enumerate(replay.episodes)
+        if numbers is None or episode.number in numbers
+    ]
+    with rerun.RecordingStream("pa_ros", recording_id=path.stem) as stream:
+        stream.save(str(path))
+        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        teller = _Teller(rerun, stream, replay.arena)
+        for place, episode in chosen:
+            moments = [replay.moment(place, step) for step in range(len(episode.rows))]
+            teller.tell(episode, moments)
+        stream.flush()
+    return len(chosen)
+
+
+class _Teller:
+    """Writes episode after episode, each entity's steps as columns."""
+
+    def __init__(self, rerun: Any, stream: Any, arena: ArenaDescription) -> None:
+        self._rerun, self._stream, self._arena = rerun, stream, arena
+        self._said: dict[str, str] = {}  # texts, by entity
+        self._blocks: list[str] = []  # of the episode, by name
+        self._until_s = -arena.control_period  # where the simulation's time is not recorded
+
+    def tell(self, episode: RecordedEpisode, moments: Sequence[Moment]) -> None:
+        """One episode, from its first step to its last."""
+        stage = Stage(episode, self._arena)
+        self._times = self._timelines(moments)
+        row = self._arena.world.vocabulary.row
+        kinds = [name_of(block.kind.words, row) for block in stage.task.episode.blocks]
+        shown = _shown(stage.task.simulation.model, self._begin(kinds))
+        self._furnish(stage, shown, kinds, _relevance(moments))
+        self._poses(stage, shown, moments)
+        self._columns("reward", [moment.reward for moment in moments])
+        self._columns("distance", [moment.distance for moment in moments])
+        for i, moment in enumerate(moments):
+            self._text(i, "program", moment.program or "none in force")
+            self._text(i, "verdict", VERDICTS[moment.satisfied])
+
+    def _timelines(self, moments: Sequence[Moment]) -> dict[str, dict[str, NDArray[Any]]]:
+        """Simulation time, step and episode; time goes on where it is not recorded."""
+        seen, period_s = [moment.observation for moment in moments], self._arena.control_period
+        stamps: Float64 = np.array([one.stamp_ns / 1e9 for one in seen], dtype=np.float64)
+        if not stamps[-1] > 0:
+            later = self._until_s + period_s * np.arange(1, len(seen) + 1)
+            stamps = later.astype(np.float64)
+        self._until_s = float(stamps[-1])
+        return {
+            "sim_time": {"duration": stamps},
+            "step": {"sequence": np.array([one.step for one in seen])},
+            "episode": {"sequence": np.array([one.episode for one in seen])},
+        }
+
+    def _begin(self, kinds: Sequence[str]) -> list[str]:
+        """Names of an episode's blocks; what another left behind, and this one lacks, is gone."""
+        before, self._blocks = self._blocks, []
+        for kind in kinds:
+            name = kind.lower().replace(" ", "_")
+            known = sum(one.rpartition("-")[0] == name or one == name for one in self._blocks)
+            self._blocks.append(f"{name}-{known + 1}" if known else name)
+        self._at(0)
+        for gone in sorted(set(before) - set(self._blocks)):
+            self._stream.log(f"world/blocks/{gone}", self._rerun.Clear(recursive=False))
+            self._stream.log(f"p/{gone}", self._rerun.Clear(recursive=False))
+        return self._blocks
+
+    def _furnish(
+        self, stage: Stage, shown: Shown, kinds: Sequence[str], relevance: Float64
+    ) -> None:
+        """Solids, as they are from the first step on; labels of blocks change with p."""
+        self._at(0)
+        for number, entity in shown:
+            shape = _shape(self._rerun, stage.task.simulation.model, number)
+            self._stream.log(entity, shape)
+            name = entity.rpartition("/")[2]
+            if name in self._blocks:
+                block = self._blocks.index(name)
+                labels = [f"{kinds[block]}{_degree(p)}" for p in relevance[:, block]]
+                columns = type(shape).columns(labels=labels, show_labels=[True] * len(labels))
+                self._stream.send_columns(entity, self._indexes(), columns)
+                self._columns(f"p/{name}", relevance[:, block])
+
+    def _poses(self, stage: Stage, shown: Shown, moments: Sequence[Moment]) -> None:
+        data = stage.task.simulation.data
+        places = np.zeros((len(shown), len(moments), 3))
+        turns = np.zeros((len(shown), len(moments), 4))  # wxyz
+        for step, moment in enumerate(moments):
+            stage.show(moment.row)
+            for i, (number, _) in enumerate(shown):
+                places[i, step] = data.geom_xpos[number]
+                mujoco.mju_mat2Quat(turns[i, step], data.geom_xmat[number])
+        for i, (_, entity) in enumerate(shown):
+            quaternions = np.roll(turns[i], -1, axis=1)
+            columns = self._rerun.Transform3D.columns(translation=places[i], quaternion=quaternions)
+            self._stream.send_columns(entity, self._indexes(), columns)
+
+    def _columns(self, entity: str, values: Any) -> None:
+        """A number for each step; steps without one are left out."""
+        numbers = np.array(values, dtype=np.float64)
+        known = np.isfinite(numbers)
+        if known.any():
+            columns = self._rerun.Scalars.columns(scalars=numbers[known])
+            self._stream.send_columns(entity, self._indexes(known), columns)
+
+    def _text(self, step: int, entity: str, text: str) -> None:
+        if self._said.get(entity) != text:
+            self._said[entity] = text
+            self._at(step)
+            self._stream.log(entity, self._rerun.TextDocument(text))
+
+    def _indexes(self, which: Any = slice(None)) -> list[Any]:
+        return [
+            self._rerun.TimeColumn(name, **{kind: values[which] for kind, values in line.items()})
+            for name, line in self._times.items()
+        ]
+
+    def _at(self, step: int) -> None:
+        for name, line in self._times.items():
+            self._stream.set_time(name, **{kind: values[step] for kind, values in line.items()})
+
+
+def _relevance(moments: Sequence[Moment]) -> Float64:
+    """p of each block at each step, [T, N - 1]; NaN where it is not known."""
+    hand, count = moments[0].observation.hand_index, len(moments[0].observation.objects)
+    known = [
+        moment.look.p if moment.look is not None and len(moment.look.p) else np.full(count, np.nan)
+        for moment in moments
+    ]
+    return np.delete(np.array(known, dtype=np.float64), hand, axis=1)
+
+
+def _degree(p: float) -> str:
+    return "" if np.isnan(p) else f"  p {p:.2f}"
+
+
+def _shown(model: mujoco.MjModel, blocks: Sequence[str]) -> Shown:
+    """Geoms that are shown, and what their entities are called."""
+    found = []
+    for number in range(model.ngeom):
+        name = model.geom(number).name
+        if name.startswith("block"):
+            found.append((number, f"world/blocks/{blocks[int(name.removeprefix('block'))]}"))
+        elif name != "floor":
+            own = "world/table" if name == "table" else f"world/arm/{name or number}"
+            found.append((number, own))
+    return found
+
+
+def _shape(rerun: Any, model: mujoco.MjModel, number: int) -> Any:
+    """A geom in its own frame, in its color."""
+    size, kind = model.geom_size[number], int(model.geom_type[number])
+    look: dict[str, Any] = {"colors": [model.geom_rgba[number]], "fill_mode": "solid"}
+    if kind == _BOX:
+        return rerun.Boxes3D(half_sizes=[size], **look)
+    if kind == _SPHERE:
+        return rerun.Ellipsoids3D(half_sizes=[[size[0]] * 3], **look)
+    if kind == _CAPSULE:  # Rerun's begins at its frame's origin
+        ends = {"lengths": [2 * size[1]], "translations": [[0.0, 0.0, -size[1]]]}
+        return rerun.Capsules3D(radii=[size[0]], **ends, **look)
+    return rerun.Cylinders3D(radii=[size[0]], lengths=[2 * size[1]], **look)
+
+
+def _rerun() -> Any:
+    try:
+        import rerun
+    except ImportError as error:
+        raise ConfigError(
+            "export: --rerun: expected the extra rerun (pip install "
+            f'"programmable-agents[rerun]"), got: {error}'
+        ) from error
+    return rerun
