@@ -11,7 +11,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: dist docs-check reference install install-dev install-bench install-peers install-console install-film install-tensorboard run train test fuzz bench same-results links lint sanitize clean
+.PHONY: colcon dist docs-check reference install install-dev install-bench install-peers install-console install-film install-tensorboard run train test fuzz bench same-results links lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -88,6 +88,26 @@ dist: install-dev
 	rm -rf dist
 	PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m build
 	$(BIN)/python -m pytest -q -p no:xdist tests/ros/packaged.py
+
+# All packages by colcon, in an environment of its own with ROS 2 from the Python index, whatever else is
+# sourced; then what was installed has to do its work. (With a ROS 2 of one's own: docs/contributing.md.)
+COLCON := $(CURDIR)/build/colcon
+COLCON_ENV := env -u PYTHONPATH -u LD_LIBRARY_PATH -u COLCON_PREFIX_PATH -u ROS_DISTRO \
+  AMENT_PREFIX_PATH=$(COLCON)/venv CMAKE_PREFIX_PATH=$(COLCON)/venv PATH=$(COLCON)/venv/bin:$(PATH)
+requirements = $(shell $(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); print(*map(repr, p['build-system']['requires'] + p['project']['dependencies'] + p['project']['optional-dependencies']['colcon']))")
+colcon: install-dev $(COLCON)/.ready
+	cd $(COLCON) && $(COLCON_ENV) colcon build --event-handlers console_cohesion+ \
+	  --paths $(addprefix $(CURDIR)/,msgs_schema pa_ros sim_node agent_node learner_node) \
+	  --cmake-args -DCMAKE_BUILD_TYPE=Release -DPython3_EXECUTABLE=$(COLCON)/venv/bin/python
+	$(BIN)/python -m pytest -q -p no:xdist tests/ros/colcon_built.py
+
+$(COLCON)/.ready: pyproject.toml constraints.txt | $(VENV)/.installed
+	mkdir -p $(COLCON) && touch build/COLCON_IGNORE
+	$(PYTHON) -m venv $(COLCON)/venv
+	grep -v '^setuptools==' constraints.txt > $(COLCON)/constraints.txt  # colcon wants an older one
+	PIP_CONSTRAINT=$(COLCON)/constraints.txt $(COLCON)/venv/bin/python -m pip install --quiet \
+	  --disable-pip-version-check $(requirements)
+	touch $@
 
 # A million programs, a hundred thousand messages, damaged checkpoints and bags; then, where atheris
 # can be installed, cases led by coverage. `make test` looks at a thousandth of them.
