@@ -52,7 +52,7 @@ $(VENV)/.installed-tensorboard: $(VENV)/.installed
 	$(PIP_INSTALL) $(call extra,tensorboard)
 	touch $@
 
-run: install
+run: install-console
 	$(BIN)/pa_ros demo
 
 train: install

@@ -44,6 +44,6 @@ def run(options: argparse.Namespace) -> int:
     from pa_ros.tools.demo.film import film_execution
 
     agent = load_agent(options.checkpoint)
-    count = film_execution(agent, options.out, options.seed, options.side, options.rendered)
-    print(f"{count} pictures in {options.out}")
+    count, missed = film_execution(agent, options.out, options.seed, options.side, options.rendered)
+    print(f"{count} pictures in {options.out}; not reached: {', '.join(missed) or 'none'}")
     return 0

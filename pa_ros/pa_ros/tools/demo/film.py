@@ -15,28 +15,37 @@ from pa_ros.tools.demo.scenes import DemoProgram, demo_programs, find_scene
 EVERY = 2  # control steps for each picture
 HELD = 8  # steps that a reached target is shown for
 LONGEST = 60  # steps of a program
+REACHED = "reached"
 
 
 def film_execution(
     agent: TrainedAgent, path: Path, seed: int, side_px: int, rendered: bool, fast: float = 1.0
-) -> int:
-    """Write a GIF or MP4 of the six programs, one scene each; its number of pictures.
+) -> tuple[int, list[str]]:
+    """Write a GIF or MP4 of the six programs, one scene each; its number of pictures, and the
+    programs that were not reached.
 
     `fast`: how much faster than the arena. ConfigError for a file of another kind or a design with
     nothing held out, RenderError for a file that can't be written or `rendered` without OpenGL.
     """
     check_movie(path)
     period_s = EVERY * agent.arena.control_period_ns / 1e9 / fast
-    return write_movie(path, _pictures(agent, seed, side_px, rendered), period_s)
+    missed: list[str] = []
+    pictures = _pictures(agent, seed, side_px, rendered, missed)
+    return write_movie(path, pictures, period_s), missed
 
 
-def _pictures(agent: TrainedAgent, seed: int, side_px: int, rendered: bool) -> Iterator[Picture]:
+def _pictures(
+    agent: TrainedAgent, seed: int, side_px: int, rendered: bool, missed: list[str]
+) -> Iterator[Picture]:
     task = ReachTask(agent.arena, agent.design, seed)
     for program in demo_programs(agent.design):
         scene = find_scene(agent.arena, agent.design, seed, program)
         task.reset_to(scene.episode)
+        said = ""
         for said in _executed(agent, task, program):
             yield captioned(draw(task, side_px, rendered), (program.text, said))
+        if not said.endswith(REACHED):
+            missed.append(program.text)
 
 
 def _executed(agent: TrainedAgent, task: ReachTask, program: DemoProgram) -> Iterator[str]:
@@ -47,7 +56,7 @@ def _executed(agent: TrainedAgent, task: ReachTask, program: DemoProgram) -> Ite
     for step in range(LONGEST + 1):
         held = held + 1 if verdict.satisfied else 0
         if step % EVERY == 0 or held == HELD:
-            state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} m away"
+            state = REACHED if verdict.satisfied else f"{verdict.distance:.2f} m away"
             yield f"{program.kind}   step {step}   {state}"
         if held == HELD:
             return
