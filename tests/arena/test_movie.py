@@ -72,7 +72,7 @@ def test_the_shipped_agent_is_filmed_and_reaches_what_it_is_told(tmp_path, capsy
     said = captions(monkeypatch, "pa_ros.tools.demo.film.captioned")
     out = tmp_path / "film.gif"
     assert main(["film", "--out", str(out), "--seed", "1", "--side", "64"]) == 0
-    assert capsys.readouterr().out == f"{len(said)} pictures in {out}\n"
+    assert capsys.readouterr().out == f"{len(said)} pictures in {out}; not reached: none\n"
     ends = {program: state for program, state in said}
     assert len(ends) == 6 and all(state.endswith("reached") for state in ends.values())
 
