@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from worlds import random_trajectory
 
 from pa_ros.acting.account import KEPT, RESENT, Account, FreeAccount, Newest
 from pa_ros.acting.answer import Wait
-from pa_ros.core.published import NO_LAG, LearnerInfo
+from pa_ros.core.published import NO_LAG, LearnerInfo, PublishedPolicy
 from pa_ros.world import Trajectory
 
 
@@ -60,6 +61,17 @@ def test_with_other_agents_versions_grow_faster_and_nobody_waits_for_ever() -> N
     for number, yours, mine in ((0, 0, 0), (1, 1, 0), (2, 2, 0), (3, 2, 1)):
         books.receive(published(number, mine, yours))
     assert [version(books, m) for m in (1, 2, 3)] == [0, 3, None]
+
+
+def test_an_agent_that_stands_beside_others_that_learn_keeps_few_of_their_versions() -> None:
+    books, seen = account(), list[weakref.ref[PublishedPolicy]]()
+    for number in range(50):
+        policy = published(number, mine=number // 25, yours=number)
+        seen.append(weakref.ref(policy))
+        books.receive(policy)
+    del policy
+    assert [number for number, one in enumerate(seen) if one() is not None] == [0, 25]
+    assert [version(books, m) for m in (1, 2, 3)] == [0, 25, None]
 
 
 def test_a_refused_trajectory_is_accounted_for_without_another_version() -> None:

@@ -80,6 +80,7 @@ class Account:
         self._policies = sorted([*others, policy], key=lambda one: one.snapshot.version)
         if version >= self.learner.first_version:
             self._settle(policy)
+        self._drop_idle()
 
     def required(self, sequence: int) -> PublishedPolicy | Wait:
         """The weights that must act on a trajectory, or what must be waited for."""
@@ -96,7 +97,8 @@ class Account:
     def use(self, policy: PublishedPolicy) -> None:
         """These weights act from now on, and older ones never again."""
         first = policy.snapshot.version
-        self._policies = [one for one in self._policies if one.snapshot.version >= first]
+        later = [one for one in self._policies if one.snapshot.version >= first]
+        self._policies = later or [policy]
 
     def overdue(self, waited: bool) -> list[Trajectory]:
         """Asked once a resend period: what is to be sent again. `waited`: that long, for weights
@@ -118,6 +120,16 @@ class Account:
     def _accounted(self, policy: PublishedPolicy) -> int:
         """All trajectories before this one are waited for no more, once these weights are here."""
         return max(policy.accounted.get(self._agent, 0), self._given_up)
+
+    def _drop_idle(self) -> None:
+        """Weights that others before them, accounting for as much, will always act in place of: an
+        agent whose arm stands, beside others that learn, would keep every version."""
+        kept = self._policies[:1]
+        for one in self._policies[1:]:
+            early = kept[-1].snapshot.version < self._started_at
+            if early or self._accounted(one) != self._accounted(kept[-1]):
+                kept.append(one)
+        self._policies = kept
 
     def _settle(self, newest: PublishedPolicy) -> None:
         accounted = self._accounted(newest)
