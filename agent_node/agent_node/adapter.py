@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -48,6 +49,18 @@ class Adapter:
         self._position = observation.joint_position
         self._sent_at = time.monotonic()
         self._publish(self._ramp, action, arena)
+
+    def rest(self) -> None:
+        """Commands have stopped, for good or for now: begin to come to rest at once."""
+        self._sent_at = -math.inf
+        self._watch()
+
+    def stop(self) -> None:
+        """To rest at once: nobody will be there to bring the arm down the ramp."""
+        arena = self._arena()
+        if arena is not None and self._ramp is not None and self._ramp.moving:
+            at_rest = VelocityRamp(self._limits, 0.0)
+            self._publish(at_rest, np.zeros(len(self._limits), np.float32), arena)
 
     def _watch(self) -> None:
         """Without commands for too long: down the ramp to rest, and then silence."""

@@ -9,6 +9,7 @@ from typing_extensions import Self
 
 from pa_ros.core.authentication import Authenticated
 from pa_ros.core.extensions import Extensible
+from pa_ros.core.managed import Managed
 from pa_ros.core.settings import OneOf
 from pa_ros.language import LOGICS, MIN_MAX
 from pa_ros.networks.families import FAMILIES
@@ -16,7 +17,7 @@ from pa_ros.networks.families import FAMILIES
 LONGEST_S = 1e6  # of any period; 11 days
 
 
-class AgentConfig(Authenticated, Extensible):
+class AgentConfig(Managed, Authenticated, Extensible):
     """One agent on the graph: greedy, or learning."""
 
     learning: bool = Field(

@@ -17,6 +17,12 @@ class GoalError(PaError):
     code = "goal.unready"
 
 
+class InactiveError(GoalError):
+    """The agent is not active, or ceases to be."""
+
+    code = "goal.inactive"
+
+
 class ArenaGoneError(GoalError):
     """No arena is there any more that could say whether a goal is reached."""
 

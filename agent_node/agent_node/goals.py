@@ -9,19 +9,18 @@ from typing import Any
 
 from rclpy.node import Node
 
-from agent_node.errors import ArenaGoneError, GoalError
-from pa_ros.acting.agent import Agent
+from agent_node.acting import Acting
+from agent_node.errors import ArenaGoneError, GoalError, InactiveError
 from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Observation, Verdict
-from pa_ros.language import Program, parse
+from pa_ros.core.experience import Verdict
+from pa_ros.language import parse
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, GoalProgress, GoalResult, ProgramGoal
+from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
 from pa_ros.wire.records import ProgramRequest as Request
 from pa_ros.world.labels import labels
 
@@ -51,18 +50,9 @@ class _Pursuit:
 class ProgramGoals:
     """One goal at a time. What the agent is to know of the arena comes from its verdicts."""
 
-    def __init__(
-        self,
-        node: Node,
-        agent: Agent,
-        refusals: Refusals,
-        arena: Callable[[], ArenaDescription | None],
-        seen: Callable[[], tuple[Observation, Program] | None],
-    ) -> None:
-        """`arena`: that counts now; `seen`: the newest step that was taken in, and the program that
-        it is under."""
-        self._node, self._agent, self._refusals = node, agent, refusals
-        self._arena, self._seen = arena, seen
+    def __init__(self, node: Node, acting: Acting) -> None:
+        self._node, self._acting = node, acting
+        self._agent, self._refusals = acting.agent, acting.refusals
         self._current: _Pursuit | None = None
         self._held = ""  # id of a program that is not to be pursued any more
         self._served = 0
@@ -71,12 +61,15 @@ class ProgramGoals:
         self._verdicts: Any = None  # from the first goal on: nobody else needs them
         self._timer: Any = None
         status = topics.PROGRAM_STATUS
-        status.subscribe(node, refusals.guard(status.name, self._on_status))
-        self._server = GoalServer(node, EXECUTE_PROGRAM, self._start, self._cancel)
+        status.subscribe(node, self._refusals.guard(status.name, self._on_status))
+        GoalServer(node, EXECUTE_PROGRAM, self._start, self._cancel)
 
-    def close(self) -> None:
-        """Call before the node is destroyed."""
-        self._server.destroy()
+    def abandon(self) -> None:
+        """The agent is not active any more: the goal ends, and its program is pursued no more."""
+        if self._current is not None:
+            self._held = self._current.request.program_id
+            error = InactiveError("the agent was deactivated; the arm holds")
+            self._finish(self._current.goal.abort, code=error.code, reason=str(error))
 
     def gave_up(self, program_id: str) -> bool:
         """Whether to hold the arm under a program: its goal was cancelled, or took too long."""
@@ -100,7 +93,9 @@ class ProgramGoals:
 
     def _check(self, text: str) -> None:
         """A PaError for a program that can't be executed now."""
-        arena = self._arena()
+        if not self._acting.active:
+            raise InactiveError("execute_program: expected an active agent, got one that is not")
+        arena = self._acting.arena
         if arena is None or not self._agent.has_weights:
             lacks = "an arena" if arena is None else "weights"
             raise GoalError(f"execute_program: expected {lacks} before a goal, got none")
@@ -186,7 +181,7 @@ class ProgramGoals:
     def _progress(self, current: _Pursuit) -> GoalProgress:
         objects: tuple[str, ...] = ()
         relevance: tuple[float, ...] = ()
-        seen = self._seen()
+        seen = self._acting.seen
         if seen is not None:
             objects = labels(seen[0].objects, seen[0].hand_index, self._agent.schema)
             if seen[0].program_id == current.request.program_id:

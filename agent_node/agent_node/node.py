@@ -4,55 +4,50 @@ from __future__ import annotations
 
 import time
 import uuid
-from pathlib import Path
-
-from rclpy.node import Node
 
 from agent_node.components import Components
 from agent_node.config import AgentConfig
-from agent_node.programs import ProgramBook
+from agent_node.programs import Programs
 from agent_node.steps import StepMatcher
 from agent_node.watch import Watch
-from agent_node.weights import fixed, random_policy
+from agent_node.weights import agent_of, fixed, random_policy
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Load, Wait
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.experience import AgentKey, Observation
-from pa_ros.language import Program, logic_named
-from pa_ros.learning.checkpoints import load_policy
+from pa_ros.language import Program
 from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas
 from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import HealthReporter
 from pa_ros.ros.learners import LEARNER_ID, Learners
-from pa_ros.ros.parameters import settings_from_parameters
-from pa_ros.ros.programs import Pace, judge
-from pa_ros.ros.refusals import Refusals
+from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import JointCommand, Message
-from pa_ros.wire.records import ArenaDescription, Command, Health, ProgramRequest
+from pa_ros.wire.records import ArenaDescription, Command, Health
 
 
-class AgentNode(Node):
-    """One agent. It speaks only when spoken to: one command per observation, and none without."""
+class AgentNode(ManagedNode):
+    """One agent. It speaks only when spoken to: one command per observation, and none without.
+
+    Inactive it goes on hearing who is there, and what weights account for, but takes in no step.
+    """
+
+    config: AgentConfig
 
     def __init__(self) -> None:
-        super().__init__("agent_node", automatically_declare_parameters_from_overrides=True)
-        self.config = settings_from_parameters(self, AgentConfig)
+        super().__init__("agent_node", AgentConfig)
+
+    def configure(self) -> None:
         self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
-        self.refusals = Refusals(self.get_logger().warning)
         self._authority = Authority(self, self.config)
         self.agent = self._make_agent()
         self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
         self._arenas = Arenas()
-        self._book: ProgramBook | None = None
-        self._early: list[ProgramRequest] = []  # programs heard before the arena was known
         self._learners, self._followed = Learners(), ""
-        self._pace = Pace()
         self._watch = Watch(self.config.stuck_after_s)
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
@@ -61,35 +56,38 @@ class AgentNode(Node):
         self._commands = self._trajectories = 0
         self._core_s = 0.0  # spent in the policy itself
         self._reported = (0, 0.0)  # commands and core_s at the last report
+        self._programs = Programs(self, self, lambda: self._handled)
         self._make_publishers()
         self._make_subscriptions()
         self._components = Components(self, self)
-        alone = topics.JOINT_COMMANDS, f"{self.agent_id}/{self.agent.key.incarnation}"
-        HealthReporter(self, self.refusals, self._collect, alone, hear=self._on_health)
         source = self.config.checkpoint or self.config.weights
         doing = "explores and learns" if self.config.learning else "executes programs"
         self.get_logger().info(f"agent {self.agent_id}: {doing}, with weights from {source}")
         if self.config.learning:
             steady_timer(self, self.config.resend_period_s, self._send_again)
 
-    def close(self) -> None:
-        """There is nothing to save."""
+    def activate(self) -> None:
+        """A step that waits may be acted on by now; one that was missed, the arena repeats."""
+        self._watch.heard()
+        self._watch.progress()
+        self._act()
+
+    def deactivate(self) -> None:
+        self._components.rest()
+
+    def cleanup(self) -> None:
         self._components.close()
 
+    def alone(self) -> tuple[topics.Topic, str]:
+        return topics.JOINT_COMMANDS, f"{self.agent_id}/{self.agent.key.incarnation}"
+
     def _make_agent(self) -> Agent:
-        key = AgentKey(self.agent_id, time.time_ns())
-        if self.config.learning:
-            return LearningAgent(key, self.config.seed)
-        agent = Agent(key, logic_named(self.config.logic))
-        if self.config.weights == "checkpoint":
-            agent.offer(fixed(load_policy(Path(self.config.checkpoint))))
-        return agent  # random weights need the arena's vocabulary first
+        return agent_of(self.config, AgentKey(self.agent_id, time.time_ns()))
 
     def _make_publishers(self) -> None:
         self._commands_out = self._authority.publisher(topics.JOINT_COMMANDS)
         trajectories = topics.TRAJECTORIES.within(self.config.learner)
         self._transitions_out = self._authority.publisher(trajectories)
-        self._status_out = topics.PROGRAM_STATUS.publisher(self)
         self._provenance = topics.PROVENANCE.publisher(self)
         parameters, name = self.config.flat(), self.get_fully_qualified_name()
         account = origin(name, self.agent_id, self.config.seed, parameters=parameters)
@@ -100,7 +98,7 @@ class AgentNode(Node):
             (topics.ARENA_INFO, self._on_arena),
             (topics.OBJECT_FEATURES, lambda m: self._on_part("features", m)),
             (topics.JOINT_STATES, lambda m: self._on_part("joints", m)),
-            (topics.PROGRAM, lambda m: self._on_program(codec.decode_program(m))),
+            (topics.PROGRAM, self._on_program),
         ]
         if self.config.learning:
             callbacks.append((topics.VERDICT, lambda m: self._on_part("verdict", m)))
@@ -124,21 +122,18 @@ class AgentNode(Node):
         """Another arena counts than before, or the same describes itself anew."""
         arena = self._arenas.current
         assert arena is not None
-        vocabulary = arena.world.vocabulary
-        if self._book is None or self._book.vocabulary != vocabulary:
-            self._book = ProgramBook(vocabulary, self.agent.check_program)
         if before is None or before.arena_id != arena.arena_id:
             self._matcher.restart()
             self._handled, self._command = -1, None
             self.get_logger().info(f"arena {arena.arena_id}: design {arena.design}, {arena.preset}")
         if self.config.weights == "random" and not self.agent.has_weights:
             self.agent.offer(fixed(random_policy(arena.world, self.config)))
-        early, self._early = self._early, []
-        for request in early:
-            self._on_program(request)
+        self._programs.belong(arena)
         self._follow()
 
     def _on_part(self, part: str, message: Message) -> None:
+        if not self.active:
+            return
         before = self._arenas.current
         if self._arenas.step(codec.arena_of(message)):
             self._belong(before)
@@ -150,8 +145,8 @@ class AgentNode(Node):
             self._on_step(step)
 
     def _on_step(self, parts: dict[str, Message]) -> None:
-        arena, book = self._arenas.current, self._book
-        assert arena is not None and book is not None
+        arena = self._arenas.current
+        assert arena is not None
         observation = codec.decode_observation(
             parts["features"], parts["joints"], arena.joint_names, arena.world.object_features
         )
@@ -163,7 +158,7 @@ class AgentNode(Node):
         self._watch.executed(context.executed, self.agent.key)
         if not context.program:
             return  # nothing is to be done yet
-        program = self._in_force(book, observation.program_id, context.program)
+        program = self._programs.in_force(observation.program_id, context.program)
         verdict = codec.decode_verdict(parts["verdict"]) if "verdict" in parts else None
         step = Step(
             observation,
@@ -183,14 +178,10 @@ class AgentNode(Node):
             self._transitions_out.publish(codec.encode_trajectory(trajectory))
         self._act()
 
-    def _in_force(self, book: ProgramBook, program_id: str, text: str) -> Program:
-        """The program that the arena says is in force; judged if it wasn't heard of before."""
-        if book.stands_for(program_id) != text:
-            book.note(program_id, text)
-            self._judge(book, ProgramRequest(program_id, text))
-        return book.program(text)
-
     def _act(self) -> None:
+        """Answer the step that stands, if there is one and its weights are there."""
+        if not self.active:
+            return
         started = time.perf_counter()
         while isinstance(answer := self.agent.answer(), Load):
             self.agent.load(answer.policy)
@@ -230,18 +221,9 @@ class AgentNode(Node):
 
     # What people and the learner say
 
-    def _on_program(self, request: ProgramRequest) -> None:
-        arena, book = self._arenas.current, self._book
-        if arena is None or book is None:
-            self._early = [*self._early[-31:], request]
-        elif not request.program_id.startswith(f"{arena.arena_id}/"):  # its own come with steps
-            self._pace.check()
-            self._judge(book, request)
-
-    def _judge(self, book: ProgramBook, request: ProgramRequest) -> None:
-        name, stamp_ns = self.get_fully_qualified_name(), max(self._handled, 0)
-        judgement = judge(request, name, stamp_ns, book.accept, self.refusals)
-        self._status_out.publish(codec.encode_program_status(judgement))
+    def _on_program(self, message: Message) -> None:
+        if self.active:  # else the step that is under it will say so
+            self._programs.hear(codec.decode_program(message))
 
     @property
     def arena(self) -> ArenaDescription | None:
@@ -252,7 +234,7 @@ class AgentNode(Node):
         if self._learners.announce(codec.decode_learner_info(message)):
             self._follow()
 
-    def _on_health(self, health: Health) -> None:
+    def hear(self, health: Health) -> None:
         if self._learners.heard(health.values.get(LEARNER_ID, "")):
             self._follow()
 
@@ -280,13 +262,13 @@ class AgentNode(Node):
     def _send_again(self) -> None:
         """What the awaited weights should have taken in: perhaps none heard it."""
         late = self._watch.idle_s > self.config.resend_period_s
-        if isinstance(self.agent, LearningAgent):
+        if self.active and isinstance(self.agent, LearningAgent):
             for trajectory in self.agent.overdue(late):
                 self._transitions_out.publish(codec.encode_trajectory(trajectory))
 
     # Health
 
-    def _collect(self) -> tuple[int, str, dict[str, str]]:
+    def collect(self) -> tuple[int, str, dict[str, str]]:
         commands, core_s = self._reported
         self._reported = (self._commands, self._core_s)
         core_us = (self._core_s - core_s) * 1e6 / max(self._commands - commands, 1)

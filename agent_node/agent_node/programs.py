@@ -1,15 +1,69 @@
-"""Programs that an agent has judged, by the id that they were sent under."""
+"""Programs that an agent hears of: judged, and known by the id that they were sent under."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
 
+from rclpy.node import Node
+
+from agent_node.acting import Acting
 from pa_ros.language import Program, Vocabulary, parse
+from pa_ros.ros import topics
+from pa_ros.ros.programs import Pace, judge
+from pa_ros.wire import codec
 from pa_ros.wire.errors import ProgramIdError
-from pa_ros.wire.records import ProgramRequest
+from pa_ros.wire.records import ArenaDescription, ProgramRequest
 
 REMEMBERED = 256
+
+
+EARLY = 32  # programs kept that are heard before the arena is known
+
+
+class Programs:
+    """Judges what comes, and says so, in the words of the arena that counts."""
+
+    def __init__(self, node: Node, acting: Acting, stamp_ns: Callable[[], int]) -> None:
+        """`stamp_ns`: of the newest step taken in."""
+        self._node, self._acting, self._stamp_ns = node, acting, stamp_ns
+        self._arena_id = ""
+        self._book: ProgramBook | None = None
+        self._early: list[ProgramRequest] = []
+        self._pace = Pace()
+        self._status_out = topics.PROGRAM_STATUS.publisher(node)
+
+    def belong(self, arena: ArenaDescription) -> None:
+        """This arena counts from now on."""
+        vocabulary = arena.world.vocabulary
+        if self._book is None or self._book.vocabulary != vocabulary:
+            self._book = ProgramBook(vocabulary, self._acting.agent.check_program)
+        self._arena_id = arena.arena_id
+        early, self._early = self._early, []
+        for request in early:
+            self.hear(request)
+
+    def hear(self, request: ProgramRequest) -> None:
+        """Someone, or the arena, sent a program."""
+        if self._book is None:
+            self._early = [*self._early[1 - EARLY :], request]
+        elif not request.program_id.startswith(f"{self._arena_id}/"):  # its own come with steps
+            self._pace.check()
+            self._judge(self._book, request)
+
+    def in_force(self, program_id: str, text: str) -> Program:
+        """The program that the arena says is in force; judged if it wasn't heard of before."""
+        book = self._book
+        assert book is not None
+        if book.stands_for(program_id) != text:
+            book.note(program_id, text)
+            self._judge(book, ProgramRequest(program_id, text))
+        return book.program(text)
+
+    def _judge(self, book: ProgramBook, request: ProgramRequest) -> None:
+        name, stamp_ns = self._node.get_fully_qualified_name(), max(self._stamp_ns(), 0)
+        judgement = judge(request, name, stamp_ns, book.accept, self._acting.refusals)
+        self._status_out.publish(codec.encode_program_status(judgement))
 
 
 class ProgramBook:

@@ -1,15 +1,31 @@
-"""Weights that no learner published here."""
+"""Agents as they are configured, and weights that no learner published here."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 
 from agent_node.config import AgentConfig
-from pa_ros.core.experience import PolicySnapshot
+from pa_ros.acting.agent import Agent
+from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.core.experience import AgentKey, PolicySnapshot
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.language import logic_named
+from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.world.world import World
+
+
+def agent_of(config: AgentConfig, key: AgentKey) -> Agent:
+    """An agent with its weights, if a checkpoint has them. Raises CheckpointError."""
+    if config.learning:
+        return LearningAgent(key, config.seed)
+    agent = Agent(key, logic_named(config.logic))
+    if config.weights == "checkpoint":
+        agent.offer(fixed(load_policy(Path(config.checkpoint))))
+    return agent  # random weights need the arena's vocabulary first
 
 
 def fixed(snapshot: PolicySnapshot) -> PublishedPolicy:

@@ -7,10 +7,11 @@ from typing_extensions import Self
 
 from pa_ros.core.authentication import Authenticated
 from pa_ros.core.extensions import Extensible
+from pa_ros.core.managed import Managed
 from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
 
 
-class LearnerNodeConfig(LearningChoice, Authenticated, Extensible):
+class LearnerNodeConfig(LearningChoice, Managed, Authenticated, Extensible):
     """One learner on the graph; what it learns about comes with arena_info."""
 
     seed: int = Field(0, ge=0, description="of initial weights and of sampling")

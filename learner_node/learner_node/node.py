@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
-
 from learner_node.config import LearnerNodeConfig
 from learner_node.watch import Watch
 from learner_node.worker import LearnerWorker, Sinks
@@ -23,10 +21,9 @@ from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas, OtherArenaError
 from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import ERROR, PROGRESS_S, WARN, HealthReporter
+from pa_ros.ros.health import ERROR, PROGRESS_S, WARN
 from pa_ros.ros.learners import LEARNER_ID
-from pa_ros.ros.parameters import settings_from_parameters
-from pa_ros.ros.refusals import Refusals
+from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.wire import codec
 from pa_ros.wire.errors import ArenaFactError, RewardError, WireError, WorldError
 from pa_ros.wire.interfaces import Message
@@ -60,14 +57,16 @@ class Pace:
         return frames, updates
 
 
-class LearnerNode(Node):
+class LearnerNode(ManagedNode):
     """One learner. An arena that describes itself says what is learned about: the first one, or,
     until something was learned, another one whose steps come."""
 
+    config: LearnerNodeConfig
+
     def __init__(self) -> None:
-        super().__init__("learner_node", automatically_declare_parameters_from_overrides=True)
-        self.config = settings_from_parameters(self, LearnerNodeConfig)
-        self.refusals = Refusals(self.get_logger().warning)
+        super().__init__("learner_node", LearnerNodeConfig)
+
+    def configure(self) -> None:
         self._authority = Authority(self, self.config)
         self.worker: LearnerWorker | None = None
         if self.config.resume:
@@ -83,6 +82,7 @@ class LearnerNode(Node):
         self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
         self._health_pace = self._told_pace = Pace()
+        self._instance = uuid.uuid4().hex
         self._weights = self._authority.publisher(topics.POLICY_WEIGHTS)
         self._announcement = self._authority.publisher(topics.LEARNER_INFO)
         self._provenance = topics.PROVENANCE.publisher(self)
@@ -95,26 +95,48 @@ class LearnerNode(Node):
         trajectories = topics.TRAJECTORIES
         on_trajectory = self._authority.checked(trajectories, self._on_trajectory)
         trajectories.subscribe(self, self.refusals.guard(trajectories.name, on_trajectory))
-        alone = topics.POLICY_WEIGHTS, uuid.uuid4().hex
-        HealthReporter(self, self.refusals, self._collect, alone, self._progress)
         steady_timer(self, WATCH_S, self._look)
         if self._scalars is not None:
             steady_timer(self, PROGRESS_S, self._draw)
 
-    def close(self) -> int:
-        """Write a last checkpoint; the exit status, 1 if what was learned is not all saved."""
+    def activate(self) -> None:
+        """Go on, about the arena that was heard of meanwhile, should nothing be learned yet."""
+        if self.worker is not None:
+            self.worker.go_on()
+        if self._arenas.current is not None:
+            self.refusals.guard(topics.ARENA_INFO.name, self._belong)(self._arenas.current)
+
+    def deactivate(self) -> None:
+        """Finish the trajectory that is being learned from, and write a checkpoint."""
+        if self.worker is not None:
+            self.worker.rest()
+
+    def cleanup(self) -> None:
+        """Take in what waits, and write a last checkpoint."""
         if self.worker is None:
-            return 0
+            return
         self.worker.close()
         self._draw()
         if self.worker.trouble:
             self.get_logger().error(self.worker.trouble)
-        return int(bool(self.worker.trouble))
+            self.exit_status = 1  # what was learned is not all saved
+        self.worker = None
+
+    def shutdown(self) -> None:
+        self.active = False
+        self.cleanup()  # which writes the checkpoint
+
+    def alone(self) -> tuple[topics.Topic, str]:
+        return topics.POLICY_WEIGHTS, self._instance
+
+    @property
+    def trouble(self) -> str:
+        return "" if self.worker is None else self.worker.trouble
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)
         changed = self._arenas.announce(arena)
-        if self.worker is None or changed:
+        if self.active and (self.worker is None or changed):
             self._belong(arena)
         if self.worker is not None:
             try:
@@ -129,7 +151,7 @@ class LearnerNode(Node):
             changed = self._arenas.step(codec.arena_of(message))
         except OtherArenaError:  # of a fleet, perhaps
             return
-        if changed and self._arenas.current is not None:
+        if changed and self.active and self._arenas.current is not None:
             self.refusals.guard(topics.ARENA_INFO.name, self._belong)(self._arenas.current)
 
     def _belong(self, arena: ArenaDescription) -> None:
@@ -166,6 +188,8 @@ class LearnerNode(Node):
             self._take(message)
 
     def _on_trajectory(self, message: Message) -> None:
+        if not self.active:
+            return  # its agent keeps what isn't accounted for, and sends it again
         if self.worker is None:  # the arena's own description may come later than experience
             if len(self._early) == EARLY_TRAJECTORIES:
                 raise EarlyTrajectoryError(
@@ -205,7 +229,7 @@ class LearnerNode(Node):
                 self.destroy_subscription(subscription)
             self._steps.clear()
 
-    def _collect(self) -> tuple[int, str, dict[str, str]]:
+    def collect(self) -> tuple[int, str, dict[str, str]]:
         worker = self.worker
         if worker is None and self._failure is not None:
             return ERROR, f"cannot learn about the arena that it hears: {self._failure}", {}
@@ -232,7 +256,7 @@ class LearnerNode(Node):
         if self._scalars is not None and self.worker is not None:
             self._scalars.add(self.worker.metrics)
 
-    def _progress(self) -> str:
+    def progress(self) -> str:
         """A line of how far it is; empty before the first frame."""
         worker = self.worker
         if worker is None or not worker.metrics["frames"]:

@@ -64,6 +64,9 @@ class LearnerWorker:
         self._offered = deque[PublishedPolicy](maxlen=self._learner.config.schedule.versions_kept)
         self._trajectories: queue.SimpleQueue[Trajectory | None] = queue.SimpleQueue()
         self._stopping = False
+        self._turn = threading.Lock()  # held while a trajectory is learned from, and at rest
+        self._may_learn = threading.Event()
+        self._may_learn.set()
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
 
     @property
@@ -131,27 +134,37 @@ class LearnerWorker:
         """Learn from a trajectory when its turn comes."""
         self._trajectories.put(trajectory)
 
-    def close(self) -> None:
-        """Take in what waits, as far as DRAIN_S allows, and write a checkpoint.
+    def rest(self) -> None:
+        """Learn from nothing more, once the trajectory at hand is learned from; write a checkpoint.
 
-        None is written of numbers that are not finite: of learning that diverged, the state before.
+        What waits goes on waiting.
         """
+        self._may_learn.clear()
+        self._turn.acquire()
+        self._save_sound()
+
+    def go_on(self) -> None:
+        """Learn again, from what waits first."""
+        if not self._may_learn.is_set():
+            self._may_learn.set()
+            self._turn.release()
+
+    def close(self) -> None:
+        """Take in what waits, as far as DRAIN_S allows, and write a checkpoint."""
+        self.go_on()
         self._trajectories.put(None)
         if self._thread.is_alive():
             self._thread.join(DRAIN_S)
             self._stopping = True
             self._thread.join()
-        if self.failure is None and (self.diverged is None or self.diverged.restored):
-            try:
-                self._save()
-            except DivergedError as error:
-                self.diverged = error
+        self._save_sound()
         if self._folder is not None:
             self._folder.close()
 
     def discard(self) -> None:
         """Stop without a checkpoint: nothing was learned."""
         self._stopping = True
+        self.go_on()
         self._trajectories.put(None)
         self._thread.join()
         if self._folder is not None:
@@ -160,7 +173,10 @@ class LearnerWorker:
     def _run(self) -> None:
         try:
             while (trajectory := self._trajectories.get()) is not None and not self._stopping:
-                self._take_in(trajectory)
+                self._may_learn.wait()  # so that who asks for rest gets it, however much waits
+                with self._turn:
+                    if not self._stopping:
+                        self._take_in(trajectory)
         except DivergedError as error:
             self.diverged = error
             self._sinks.refuse("learning", error)
@@ -203,6 +219,15 @@ class LearnerWorker:
     def _offer(self, policy: PublishedPolicy) -> None:
         self._offered.append(policy)
         self._sinks.publish(policy)
+
+    def _save_sound(self) -> None:
+        """None is written of numbers that are not finite: of learning that diverged, the state
+        before."""
+        if self.failure is None and (self.diverged is None or self.diverged.restored):
+            try:
+                self._save()
+            except DivergedError as error:
+                self.diverged = error
 
     def _save(self) -> None:
         if not self._config.out:

@@ -14,7 +14,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
-from sim_node.session import Session
+from sim_node.services import Steered
 
 FRAME = "camera_optical_frame"
 LOOK_S = 0.02  # wall time between two looks at the clock
@@ -26,10 +26,11 @@ class CameraView:
 
     pose: Body  # of the optical frame
 
-    def __init__(self, node: Node, session: Session, refusals: Refusals) -> None:
+    def __init__(self, node: Node, arena: Steered, refusals: Refusals) -> None:
         """An episode has begun. Raises RenderError where there is no OpenGL."""
-        self._refusals = refusals
-        self._session, self._config = session, session.config.camera
+        self._arena, self._refusals = arena, refusals
+        session = self._session = arena.session
+        self._config = session.config.camera
         model, config = session.task.simulation.model, self._config
         self._painter = ThreadPoolExecutor(1, thread_name_prefix="camera")
         shape = config.view, config.width, config.height
@@ -49,7 +50,8 @@ class CameraView:
 
     def _look(self) -> None:
         watched = self._image.get_subscription_count() or self._info.get_subscription_count()
-        if not watched or (self._under_way is not None and not self._under_way.done()):
+        busy = self._under_way is not None and not self._under_way.done()
+        if busy or not watched or not self._arena.active:
             return
         stamp_ns = self._session.frame.observation.stamp_ns
         period, now = int(stamp_ns * self._config.rate_hz / 1e9), time.monotonic()

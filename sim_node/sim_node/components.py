@@ -20,14 +20,13 @@ class Components:
         """An episode has begun. Raises RenderError for a camera without OpenGL."""
         ArenaServices(node, arena, refusals)
         entities = Entities(arena.session)
-        self._services = SimulatorServices(node, arena, entities, refusals)
+        SimulatorServices(node, arena, entities, refusals)
         with_camera = arena.session.config.camera.rate_hz > 0
-        self.camera = CameraView(node, arena.session, refusals) if with_camera else None
-        Views(node, arena.session, entities, self.camera)
-        Samples(node, arena.session)
+        self.camera = CameraView(node, arena, refusals) if with_camera else None
+        Views(node, arena, entities, self.camera)
+        Samples(node, arena)
 
     def close(self) -> None:
-        """Call before the node is destroyed."""
-        self._services.close()
+        """Call before the arena goes."""
         if self.camera is not None:
             self.camera.close()

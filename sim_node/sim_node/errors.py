@@ -17,6 +17,12 @@ class PausedError(PaError):
     code = "arena.paused"
 
 
+class InactiveError(PaError):
+    """Anything that an arena is asked while it is not active."""
+
+    code = "arena.inactive"
+
+
 class NotPausedError(PaError):
     """Single steps are for a paused arena."""
 

@@ -7,17 +7,14 @@ import time
 import uuid
 from collections.abc import Iterable
 
-from rclpy.node import Node
-
 from pa_ros.arena import DivergedError
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros import topics
 from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import OK, WARN, HealthReporter
-from pa_ros.ros.parameters import settings_from_parameters
+from pa_ros.ros.health import OK, WARN
+from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.programs import Pace, judge
-from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.rivals import Commanders
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
@@ -25,20 +22,22 @@ from pa_ros.wire.records import ProgramJudgement, ProgramRequest, ResetRequest, 
 from sim_node.components import Components
 from sim_node.config import SimConfig
 from sim_node.description import describe, origin
-from sim_node.errors import LockstepError, NotPausedError, PausedError
+from sim_node.errors import InactiveError, LockstepError, NotPausedError, PausedError
 from sim_node.session import Frame, Ordered, Session
 from sim_node.watchdog import Watchdog
 
 
-class SimNode(Node):
+class SimNode(ManagedNode):
     """One arena. In lockstep a command moves it on; in real time a timer does."""
 
+    config: SimConfig
+
     def __init__(self) -> None:
-        super().__init__("sim_node", automatically_declare_parameters_from_overrides=True)
-        self.config = settings_from_parameters(self, SimConfig)
+        super().__init__("sim_node", SimConfig)
+
+    def configure(self) -> None:
         self.session = Session(self.config, arena_id=uuid.uuid4().hex[:8])
         self.watchdog = Watchdog(self.session, self.config.command_timeout_s)
-        self.refusals = Refusals(self.get_logger().warning)
         self._authority = Authority(self, self.config)
         self._commanders = Commanders()
         self._pace = Pace()
@@ -54,9 +53,6 @@ class SimNode(Node):
         self._make_subscriptions()
         self.session.begin()  # sent as soon as someone listens
         self._components = Components(self, self, self.refusals)
-        self._health = HealthReporter(
-            self, self.refusals, self._collect, (topics.ARENA_INFO, self.session.arena_id)
-        )
         self.get_logger().info(
             f"arena {self.session.arena_id}: design {self.config.design}, arm "
             f"{self.config.arm}, {self.config.preset}, {self.config.mode}, programs "
@@ -64,15 +60,25 @@ class SimNode(Node):
         )
         period = self.session.arena.control_period_s / self.config.real_time_factor
         if self._real_time:
-            if not self.paused:
-                self._send(self.session.frame)
             self._ticker = steady_timer(self, period, self._tick)
         else:
             steady_timer(self, self.config.resend_period_s / 4, self._send_again)
 
-    def close(self) -> None:
-        """There is nothing to save."""
+    def activate(self) -> None:
+        """Time goes on where it stood, without the command that was obeyed then."""
+        self.watchdog.forget()
+        self._begin_sending()
+
+    def cleanup(self) -> None:
         self._components.close()
+
+    def alone(self) -> tuple[topics.Topic, str]:
+        return topics.ARENA_INFO, self.session.arena_id
+
+    def check_active(self) -> None:
+        """Raise InactiveError unless the arena is active."""
+        if not self.active:
+            raise InactiveError(f"expected an active arena, got one that is {self.state}")
 
     def _make_publishers(self) -> None:
         self._features = topics.OBJECT_FEATURES.publisher(self)
@@ -101,7 +107,8 @@ class SimNode(Node):
     def _on_command(self, message: Message) -> None:
         command = codec.decode_command(message, self.session.arena.joints)
         self._commanders.note(AgentKey(command.agent_id, command.incarnation))
-        if self.paused:
+        if self.paused or not self.active:
+            self.check_active()
             raise PausedError("joint_commands: expected none while the arena is paused")
         if self._real_time:
             self.watchdog.offer(command)
@@ -110,7 +117,7 @@ class SimNode(Node):
         self._run(self.session.apply(command))
 
     def _tick(self) -> None:
-        if not self.paused:
+        if self.active and not self.paused:
             self._run(self.watchdog.tick())
 
     def _run(self, frames: Iterable[Frame]) -> None:
@@ -146,7 +153,8 @@ class SimNode(Node):
         """Nobody answered: perhaps nobody was there yet."""
         late = time.monotonic() - self._sent_at > self.config.resend_period_s
         listened, self._listened = self._listened, self._features.get_subscription_count() > 0
-        if late and listened and not self.paused:  # a turn later, when all topics are connected
+        stands = self.paused or not self.active
+        if late and listened and not stands:  # a turn later, when all topics are connected
             self._send(self.session.frame)
 
     # Programs
@@ -171,6 +179,7 @@ class SimNode(Node):
         request = codec.decode_program(message)
         if self.session.program_ids.is_echo(request.program_id, request.text):
             return
+        self.check_active()
         self._pace.check()
         self._announce()  # what the standing frame is under, before it is replaced
         idle = self.session.program is None
@@ -198,7 +207,11 @@ class SimNode(Node):
     def pause(self, paused: bool) -> None:
         """Stop time, or let it go on."""
         self.paused = paused
-        if not paused and self._real_time and self._sent_at == -math.inf:
+        self._begin_sending()
+
+    def _begin_sending(self) -> None:
+        """In real time the first step is sent whoever listens."""
+        if self._real_time and not self.paused and self._sent_at == -math.inf:
             self._send(self.session.frame)
 
     def set_speed(self, factor: float) -> None:
@@ -218,7 +231,7 @@ class SimNode(Node):
 
     # Health
 
-    def _collect(self) -> tuple[int, str, dict[str, str]]:
+    def collect(self) -> tuple[int, str, dict[str, str]]:
         now, steps = time.monotonic(), self.session.steps
         since, steps_then, core_then = self._rate
         self._rate = (now, steps, self._core_s)

@@ -9,7 +9,7 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import codec
 from pa_ros.wire.records import StepContext
 from sim_node.description import describe
-from sim_node.session import Session
+from sim_node.services import Steered
 
 PERIOD_S = 0.25  # wall time
 
@@ -17,16 +17,17 @@ PERIOD_S = 0.25  # wall time
 class Samples:
     """Published while someone looks, outside the control steps: they cost those nothing."""
 
-    def __init__(self, node: Node, session: Session) -> None:
-        self._session = session
-        self._joint_names = describe(session).joint_names
+    def __init__(self, node: Node, arena: Steered) -> None:
+        self._arena = arena
+        self._joint_names = describe(arena.session).joint_names
         self._publishers = {part: topic.publisher(node) for part, topic in topics.SAMPLES.items()}
         steady_timer(node, PERIOD_S, self._show)
 
     def _show(self) -> None:
-        if not any(one.get_subscription_count() for one in self._publishers.values()):
+        looked_at = any(one.get_subscription_count() for one in self._publishers.values())
+        if not looked_at or not self._arena.active:
             return
-        session, frame = self._session, self._session.frame
+        session, frame = self._arena.session, self._arena.session.frame
         context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
         features, joints = codec.encode_observation(frame.observation, self._joint_names, context)
         verdict = codec.encode_verdict(frame.verdict, frame.evaluation, session.arena_id)

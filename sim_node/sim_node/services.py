@@ -21,6 +21,10 @@ class Steered(Protocol):
 
     session: Session
     paused: bool
+    active: bool
+
+    def check_active(self) -> None:
+        """Raise InactiveError unless the arena is active."""
 
     def begin(self, request: ResetRequest) -> None:
         """Begin an episode."""
@@ -60,6 +64,7 @@ class ArenaServices:
 
         def answer(request: Message, response: Message) -> Message:
             try:
+                self._arena.check_active()
                 act(request)
                 outcome = self._outcome(True)
             except PaError as error:

@@ -59,17 +59,14 @@ class SimulatorServices:
         for (name, kind), answer in answers.items():
             guarded = self._answering(name, answer, invalid.get(name, ResultCode.OPERATION_FAILED))
             node.create_service(kind, name, guarded)
-        self._stepping = SteppingAction(node, arena, refusals)
-
-    def close(self) -> None:
-        """Call before the node is destroyed."""
-        self._stepping.close()
+        SteppingAction(node, arena, refusals)
 
     def _answering(self, name: str, answer: Answer, invalid: int) -> Answer:
         """A service that answers a refusal with its cause; `invalid`: code of impossible poses."""
 
         def respond(request: Message, response: Any) -> Any:
             try:
+                self._arena.check_active()
                 return answer(request, response)
             except PaError as error:
                 self._refusals.refuse(name, error)

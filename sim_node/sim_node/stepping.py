@@ -21,6 +21,9 @@ TURN_S = 0.001  # wall time between two steps, in which the node serves others
 class Held(Protocol):
     """An arena that can be let go step by step."""
 
+    def check_active(self) -> None:
+        """Raise InactiveError unless the arena is active."""
+
     def hold(self, steps: int) -> None:
         """Let control periods pass while the arm holds still. NotPausedError."""
 
@@ -33,14 +36,11 @@ class SteppingAction:
         self._goal: Goal | None = None
         self._steps = self._done = 0
         self._timer: Any = None
-        self._server = GoalServer(node, SIMULATE_STEPS, self._start, self._cancel)
-
-    def close(self) -> None:
-        """Call before the node is destroyed."""
-        self._server.destroy()
+        GoalServer(node, SIMULATE_STEPS, self._start, self._cancel)
 
     def _start(self, goal: Goal) -> None:
         try:
+            self._arena.check_active()
             steps = codec.decode_simulation_steps(goal.request)
             if self._goal is not None:
                 text = f"simulate_steps: expected one goal at a time, got one while at {self._done}"
@@ -56,6 +56,7 @@ class SteppingAction:
         if goal is None:
             return
         try:
+            self._arena.check_active()
             self._arena.hold(1)
         except PaError as error:
             self._end()

@@ -10,7 +10,7 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import codec
 from sim_node.camera import FRAME, CameraView
 from sim_node.entities import Entities, solids
-from sim_node.session import Session
+from sim_node.services import Steered
 
 PERIOD_S = 0.1  # wall time
 
@@ -19,9 +19,10 @@ class Views:
     """Published while someone looks, outside the control steps: they cost those nothing."""
 
     def __init__(
-        self, node: Node, session: Session, entities: Entities, camera: CameraView | None
+        self, node: Node, arena: Steered, entities: Entities, camera: CameraView | None
     ) -> None:
-        self._session, self._entities, self._camera = session, entities, camera
+        self._arena, self._session = arena, arena.session
+        self._entities, self._camera = entities, camera
         self._described = False
         self._description = topics.ROBOT_DESCRIPTION.publisher(node)
         self._transforms = topics.TRANSFORMS.publisher(node)
@@ -30,6 +31,8 @@ class Views:
         steady_timer(node, PERIOD_S, self._show)
 
     def _show(self) -> None:
+        if not self._arena.active:
+            return
         if not self._described:
             self._described = True  # the model is there only once an episode has begun
             arena, model = self._session.arena, self._session.task.simulation.model

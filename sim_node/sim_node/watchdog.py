@@ -34,6 +34,10 @@ class Watchdog:
             )
         self._command = command
 
+    def forget(self) -> None:
+        """What was commanded so far moves the arm no more."""
+        self._command = None
+
     def tick(self) -> Iterator[Frame]:
         """Run one control period."""
         command, commanded = self._command, self._session.program is not None

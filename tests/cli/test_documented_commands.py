@@ -7,6 +7,7 @@ import re
 import pytest
 import yaml
 from documented import COMMANDS, NODES, NOT_RUN, ROOT, Command, is_run
+from lifecycle_msgs.msg import Transition
 
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
@@ -120,6 +121,11 @@ def test_what_a_stock_tool_is_told_is_of_the_graph(command: Command):
     if kind in ("run", "launch"):
         files = [path.name for path in ROOT.glob(f"{verb}/launch/*.py")]
         assert given[0] == verb if kind == "run" else given[0] in files
+        return
+    if kind == "lifecycle":
+        node, transition = given
+        assert verb == "set" and node.strip("/") in NODES
+        assert hasattr(Transition, f"TRANSITION_{transition.upper()}")
         return
     name = next(word for word in given if word.startswith("/"))
     type_ = interface(kind, name.lstrip("/"))

@@ -8,7 +8,6 @@ import pytest
 
 from pa_ros.ros.health import NUMBERS, OK, HealthReporter
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.tools.client import Node, client_node
 
 pytestmark = pytest.mark.graph
@@ -24,9 +23,7 @@ def test_a_number_that_goes_on_counting_is_logged_once(node: Node, monkeypatch):
     logged: list[str] = []
     monkeypatch.setattr(type(node.get_logger()), "info", lambda _, text: logged.append(text))
     says = iter(["waits for 2 s", "waits for 3.5 s", "learning", "waits for 2 s"])
-    reporter = HealthReporter(
-        node, Refusals(logged.append), lambda: (OK, next(says), {}), (DIAGNOSTICS, "x")
-    )
+    reporter = HealthReporter(node, Refusals(logged.append), lambda: (OK, next(says), {}))
     for _ in range(4):
         reporter.publish()
     assert logged == ["waits for 2 s", "learning", "waits for 2 s"]

@@ -117,9 +117,9 @@ def test_what_a_large_message_took_is_given_back():
 
 
 @graph
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_node_stops_cleanly_when_asked(number):
-    process = start("sim_node")
+@pytest.mark.parametrize(("number", "autostart"), [(signal.SIGINT, True), (signal.SIGTERM, False)])
+def test_a_node_stops_cleanly_when_asked(number, autostart):
+    process = start("sim_node", *ros_arguments({"autostart": autostart}))
     wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
     process.send_signal(number)
     _, errors = process.communicate(timeout=DEADLINE_S)

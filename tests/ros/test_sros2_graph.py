@@ -33,6 +33,7 @@ def allowed(node: str, kind: str, right: str) -> set[str]:
     tree = ElementTree.parse(POLICIES)
     path = f".//profile[@node='{node}']/{kind}s[@{right}='ALLOW']/{kind}"
     names = [element.text or "" for element in tree.findall(path)]
+    names = [name.replace("~", node) for name in names]
     return {name if name.startswith("/") else f"/{name}" for name in names}
 
 
@@ -43,8 +44,9 @@ def test_policies_are_of_least_privilege() -> None:
             said = {p.topic_name for p in node.publishers}
             heard = {s.topic_name for s in node.subscriptions}
             more = AT_TIMES.get(name, {"publish": set(), "subscribe": set()})
-            said |= more["publish"] | {"/rosout"}  # which rcl makes
+            said |= more["publish"] | {"/rosout", f"/{name}/transition_event"}  # which rcl makes
             assert allowed(name, "topic", "publish") == said
             assert allowed(name, "topic", "subscribe") == heard | more["subscribe"]
-            served = {s.service_name.rpartition("/")[2] for s in node.services} - OF_RCLPY
-            assert {one.strip("/") for one in allowed(name, "service", "reply")} == served
+            own = {f"/{name}/{service}" for service in OF_RCLPY}
+            served = {node.resolve_service_name(s.service_name) for s in node.services} - own
+            assert allowed(name, "service", "reply") == served

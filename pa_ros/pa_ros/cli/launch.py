@@ -12,6 +12,7 @@ from pa_ros.cli.console import page_beside
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import claimed, signals_noted, start_nodes, watch
 from pa_ros.tools.launch_params import (
+    NODES,
     arenas_of,
     chosen,
     extended,
@@ -24,12 +25,11 @@ from pa_ros.tools.launch_params import (
 )
 from pa_ros.tools.launcher import ChildError, Supervisor, tail
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
-from pa_ros.tools.record_launch import RECORDER, start_recorded, start_recorder
+from pa_ros.tools.record_launch import start_recorded, start_recorder
 from pa_ros.tools.scenes import SceneFigures
 
 DEFAULT = "execute_3d"
 EXIT_FAILED = 1
-LEARNER = "learner_node"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -107,7 +107,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _stop(supervisor: Supervisor) -> dict[str, int]:
-    """Agents and arenas first, the learner once all has come that they have sent, the rest last;
-    each one's exit status."""
-    others = [name for name in supervisor.names if name not in (LEARNER, RECORDER)]
-    return supervisor.stop(others) | supervisor.stop([LEARNER]) | supervisor.stop()
+    """Agents first, each leaving its arm at rest; the learner once all has come that they have
+    sent; then the arenas, and the rest last; each one's exit status."""
+    statuses: dict[str, int] = {}
+    for kind in reversed(NODES):
+        statuses |= supervisor.stop([name for name in supervisor.names if name.endswith(kind)])
+    return statuses | supervisor.stop()

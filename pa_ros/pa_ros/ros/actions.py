@@ -107,10 +107,6 @@ class GoalServer:
             result_timeout=result_timeout_s,
         )
 
-    def destroy(self) -> None:
-        """Call before the node is destroyed."""
-        self._server.destroy()
-
     def _accepted(self, handle: Any) -> None:
         goal = Goal(self._server, handle)
         self._goals = {k: g for k, g in self._goals.items() if g.active}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, WeakSet
 
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental.events_executor import EventsExecutor
@@ -48,6 +48,7 @@ def spin_until(
 
     executor = _executor_of(node, others)
     timer = node.create_timer(POLL_S, poll, clock=clock)
+    _polls.add(timer)
     try:
         poll()
         while not finished.done():
@@ -58,6 +59,12 @@ def spin_until(
 
 
 _executors: WeakKeyDictionary[Node, Any] = WeakKeyDictionary()
+_polls: WeakSet[Any] = WeakSet()
+
+
+def is_of_spinning(entity: object) -> bool:
+    """Whether it is a timer of `spin_until`, which without it would not end."""
+    return entity in _polls
 
 
 def _executor_of(node: Node, others: tuple[Node, ...]) -> Any:

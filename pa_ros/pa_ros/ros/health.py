@@ -33,17 +33,13 @@ class HealthReporter:
         node: Node,
         refusals: Refusals,
         collect: Callable[[], tuple[int, str, dict[str, str]]],
-        alone: tuple[Topic, str],
         progress: Callable[[], str] | None = None,
         progress_s: float = PROGRESS_S,
         hear: Callable[[Health], None] | None = None,
     ) -> None:
-        """`alone`: a topic on which one process alone should speak, and this one's name. `hear`: is
-        told what any node says."""
-        self._node, self._refusals, self._collect = node, refusals, collect
-        topic, instance = alone
-        self._rivals = Rivals(node.resolve_topic_name(topic.name), instance)
-        self._hearing = [self._rivals.note, *([hear] if hear is not None else [])]
+        """`hear`: is told what any node says."""
+        self._node, self._refusals, self._collect, self._told = node, refusals, collect, hear
+        self._rivals: Rivals | None = None
         DIAGNOSTICS.subscribe(node, refusals.guard(DIAGNOSTICS.name, self._hear))
         self._said: tuple[int, str] | None = None
         self._publisher = DIAGNOSTICS.publisher(node)
@@ -51,14 +47,24 @@ class HealthReporter:
         if progress is not None:
             steady_timer(node, progress_s, lambda: self._progress(progress))
 
+    def alone(self, topic: Topic, instance: str) -> None:
+        """From now on, one process alone should speak on a topic: this one, of this name."""
+        self._rivals = Rivals(self._node.resolve_topic_name(topic.name), instance)
+
+    def not_alone(self) -> None:
+        """From now on anyone else may."""
+        self._rivals = None
+
     def publish(self) -> None:
         """Publish now, besides the once a second."""
         level, message, values = self._collect()
-        alarm = self._rivals.alarm
-        if alarm:
-            level, message = max(level, WARN), f"{message}; {alarm}"
+        rivals = self._rivals
+        if rivals is not None:
+            values = {**values, **rivals.values}
+            if rivals.alarm:
+                level, message = max(level, WARN), f"{message}; {rivals.alarm}"
         self._say(level, message)
-        values = {**values, **self._rivals.values, "refused": str(self._refusals.total)}
+        values = {**values, "refused": str(self._refusals.total)}
         values |= self._refusals.values()
         entry = Health(self._node.get_fully_qualified_name(), level, message, values)
         stamp_ns = self._node.get_clock().now().nanoseconds
@@ -66,8 +72,10 @@ class HealthReporter:
 
     def _hear(self, message: Message) -> None:
         for entry in codec.decode_diagnostics(message):
-            for note in self._hearing:
-                note(entry)
+            if self._rivals is not None:
+                self._rivals.note(entry)
+            if self._told is not None:
+                self._told(entry)
 
     def _say(self, level: int, message: str) -> None:
         """Log what has changed since it was logged last."""

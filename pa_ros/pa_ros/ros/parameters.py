@@ -16,6 +16,26 @@ OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 LARGEST = {int: 2**63 - 1, float: sys.float_info.max}  # stands for no bound
 
 
+def declare_settings(node: Node, kind: type[Settings]) -> None:
+    """Declare every setting that was not given, and describe all; they may be set until
+    `settings_from_parameters` fixes them. Raises ConfigError for an unknown name."""
+    given = _given(node, kind)
+    for leaf in kind.leaves():
+        about = describe(leaf)
+        about.read_only, about.dynamic_typing = False, True
+        if leaf.path in given:  # what it is, is judged later
+            about.integer_range, about.floating_point_range = [], []
+            node.set_descriptor(leaf.path, about)
+        else:
+            node.declare_parameter(leaf.path, to_ros(leaf.default), about)
+
+
+def loosen_settings(node: Node, kind: type[Settings]) -> None:
+    """They may be set again, for the next `settings_from_parameters`."""
+    for path in kind.paths():
+        node.describe_parameter(path).read_only = False
+
+
 def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
     """Build settings, one parameter for each dotted path; every one has a default.
 
@@ -24,14 +44,8 @@ def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
     empty text stands for none. Parameters are then declared with what is known of them, read-only.
     Raises ConfigError for an unknown name, or for what the settings refuse.
     """
-    leaves = {leaf.path: leaf for leaf in kind.leaves()}
-    given = node.get_parameters_by_prefix("")
-    unknown = [name for name in given if name not in leaves and not name.startswith(OF_ROS)]
-    if unknown:
-        raise ConfigError(
-            f"{node.get_name()}: expected parameters {sorted(leaves)}, got {sorted(unknown)}"
-        )
-    values = {path: _from_ros(given[path].value) for path in leaves if path in given}
+    given = _given(node, kind)
+    values = {path: _from_ros(given[path].value) for path in kind.paths() if path in given}
     settings = kind().changed(**values)
     for leaf in kind.leaves():  # again: extensions may have brought choices
         path = leaf.path
@@ -40,6 +54,18 @@ def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
         value = to_ros(settings.value(path))
         node.declare_parameter(path, value, describe(leaf), ignore_override=True)
     return settings
+
+
+def _given(node: Node, kind: type[Settings]) -> dict[str, Any]:
+    """The parameters that a node has, by name. Raises ConfigError for an unknown one."""
+    leaves = kind.paths()
+    given: dict[str, Any] = node.get_parameters_by_prefix("")
+    unknown = [name for name in given if name not in leaves and not name.startswith(OF_ROS)]
+    if unknown:
+        raise ConfigError(
+            f"{node.get_name()}: expected parameters {sorted(leaves)}, got {sorted(unknown)}"
+        )
+    return given
 
 
 def describe(leaf: Leaf) -> ParameterDescriptor:

@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.executor import spin_until, steady_timer
-from pa_ros.tools.launch_params import Parameters, merged, write_parameters
+from pa_ros.tools.launch_params import NODES, Parameters, merged, write_parameters
 from pa_ros.tools.launcher import Supervisor, node_command
 from pa_ros.tools.monitor import REFRESH_S
 
@@ -28,14 +28,15 @@ def start_nodes(
     """Write `folder`/params.yaml and start every node in it; one in a namespace of its own
     (`arena1/agent_node`) as `arena1.agent_node`, and speaking with the learner of `namespace`.
 
-    Process ids by node."""
+    Agents come last, after those that they wait for; nobody waits for a process to be up. Process
+    ids by node."""
     path, processes = folder / "params.yaml", {}
     above = f"/{namespace.strip('/')}"
     if "learner_node" in parameters:
         agents = [place for place in parameters if place.endswith("/agent_node")]
         parameters = merged(parameters, {place: {"learner": above} for place in agents})
     write_parameters(path, parameters, namespace)
-    for place in parameters:
+    for place in sorted(parameters, key=lambda place: NODES.index(place.rpartition("/")[2])):
         within, _, name = place.rpartition("/")
         command = node_command(name, path, f"{above}/{within}")
         processes[place] = supervisor.start(place.replace("/", "."), command)

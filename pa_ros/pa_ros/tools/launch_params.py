@@ -14,7 +14,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.learning.folder import refuse_used
 
 CONFIG = Path(__file__).parents[1] / "config"
-NODES = ("sim_node", "agent_node", "learner_node")
+NODES = ("sim_node", "learner_node", "agent_node")  # in the order in which they are started
 _EVERY = "**"
 _KEY = "ros__parameters"
 

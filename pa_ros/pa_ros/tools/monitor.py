@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from pa_ros.ros.lifecycle import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
@@ -82,6 +83,7 @@ class GraphFigures:
         arenas = self._of("sim_node")
         if len(arenas) > 1:
             found += [(_namespace(arena.name), self._arena_text(arena)) for arena in arenas]
+        found += [("lifecycle", self._states())]
         return [*found, ("refused messages", self._refusals()), ("alarms", self._alarms())]
 
     def line(self) -> str:
@@ -118,6 +120,15 @@ class GraphFigures:
                     code = key.removeprefix("refused.")
                     counts[code] = counts.get(code, 0) + int(value)
         return ", ".join(f"{code} {count}" for code, count in sorted(counts.items())) or "0"
+
+    def _states(self) -> str:
+        """Who is in which state of the standard's lifecycle."""
+        nodes: dict[str, list[str]] = {}
+        for name, (entry, when) in sorted(self._health.items()):
+            if LIFECYCLE in entry.values and self._now() - when <= STALE_S:
+                nodes.setdefault(entry.values[LIFECYCLE], []).append(name)
+        found = [f"{state}: {', '.join(names)}" for state, names in sorted(nodes.items())]
+        return "; ".join(found) or UNKNOWN
 
     def _alarms(self) -> str:
         alarms = []

@@ -1,4 +1,5 @@
-"""Requests to an arena and what became of them (Reset, Step, SetSpeed, std_srvs/SetBool)."""
+"""Requests to an arena and what became of them (Reset, Step, SetSpeed, std_srvs/SetBool); requests
+to change a managed node's state (lifecycle_msgs/ChangeState)."""
 
 from __future__ import annotations
 
@@ -95,3 +96,8 @@ def decode_outcome(response: Any) -> Outcome:
         step=getattr(response, "step", 0),
         stamp_ns=read_stamp(response.stamp),
     )
+
+
+def decode_transition(message: Any) -> tuple[int, str]:
+    """The transition wanted: by its id, unless a label is given."""
+    return int(message.transition.id), str(message.transition.label)

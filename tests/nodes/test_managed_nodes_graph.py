@@ -1,0 +1,215 @@
+"""What arena, agent and learner do, and don't, in each state of the standard's lifecycle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from graph import Probe, graph
+from learner_input import ARENA, trajectory
+from managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
+from rclpy.action import ActionClient
+
+from agent_node.node import AgentNode
+from learner_node.node import LearnerNode
+from learner_node.worker import LearnerWorker
+from pa_ros.learning.checkpoints import read_metadata
+from pa_ros.learning.folder import checkpoint_of
+from pa_ros.ros import topics
+from pa_ros.ros.actions import EXECUTE_PROGRAM
+from pa_ros.ros.health import WARN
+from pa_ros.wire import codec
+from pa_ros.wire.records import Command, ProgramGoal, ResetRequest
+from sim_node.node import SimNode
+
+pytestmark = pytest.mark.graph
+SCENE = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
+TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
+STEPS = 10
+LEARNING = {
+    "sim_node__resend_period_s": 0.2,
+    "agent_node__learning": True,
+    "agent_node__agent_id": "a",
+    "agent_node__resend_period_s": 0.2,
+    "learner_node__options": [
+        "learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16",
+        f"learner.schedule.trajectory_steps={STEPS}",
+    ],
+}  # fmt: skip
+
+
+def stands(probe: Probe, topic: topics.Topic, for_s: float = 0.4) -> bool:
+    """Whether nothing more of a topic comes, what was under way being over."""
+    probe.until(lambda: False, 0.1)
+    before = probe.count(topic)
+    probe.until(lambda: False, for_s)
+    return probe.count(topic) == before
+
+
+def comes(probe: Probe, topic: topics.Topic, more: int = 3) -> bool:
+    """Whether more messages of a topic come."""
+    before = probe.count(topic)
+    return probe.until(lambda: probe.count(topic) >= before + more)
+
+
+def test_an_inactive_arena_stands_and_refuses_and_then_its_time_goes_on() -> None:
+    with graph(SimNode, **SCENE) as probe:
+        arena = probe.nodes[0]
+        user, speaker = User(probe, arena), probe.speaker(topics.JOINT_COMMANDS)
+        assert comes(probe, topics.OBJECT_FEATURES)
+        assert user.ask(DEACTIVATE) == (True, "inactive")
+        for topic in (topics.OBJECT_FEATURES, topics.CLOCK, topics.TRANSFORMS):
+            assert stands(probe, topic)
+        speaker.publish(codec.encode_command(Command(0, 0, 0, "me", 0, np.ones(6, np.float32))))
+        asked = probe.call(topics.RESET, codec.encode_reset(ResetRequest(3)))
+        assert (asked.success, asked.code) == (False, "arena.inactive")
+        assert probe.until(lambda: arena.refusals.counts["arena.inactive"] == 2)
+        assert probe.until(lambda: probe.message("sim_node").startswith("inactive: waits to be"))
+        assert probe.health["/sim_node"].level == WARN
+        stamp, arena_id = arena.session.frame.observation.stamp_ns, arena.session.arena_id
+        assert user.ask(ACTIVATE) == (True, "active")
+        assert comes(probe, topics.CLOCK) and arena.session.arena_id == arena_id
+        assert arena.session.frame.observation.stamp_ns > stamp
+        stamps = [codec.decode_clock(message) for message in probe.heard["clock"]]
+        assert stamps == sorted(stamps)
+
+
+def test_an_arena_configured_again_is_another_of_other_parameters() -> None:
+    with graph(SimNode, AgentNode, **TRAINED, sim_node__design="3-D") as probe:
+        arena, agent = probe.nodes
+        user, before = User(probe, arena), arena.session.arena_id
+        assert probe.until(lambda: agent.arena is not None)
+        user.ask(DEACTIVATE)
+        user.ask(CLEANUP)
+        assert user.set("seed", 5) == "" and user.set("design", "9-Z") == ""
+        assert user.ask(CONFIGURE) == (False, "unconfigured")
+        assert arena.refusals.counts["config"] == 1
+        assert user.set("design", "3-C") == ""
+        assert user.ask(CONFIGURE) == (True, "inactive")
+        assert user.ask(ACTIVATE) == (True, "active")
+        assert arena.session.arena_id != before and arena.config.seed == 5
+        assert probe.until(lambda: agent.arena.arena_id == arena.session.arena_id)
+        assert comes(probe, topics.JOINT_COMMANDS)
+
+
+def test_an_inactive_agent_commands_nothing_and_a_goal_ends_with_the_reason() -> None:
+    given = {"sim_node__program_source": "topic", "agent_node__controller": "velocity"}
+    with graph(SimNode, AgentNode, **SCENE, **TRAINED, **given) as probe:
+        arena, agent = probe.nodes
+        user, client = (
+            User(probe, agent),
+            ActionClient(probe, EXECUTE_PROGRAM[1], "execute_program"),
+        )
+        assert probe.until(client.server_is_ready)
+        assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
+
+        def result(text: str, then=lambda: None, hold_s=1.0):
+            goal = codec.encode_goal(ProgramGoal(text, hold_s=hold_s))
+            sent = client.send_goal_async(goal)
+            assert probe.until(sent.done)
+            then()
+            future = sent.result().get_result_async()
+            assert probe.until(future.done)
+            return codec.decode_goal_result(future.result().result)
+
+        def deactivate() -> None:
+            assert comes(probe, topics.VELOCITY_COMMANDS)
+            assert user.ask(DEACTIVATE) == (True, "inactive")
+
+        ended = result("NEAR(HAND, AND(GREEN, CUBE))", deactivate, hold_s=1e9)
+        assert (ended.success, ended.code) == (False, "goal.inactive") and ended.reason
+        assert stands(probe, topics.JOINT_COMMANDS)
+        assert not any(probe.last(topics.VELOCITY_COMMANDS).data)
+        assert probe.until(lambda: not arena.session.task.simulation.data.qvel[:6].round(2).any())
+        assert result("NEAR(HAND, RED)").code == "goal.inactive"
+        assert user.ask(ACTIVATE) == (True, "active")
+        assert comes(probe, topics.JOINT_COMMANDS)
+        assert result("NEAR(HAND, AND(RED, CUBE))").success
+        client.destroy()
+
+
+def sent_and_accounted(probe: Probe) -> tuple[int, int, int]:
+    """Trajectories that were completed, those that wait for the learner, those it learned from."""
+    _, agent, learner = probe.nodes
+    frames = int(learner.worker.metrics["frames"])
+    assert frames % STEPS == 0
+    completed = int(agent.collect()[2]["trajectories"])
+    return completed, len(agent.agent.unaccounted), frames // STEPS
+
+
+def test_a_learning_graph_loses_and_counts_twice_nothing_whoever_rests(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with graph(SimNode, AgentNode, LearnerNode, **LEARNING, learner_node__out=out) as probe:
+        learner = probe.nodes[-1]
+        users = [User(probe, node) for node in probe.nodes]
+        arena_user, agent_user, learner_user = users
+
+        def version() -> int:
+            return int(learner.worker.metrics["version"]) if learner.worker else 0
+
+        def advances() -> bool:
+            since = version()
+            return probe.until(lambda: version() > since + 2)
+
+        assert advances()
+        for user in (learner_user, agent_user, arena_user, learner_user):
+            assert user.ask(DEACTIVATE) == (True, "inactive")
+            probe.until(lambda: False, 0.5)  # in which others go on, if they do, and send again
+            if user is learner_user:
+                saved = read_metadata(checkpoint_of(out))["counters"]["version"]
+                assert saved == version() and stands(probe, topics.POLICY_WEIGHTS)
+            assert user.ask(ACTIVATE) == (True, "active")
+            assert advances()
+        # The arena holds; then what was sent is what is accounted for, each once.
+        assert arena_user.ask(DEACTIVATE) == (True, "inactive")
+        assert probe.until(lambda: sent_and_accounted(probe)[1] == 0)
+        completed, _, learned = sent_and_accounted(probe)
+        assert completed == learned == version()
+        metrics = learner.worker.metrics
+        assert metrics["missing_trajectories"] == metrics["lost_trajectories"] == 0
+        assert probe.nodes[1].agent.lost == 0 and probe.nodes[1].agent.interrupted == 0
+
+
+def test_a_learner_cleaned_up_has_closed_its_run_which_can_be_resumed(tmp_path: Path) -> None:
+    options = LEARNING["learner_node__options"]
+    given = {"learner_node__out": tmp_path / "run", "learner_node__options": options}
+    with graph(LearnerNode, **given) as probe:
+        learner = probe.nodes[0]
+        user, sent = User(probe, learner), probe.speaker(topics.TRAJECTORIES)
+
+        def worker() -> LearnerWorker:
+            assert learner.worker is not None
+            return learner.worker
+
+        def learned(*numbers: int) -> None:
+            for number in numbers:
+                sent.publish(codec.encode_trajectory(trajectory(number)))
+            frames = 10 * (numbers[-1] + 1)
+            assert probe.until(
+                lambda: learner.worker is not None and worker().metrics["frames"] == frames
+            )
+
+        assert user.ask(DEACTIVATE) == (True, "inactive")
+        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(ARENA))
+        assert probe.until(lambda: probe.count(topics.ARENA_INFO) > 0)
+        assert learner.worker is None
+        assert user.ask(ACTIVATE) == (True, "active")
+        learned(0, 1)
+        assert user.ask(DEACTIVATE) == (True, "inactive")
+        sent.publish(codec.encode_trajectory(trajectory(2)))
+        probe.until(lambda: False, 0.3)
+        assert worker().metrics["frames"] == 20 and worker().backlog == 0
+        assert user.ask(ACTIVATE) == (True, "active")
+        learned(2)
+        run_id = worker().run.info.run_id
+        assert user.ask(DEACTIVATE) == (True, "inactive")
+        assert user.ask(CLEANUP) == (True, "unconfigured")
+        assert user.ask(CONFIGURE) == (False, "unconfigured")
+        assert learner.refusals.counts["learning.folder_used"] == 1
+        assert user.set("resume", True) == ""
+        assert user.ask(CONFIGURE) == (True, "inactive")
+        assert user.ask(ACTIVATE) == (True, "active")
+        learned(3)
+        assert worker().run.info.run_id == run_id
+    assert read_metadata(checkpoint_of(tmp_path / "run"))["counters"]["version"] == 4

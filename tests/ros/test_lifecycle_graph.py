@@ -1,0 +1,202 @@
+"""Managed nodes: transitions, what is refused, what is made and destroyed, parameters between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from graph import graph
+from managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User
+from pydantic import Field
+from std_srvs.srv import SetBool
+
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.managed import Managed
+from pa_ros.ros import topics
+from pa_ros.ros.actions import EXECUTE_PROGRAM, GoalServer
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.health import OK, WARN
+from pa_ros.ros.lifecycle import ManagedNode
+
+pytestmark = pytest.mark.graph
+
+
+class Config(Managed):
+    number: int = Field(1, ge=1, le=9, description="13 can't be configured, nor can 7 be activated")
+
+
+class MissingError(PaError):
+    code = "test.missing"
+
+
+class Small(ManagedNode):
+    """Has one of everything, and remembers what was asked of it."""
+
+    config: Config
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.ticks = self.commands = 0
+        self.bug = ""  # in which step there is one
+        super().__init__("small", Config)
+
+    def configure(self) -> None:
+        self._step("configure")
+        topics.OBJECT_FEATURES.publisher(self)
+        topics.JOINT_COMMANDS.subscribe(self, lambda _: self._count())
+        self.create_service(SetBool, "pause", lambda _, answer: answer)
+        GoalServer(self, EXECUTE_PROGRAM, lambda _: None, lambda _: None)
+        steady_timer(self, 0.001, self._tick)
+        if self.config.number == 9:
+            raise MissingError("checkpoint: expected one, found none")
+
+    def activate(self) -> None:
+        self._step("activate")
+        if self.config.number == 7:
+            raise MissingError("arm: expected one, found none")
+
+    def deactivate(self) -> None:
+        self._step("deactivate")
+
+    def cleanup(self) -> None:
+        self._step("cleanup")
+
+    def alone(self) -> tuple[topics.Topic, str]:
+        return topics.ARENA_INFO, "one"
+
+    def collect(self) -> tuple[int, str, dict[str, str]]:
+        return OK, "at work", {"ticks": str(self.ticks)}
+
+    def _step(self, name: str) -> None:
+        self.asked.append(name)
+        if self.bug == name:
+            raise KeyError("a bug")
+
+    def _tick(self) -> None:
+        self.ticks += 1
+
+    def _count(self) -> None:
+        self.commands += 1
+
+    @property
+    def entities(self) -> int:
+        kinds = self.publishers, self.subscriptions, self.services, self.waitables
+        return sum(len([*kind]) for kind in kinds)  # timers: the executor has one, too
+
+
+@pytest.fixture
+def user(request: pytest.FixtureRequest) -> Iterator[User]:
+    """Of a node; parametrized indirectly with its parameters."""
+    with graph(Small, **getattr(request, "param", {})) as probe:
+        yield User(probe, probe.nodes[0])
+
+
+WAITING = pytest.mark.parametrize("user", [{"small__autostart": False}], indirect=True)
+
+
+def test_a_node_is_configured_and_activated_at_its_start(user: User) -> None:
+    node = user.node
+    assert (node.state, node.active, node.asked) == ("active", True, ["configure", "activate"])
+    assert user.probe.until(lambda: user.probe.value("small", "lifecycle") == "active")
+    assert user.probe.health["/small"].level == OK
+    assert user.probe.value("small", "speaks_on") == "/arena_info"
+
+
+@WAITING
+def test_without_autostart_it_waits_and_says_so(user: User) -> None:
+    assert (user.node.state, user.node.asked) == ("unconfigured", [])
+    assert user.probe.until(lambda: user.probe.value("small", "lifecycle") == "unconfigured")
+    health = user.probe.health["/small"]
+    assert health.level == WARN and "ros2 lifecycle set /small configure" in health.message
+    assert "speaks_on" not in health.values
+    assert user.ask(label="configure") == (True, "inactive")
+    assert user.ask(label="activate") == (True, "active")
+
+
+def test_a_whole_life_over_the_services_destroys_what_it_made(user: User) -> None:
+    node, probe, begun = user.node, user.probe, user.node.entities
+    speaker = topics.JOINT_COMMANDS.publisher(probe)
+    steady_timer(probe, 0.002, lambda: speaker.publish(topics.JOINT_COMMANDS.type()))
+    for _ in range(5):
+        assert probe.until(lambda: node.commands > 0 and node.ticks > 0)
+        assert user.ask(DEACTIVATE) == (True, "inactive") and not node.active
+        assert user.ask(CLEANUP) == (True, "unconfigured")
+        assert node.entities < begun - 3
+        node.ticks = node.commands = 0
+        probe.until(lambda: False, 0.05)
+        assert node.ticks == node.commands == 0
+        assert user.ask(CONFIGURE) == (True, "inactive")
+        assert user.ask(ACTIVATE) == (True, "active") and node.entities == begun
+    assert node.asked[-4:] == ["deactivate", "cleanup", "configure", "activate"]
+    assert probe.until(lambda: user.events[-2:] == ["activating", "active"])
+    assert node.refusals.total == 0
+
+
+@pytest.mark.parametrize("wanted", [{"number": ACTIVATE}, {"number": 99}, {"label": "activated"}])
+def test_a_transition_that_there_is_not_is_refused_and_counted(user: User, wanted) -> None:
+    assert user.ask(**wanted) == (False, "active")
+    assert user.node.refusals.counts == {"lifecycle.transition": 1}
+    assert user.ask(DEACTIVATE) == (True, "inactive")
+
+
+def test_parameters_can_be_set_between_two_configurations_alone(user: User) -> None:
+    assert "read-only" in user.set("number", 2)
+    user.ask(DEACTIVATE)
+    assert "read-only" in user.set("number", 2)
+    user.ask(CLEANUP)
+    assert "range" in user.set("number", 10) and "type" in user.set("number", "2")
+    assert user.set("number", 2) == ""
+    assert user.ask(CONFIGURE) == (True, "inactive")
+    assert user.node.config.number == 2 and "read-only" in user.set("number", 3)
+
+
+@pytest.mark.parametrize(
+    "user", [{"small__autostart": False, "small__number": number} for number in (9, 13, "no")],
+    indirect=True,
+)  # fmt: skip
+def test_a_configuration_that_fails_can_be_mended(user: User) -> None:
+    node, begun = user.node, user.node.entities
+    assert user.ask(CONFIGURE) == (False, "unconfigured")
+    assert sum(node.refusals.counts[code] for code in ("test.missing", "config")) == 1
+    assert node.entities == begun
+    assert user.set("number", 3) == ""
+    assert user.ask(CONFIGURE) == (True, "inactive") and node.config.number == 3
+
+
+@pytest.mark.parametrize(
+    ("number", "error"), [(9, MissingError), (13, ConfigError), (7, MissingError)]
+)
+def test_at_the_start_what_fails_is_raised(number: int, error: type[PaError]) -> None:
+    with graph(small__number=number), pytest.raises(error):
+        Small()
+
+
+@pytest.mark.parametrize("user", [{"small__autostart": False, "small__number": 7}], indirect=True)
+def test_an_activation_that_fails_leaves_it_inactive(user: User) -> None:
+    user.ask(CONFIGURE)
+    assert user.ask(ACTIVATE) == (False, "inactive") and not user.node.active
+    assert user.node.refusals.counts == {"test.missing": 1}
+
+
+def test_shut_down_it_stays_until_its_process_ends(user: User) -> None:
+    assert user.ask(SHUTDOWN) == (True, "finalized")
+    assert user.node.asked[-2:] == ["deactivate", "cleanup"]
+    assert user.probe.until(lambda: user.probe.value("small", "lifecycle") == "finalized")
+    assert user.node.close() == 0 and user.node.asked.count("cleanup") == 1
+
+
+@pytest.mark.parametrize("state", ["active", "inactive", "unconfigured"])
+def test_a_node_ends_from_any_state(user: User, state: str) -> None:
+    if state != "active":
+        user.ask(DEACTIVATE)
+    if state == "unconfigured":
+        user.ask(CLEANUP)
+    assert user.node.close() == 0 and user.node.state == "finalized"
+    assert user.node.asked.count("cleanup") == user.node.asked.count("deactivate") == 1
+
+
+def test_a_bug_in_a_transition_ends_the_node_which_saves_what_it_can(user: User) -> None:
+    user.node.bug = "deactivate"
+    with pytest.raises(KeyError, match="a bug"):
+        user.ask(DEACTIVATE)
+    assert user.node.asked[-1] == "cleanup" and user.node.state == "unconfigured"
