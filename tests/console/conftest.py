@@ -14,7 +14,7 @@ CHROMIUM = shutil.which("chromium")
 SCREENSHOTS = Path(__file__).parents[2] / "build/screenshots"
 FLAGS = (
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist", "--disable-gpu-vsync",
+    "--ignore-gpu-blocklist",
 )  # fmt: skip
 
 
@@ -50,7 +50,7 @@ def browser() -> Iterator[Any]:
 @pytest.fixture
 def new_page(browser: Any) -> Iterator[Callable[[], Any]]:
     """Makes pages in a context of the test's own."""
-    context = browser.new_context(viewport={"width": 1100, "height": 640})
+    context = browser.new_context(viewport={"width": 1000, "height": 560})
     try:
         yield context.new_page
     finally:

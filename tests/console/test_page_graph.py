@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +17,8 @@ from recorded_runs import train
 from recording import pa_ros
 from waiting import DEADLINE_S
 
+from pa_ros.ros.process import ros_arguments
+
 pytestmark = [pytest.mark.graph, pytest.mark.browser, pytest.mark.timeout(900)]
 MS = 1000 * DEADLINE_S
 
@@ -22,7 +26,7 @@ MS = 1000 * DEADLINE_S
 @contextmanager
 def console(*arguments: str | Path) -> Iterator[tuple[str, str]]:
     """`pa_ros console` as a process: the address of who may send, and that of who may look."""
-    process = pa_ros("console", "--port", "0", *arguments)
+    process = pa_ros("console", "--port", "0", "--light", "plain", *arguments)
     try:
         found = re.search(r"console: (\S+)", process.stdout.readline())
         assert found, process.stderr.read()
@@ -31,6 +35,21 @@ def console(*arguments: str | Path) -> Iterator[tuple[str, str]]:
         process.send_signal(signal.SIGINT)
         output, error = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0 and "Traceback" not in error, error
+
+
+@contextmanager
+def another_arena() -> Iterator[None]:
+    """One without an agent, in a namespace of its own."""
+    given = ros_arguments(
+        {"mode": "real_time", "program_source": "topic", "seed": 5}, namespace="/other"
+    )
+    command = [sys.executable, "-m", "sim_node.main", *given, "--log-level", "error"]
+    with subprocess.Popen(command) as process:
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=DEADLINE_S)
 
 
 @contextmanager
@@ -70,7 +89,7 @@ def step_of(page) -> int:
 
 
 def test_a_program_is_typed_and_followed(tmp_path, new_page):
-    with graph(tmp_path), console() as (address, watching):
+    with graph(tmp_path), another_arena(), console() as (address, watching):
         page = opened(new_page(), address)
         table(page, "State").wait_for()
         text = page.locator("form input").first
@@ -111,6 +130,7 @@ def test_a_program_is_typed_and_followed(tmp_path, new_page):
         page.get_by_role("button", name="Next scene").click()
         table(page, "State").filter(has_text="episode 1,").wait_for()
         moved_by_hand(page)
+        chosen_among_arenas(page)
 
 
 def moved_by_hand(page):
@@ -122,6 +142,26 @@ def moved_by_hand(page):
     page.get_by_role("button", name="Put it there").click()
     page.get_by_text(re.compile("move [a-z_]+: done")).wait_for()
     shot(page, "console-moved")
+
+
+def chosen_among_arenas(page):
+    """The page turns to the other arena, programs go there alone, and back."""
+
+    def choose(namespace):
+        page.get_by_label("Which", exact=True).click()
+        page.get_by_role("option", name=namespace, exact=True).click()
+
+    state, history = table(page, "State"), table(page, "History")
+    choose("/other")
+    state.filter(has_text="none in force").wait_for()
+    text = page.locator("form input").first
+    text.fill("NEAR(HAND, OR(RED, NOT(RED)))")
+    text.press("Enter")
+    history.filter(has_text="accepted by /other/sim_node").wait_for()
+    state.filter(has_text="NEAR(HAND, OR(RED, NOT(RED)))").wait_for()
+    shot(page, "console-other")
+    choose("/")
+    state.filter(has_text="episode 1,").wait_for()
 
 
 def test_a_recording_is_scrubbed(tmp_path, new_page):

@@ -24,7 +24,7 @@ POLITE = 5  # beside arena, agents and learner, whose machine it is
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros console`."""
     settings = _installed()[0]
-    add_settings(parser, settings, "port", "rate_hz", "token")
+    add_settings(parser, settings, "port", "rate_hz", "token", "light")
     parser.add_argument("--namespace", default="", help="of the arena to begin with")
     parser.add_argument("--bag", type=Path, metavar="BAG", help="show a recording instead")
     parser.epilog = "Ctrl-C stops it. Pages without the token may look, and nothing else."

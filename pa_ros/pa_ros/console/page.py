@@ -12,6 +12,7 @@ import viser
 from pa_ros.console import markup
 from pa_ros.console.moment import Moment
 from pa_ros.console.scene import ArenaScene
+from pa_ros.console.server import ConsoleServer
 from pa_ros.core.errors import PaError
 
 KEPT = 900  # points of a curve: a quarter of an hour
@@ -27,9 +28,10 @@ ORDER = {"Program": 1, "Arena": 2, "State": 3, "History": 4, "Why": 5, "Φ and p
 class Page:
     """Shared by all who look: nothing on it takes input."""
 
-    def __init__(self, server: viser.ViserServer, learning: bool = True) -> None:
-        self.scene = ArenaScene(server)
-        self._server, self._sent = server, dict[str, str]()
+    def __init__(self, served: ConsoleServer, learning: bool = True) -> None:
+        server = served.viser
+        self.scene = ArenaScene(server, served.reflections)
+        self._sent = dict[str, str]()
         self._html = {
             name: _panel(server, name, name in ("State", "History", "Why", "Alarms"))
             for name in ("State", "History", "Why", "Φ and p", *["Alarms"] * learning)

@@ -41,8 +41,8 @@ class _Block:
 class ArenaScene:
     """One arena's scene; `names` are its blocks, in the order of Ω without the hand."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
+    def __init__(self, server: viser.ViserServer, reflections: bool = True) -> None:
+        self._server, self._reflections = server, reflections
         self._stage: Stage | None = None
         self._arm: ViserMujocoScene | None = None
         self._blocks: list[_Block] = []
@@ -89,6 +89,8 @@ class ArenaScene:
             self._blocks = []
             self._arm = ViserMujocoScene(self._server, _without_blocks(model), num_envs=1)
             self._arm.camera_tracking_enabled = False
+            if not self._reflections:
+                self._server.scene.configure_environment_map(None)
         for block in self._blocks:
             for handle in (block.solid, block.outline, block.label, block.circle):
                 handle.remove()

@@ -68,7 +68,7 @@ def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterat
         sampled = rclpy.create_node(
             f"{node.get_name()}_sampler", enable_rosout=False, start_parameter_services=False
         )
-        live = LiveConsole(node, sampled, Page(server.viser), namespace)
+        live = LiveConsole(node, sampled, Page(server), namespace)
         visitors = Visitors(server, lambda client: Controls(client, live))
         refreshed = [0.0]
 
@@ -109,7 +109,7 @@ def serve_bag(
         bag.check_edition()
         replay = Replay(bag, namespace)
         with ConsoleServer(settings) as server:
-            page = Page(server.viser, learning=False)
+            page = Page(server, learning=False)
             timeline = Timeline(replay, page)
             Visitors(server, timeline.controls)
             announce(server.address, server.watching)

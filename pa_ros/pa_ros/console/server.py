@@ -7,6 +7,7 @@ import io
 import os
 import secrets
 import socket
+from typing import Literal
 
 import viser
 from pydantic import Field
@@ -22,6 +23,11 @@ class ConsoleSettings(Settings):
     port: int = Field(8765, ge=0, le=65535, description="on 127.0.0.1; 0: one that is free")
     rate_hz: float = Field(10.0, ge=0.5, le=30, description="how often an open page is renewed")
     token: str = Field("", description="in the address of who may send; empty: a new one")
+    light: Literal["full", "plain"] = Field(
+        "full",
+        description="plain: no reflections, which a browser without a graphics card needs ten "
+        "seconds for",
+    )
 
 
 class PortError(PaError):
@@ -38,6 +44,7 @@ class ConsoleServer:
         self.token = settings.token or os.environ.get(TOKEN) or secrets.token_urlsafe(16)
         if not self.token.replace("-", "").replace("_", "").isalnum():
             raise ConfigError(f"token: expected letters, digits, - and _, got {self.token!r}")
+        self.reflections = settings.light == "full"
         _check_free(settings.port)
         with contextlib.redirect_stdout(io.StringIO()):  # its banner has no token in its address
             self.viser = viser.ViserServer(HOST, settings.port, "pa_ros console", verbose=False)
