@@ -32,6 +32,15 @@ def test_velocities_follow_the_commands_and_end_when_these_do():
         assert probe.count(topics.VELOCITY_COMMANDS) == ended
 
 
+def test_an_agent_that_goes_leaves_the_arm_at_rest_whatever_the_ramp():
+    ramp = {"agent_node__controller": "velocity", "agent_node__max_acceleration": 0.5}
+    with graph(SimNode, AgentNode, **ARENA, **TRAINED, **ramp) as probe:
+        moving = lambda: any(probe.last(topics.VELOCITY_COMMANDS).data)  # noqa: E731
+        assert probe.until(lambda: probe.count(topics.VELOCITY_COMMANDS) > 3 and moving())
+        probe.nodes[1].close()
+        assert probe.until(lambda: not moving())
+
+
 def test_a_trajectory_has_one_point_a_control_period_ahead():
     with graph(
         SimNode, AgentNode, **ARENA, **TRAINED, agent_node__controller="joint_trajectory"

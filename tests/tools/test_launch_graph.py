@@ -124,7 +124,8 @@ def test_programs_are_accepted_refused_and_judged_and_ctrl_c_stops_all(launch):
     graph.process.send_signal(signal.SIGINT)
     status, out, err = graph.end()
     assert (status, err) == (0, "")
-    assert "started sim_node, agent_node" in out and out.endswith("stopped\n")
+    assert "started sim_node, agent_node" in out
+    assert out.endswith("stopping\nstopped agent_node\nstopped sim_node\n")
     assert not processes_of(graph.folder)
 
 

@@ -97,7 +97,6 @@ def run(options: argparse.Namespace) -> int:
                 return EXIT_FAILED
             print("stopping")
             statuses = _stop(supervisor)
-    print("stopped")
     failed = [name for name, status in statuses.items() if status > 0]
     for name in failed:
         log = folder / "log" / f"{name}.log"
@@ -110,6 +109,8 @@ def _stop(supervisor: Supervisor) -> dict[str, int]:
     """Agents first, each leaving its arm at rest; the learner once all has come that they have
     sent; then the arenas, and the rest last; each one's exit status."""
     statuses: dict[str, int] = {}
-    for kind in reversed(NODES):
-        statuses |= supervisor.stop([name for name in supervisor.names if name.endswith(kind)])
-    return statuses | supervisor.stop()
+    for kind in (*reversed(NODES), ""):
+        if named := [name for name in supervisor.names if name.endswith(kind)]:
+            statuses |= supervisor.stop(named)
+            print(f"stopped {', '.join(named)}")
+    return statuses
