@@ -87,10 +87,11 @@ class ArenaScene:
             self._server.scene.reset()
             self._server.scene.set_up_direction("+z")
             self._blocks = []
-            self._arm = ViserMujocoScene(self._server, _without_blocks(model), num_envs=1)
+            with self._server.atomic():  # else a page begins to compute what is taken back
+                self._arm = ViserMujocoScene(self._server, _without_blocks(model), num_envs=1)
+                if not self._reflections:
+                    self._server.scene.configure_environment_map(None)
             self._arm.camera_tracking_enabled = False
-            if not self._reflections:
-                self._server.scene.configure_environment_map(None)
         for block in self._blocks:
             for handle in (block.solid, block.outline, block.label, block.circle):
                 handle.remove()
