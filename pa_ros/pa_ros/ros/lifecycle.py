@@ -19,6 +19,7 @@ from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Health
 
+FREEZING = ("configure", "cleanup")  # what is there after these stays for long
 LIFECYCLE = "lifecycle"  # key of /diagnostics: the state
 HINTS = {
     "unconfigured": "waits to be configured (ros2 lifecycle set {} configure)",
@@ -225,8 +226,9 @@ class ManagedNode(LifecycleNode):
                 )
             response = self._change_state(request, response)
             self._raise()
-            self.get_logger().info(f"{wanted[0][1]}: now {self.state}")
-            if gc.get_freeze_count():  # what is there now stays, as at the process's start
+            name = wanted[0][1]
+            self.get_logger().info(f"{name}: now {self.state}")
+            if name in FREEZING and gc.get_freeze_count():  # as at the process's start
                 gc.unfreeze()
                 gc.collect()
                 gc.freeze()
