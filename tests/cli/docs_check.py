@@ -1,8 +1,8 @@
 """Every command of README and docs, run as it stands, page by page: `make docs-check`.
 
 What serves (a launch, a node, a page) runs beside the commands after it in its block. What hasn't
-ended after LIMIT_S is interrupted, as with Ctrl-C, and must then end as it should; but what makes
-something that the page goes on with runs to its end.
+ended after LIMIT_S, or RECORDING_S, is interrupted, as with Ctrl-C, and must then end as
+it should; but what makes something that the page goes on with runs to its end.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from documented import COMMANDS, NODES, ROOT, Command, is_run
 from waiting import DEADLINE_S
 
 LIMIT_S = 20.0
+RECORDING_S = 45.0  # what is recorded is looked at: an episode or two, on a busy machine, too
 SERVING = re.compile(rf"pa_ros (launch|console|record)\b|python docs/|({'|'.join(NODES)})\b")
 WITH_GRAPH = re.compile(r"pa_ros (send|play)\b")  # commands that need what serves
 ENDED = (0, 130, -signal.SIGINT)  # done, or interrupted
@@ -107,6 +108,8 @@ class Page:
 
     def _end(self, started: Started, after_s: float) -> None:
         began = time.monotonic()
+        if after_s and "--record" in started.text:
+            after_s = max(after_s, RECORDING_S)
         started.interrupt(after_s)
         print(f"  {time.monotonic() - began:6.1f} s  {started.text}", flush=True)
         if complaint := started.complaint():
@@ -128,7 +131,7 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_a_pages_commands_do_what_they_are_shown_for(name: str, page: Page):
     print(f"\n{name}", flush=True)
     if name in BROUGHT:
-        page.run(BROUGHT[name])
+        page.run(BROUGHT[name], DEADLINE_S * 5)
     given = [command for command in COMMANDS if command.page == name and is_run(command)]
     for i, command in enumerate(given):
         if (name, command.block) in GRAPH_RUNS:
