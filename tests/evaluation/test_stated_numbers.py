@@ -19,6 +19,7 @@ KNOWN = (
     "blocks-2", "blocks-3", "blocks-5", "blocks-6", "blocks-8",
 )  # fmt: skip
 NEW = ("reach-new-shape", "reach-new-color", "reach-new-both")
+SCORED = (*KNOWN, "ignore-new", *NEW, *(f"depth-{depth}" for depth in range(3, 7)))
 
 
 def rows(name: str) -> list[dict[str, str]]:
@@ -70,7 +71,9 @@ def both(conditions: list[dict[str, float]], field: str, between: str = ", ") ->
 def sentences() -> dict[str, str]:
     """Sentences with their numbers, as they must stand in RESULTS."""
     two, three = "programmable-2L", "programmable-3D"
-    fast, slow = summary(), summary(".paper-arm")
+    fast, slow = summary(), summary(".paper-arm.product")
+    by_products = summary(".product")
+    gains = [fast[name]["normalized"] - by_products[name]["normalized"] for name in SCORED]
     new, slow_new = [fast[name] for name in NEW], [slow[name] for name in NEW]
     known = [fast[name] for name in KNOWN if name != "eval"]
     slow_known = [slow[name] for name in KNOWN if name != "eval"]
@@ -96,6 +99,9 @@ def sentences() -> dict[str, str]:
         f"{score(slow['ignore-new'])}; new shape {score(slow_new[0])}, color "
         f"{score(slow_new[1])}, both {score(slow_new[2])}, worst agent "
         f"{both(slow_new, 'worst_seed')}",
+        "logic": f"change the mean of a condition by {min(gains):+.3f} to {max(gains):+.3f} "
+        f"(the worst agent's, of any, from {min(by_products[n]['worst_seed'] for n in SCORED):.2f} "
+        f"to {min(fast[n]['worst_seed'] for n in SCORED):.2f})",
         "deep": "programs of depth 3 to 6 score "
         f"{both([fast[f'depth-{n}'] for n in range(3, 7)], 'normalized')} (ten agents; the worst "
         f"{min(fast[f'depth-{n}']['worst_seed'] for n in range(3, 7)):.2f})",
