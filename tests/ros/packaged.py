@@ -111,6 +111,11 @@ def test_what_a_package_shares_is_installed(package: str, prefix: Path):
     assert shared and [path for path in shared if not (share / path).is_file()] == []
 
 
+def test_layouts_are_shared(prefix: Path):
+    there = {path.name for path in (prefix / "share/pa_ros/layouts").iterdir()}
+    assert there == {path.name for path in (ROOT / "pa_ros/pa_ros/layouts").iterdir()}
+
+
 def test_the_shipped_agent_does_what_it_is_told(run: Command):
     options = ("--condition", "eval", "--episodes", "5", "--json", "score.json")
     run("pa_ros", "eval", "--checkpoint", "shipped:3-D", *options)
