@@ -68,6 +68,41 @@ def both(conditions: list[dict[str, float]], field: str, between: str = ", ") ->
     return between.join(f"{condition[field]:.2f}" for condition in conditions)
 
 
+def largest(name: str, field: str, *laws: str) -> float:
+    """Of the differences that equal programs make."""
+    return max(abs(float(row[field])) for row in rows(name) if row["law"] in laws)
+
+
+def equal_programs() -> dict[str, str]:
+    """What the laws cost by min and max, and by products."""
+    rounded, none = ("double negation", "De Morgan"), "excluded middle"
+    lattice = (
+        "idempotent AND",
+        "idempotent OR",
+        "distributive AND",
+        "distributive OR",
+        "absorption",
+    )
+    order = ("commuted", "associated AND", "associated OR")
+    ours, products = "equalities", "equalities.product"
+    for field in ("p", "action", "score"):
+        assert largest(ours, field, *order, *lattice) == 0
+        assert field != "score" or largest(ours, field, *rounded) == 0
+    mean = [largest(products, "mean_score", law) for law in lattice]
+    return {
+        "laws": f"double negation and De Morgan change p by at most "
+        f"{largest(ours, 'p', *rounded):.0e}, the action by at most "
+        f"{largest(ours, 'action', *rounded):.0e} and no episode's reward",
+        "excluded middle": f"changes p by at most {largest(ours, 'p', none):.2f}, and an agent's "
+        f"mean reward per step by at most {largest(ours, 'mean_score', none):.2f}",
+        "laws by products": "double negation, De Morgan, order and grouping change p by at most "
+        f"{largest(products, 'p', *rounded, *order):.0e}; idempotence, distribution and absorption "
+        f"change p by at most {largest(products, 'p', *lattice):.2f}, and an agent's mean reward "
+        f"per step by at most {mean[0]:.2f} (`AND(e, e)`, which squares p), {mean[1]:.2f} "
+        f"(`OR(e, e)`), {max(mean[2:4]):.2f} and {mean[4]:.2f}",
+    }
+
+
 def sentences() -> dict[str, str]:
     """Sentences with their numbers, as they must stand in RESULTS."""
     two, three = "programmable-2L", "programmable-3D"
@@ -78,7 +113,7 @@ def sentences() -> dict[str, str]:
     known = [fast[name] for name in KNOWN if name != "eval"]
     slow_known = [slow[name] for name in KNOWN if name != "eval"]
     exact = frames("programmable-3D-exact")
-    found = {
+    found = equal_programs() | {
         "2-L": f"{solved(two)} of 10 fresh seeds solved, median {median(frames(two)):,.0f} frames "
         f"({span(frames(two))}), {seconds(two)} each",
         "3-D": f"{solved(three)} of 10 fresh seeds (90–99) solved at the end of 100,000 frames, "
