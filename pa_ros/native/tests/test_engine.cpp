@@ -71,27 +71,31 @@ void test_updates() {
         }
 }
 
+void test_actions_of(const Size& size, const Case& made, const Level& level) {
+    std::mt19937 rng(2);
+    Actor actor(made.actor, level);
+    fill(actor.parameters().data(), made.actor, rng);
+    for (int objects : {size.objects, size.objects + 1, 64}) {
+        const Codes table(made.actor, size.length + objects % 3);
+        const Transitions seen(1, objects, 1, 1, size.actions, rng);
+        float action[kMaxActions] = {};
+        Programs program = table.programs();
+        Targets target = table.targets();
+        program.rows = target.rows = 1;
+        const Observation given{objects, objects - 1, seen.object.data(), seen.arm.data()};
+        if (made.actor.canonical) actor.act(given, target, action);
+        else actor.act(given, program, action);
+        for (float x : action) require(x >= -1 && x <= 1, "actions are bounded");
+    }
+}
+
 void test_actions() {
     for (const Size& size : kSizes)
-        for (const Case& made : cases(size.hidden, size.attention, size.actions))
-            for (const Level& level : levels()) {
-                if (!level.available) continue;
-                std::mt19937 rng(2);
-                Actor actor(made.actor, level);
-                fill(actor.parameters().data(), made.actor, rng);
-                for (int objects : {size.objects, size.objects + 1, 64}) {
-                    const Codes table(made.actor, size.length + objects % 3);
-                    const Transitions seen(1, objects, 1, 1, size.actions, rng);
-                    float action[kMaxActions] = {};
-                    Programs program = table.programs();
-                    Targets target = table.targets();
-                    program.rows = target.rows = 1;
-                    const Observation given{objects, objects - 1, seen.object.data(),
-                                            seen.arm.data()};
-                    if (made.actor.canonical) actor.act(given, target, action);
-                    else actor.act(given, program, action);
-                    for (float x : action) require(x >= -1 && x <= 1, "actions are bounded");
-                }
+        for (Case made : cases(size.hidden, size.attention, size.actions))
+            for (const int32_t min_max : {0, 1}) {
+                made.actor.min_max = min_max;
+                for (const Level& level : levels())
+                    if (level.available) test_actions_of(size, made, level);
             }
 }
 
@@ -156,6 +160,9 @@ void test_refusals() {
     network.relations = 2;
     refused("other relations", [&] { Engine e(mixed.actor, network, settings, 1); });
     refused("networks that differ", [&] { Engine e(made.actor, flat.critic, settings, 1); });
+    network = made.actor;
+    network.min_max = 1;
+    refused("what can't be differentiated", [&] { Engine e(network, made.critic, settings, 1); });
     refused("no threads", [&] { Engine e(made.actor, made.critic, settings, 0); });
     refused("a level that is not known", [] { find_level("x86-64-v5"); });
 }
