@@ -77,7 +77,7 @@ lint: install-dev
 test: lint
 	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
 
-# Every command that README and docs show in a block, run as it stands: a quarter of an hour. What
+# Every command that README and docs show in a block, run as it stands: half an hour. What
 # hasn't ended after half a minute is interrupted, as with Ctrl-C.
 docs-check: install-dev
 	$(BIN)/python -m pytest -q -s -p no:xdist tests/cli/docs_check.py
