@@ -17,6 +17,7 @@ from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
+from pa_ros.language import PRODUCT
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import (
     find_checkpoint,
@@ -126,7 +127,7 @@ def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> N
     policies = {0: learner.snapshot()}
     world = PointWorld(3)
     noise = ExplorationNoise(SETTINGS.exploration, world.control_period_s, seed=3, actions=6)
-    actor = Actor(NETWORK, noise=noise)
+    actor = Actor(NETWORK, noise=noise, logic=PRODUCT)
     for episode, trajectory in enumerate(trajectories):
         actor.load(policies[trajectory.policy_version])
         observation, _ = world.reset(episode)
