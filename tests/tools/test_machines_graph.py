@@ -14,6 +14,7 @@ from sites import NO_HOSTS, SUBNET, Site, ended
 
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
 CUT_S = 5.0
+ATTEMPTS, MATCHED_S = 4, 40.0  # by a discovery server; usually 6 s
 
 
 @pytest.fixture
@@ -49,12 +50,28 @@ def test_without_multicast_by_the_addresses_of_the_others(three):
     assert ended(site).keys() == {"arena1", "arena2"}
 
 
-def test_by_a_discovery_server(three):
-    """Fast DDS's own, which the wheels contain, on the learner's host."""
-    site: Site
-    site = three(lambda _: {"ROS_DISCOVERY_SERVER": f"{site.hosts.address(0)}:11811"})
-    binary = Path(sys.executable).with_name("fast-discovery-server")
-    site.hosts.run(0, [binary, "-i", "0", "-l", site.hosts.address(0), "-p", "11811"])
-    site.begin()
-    site.learns()
-    assert ended(site).keys() == {"arena1", "arena2"}
+def test_by_a_discovery_server(tmp_path: Path):
+    """Fast DDS's own, which the wheels contain, on the learner's host. It leaves a reader and a
+    writer unmatched in some starts (docs/machines.md): then all are started again."""
+    for attempt in range(ATTEMPTS):
+        with hosts(3) as made:
+            folder = tmp_path / str(attempt)
+            folder.mkdir()
+            server = made.address(0)
+            site = Site(made, folder, lambda _, at=server: {"ROS_DISCOVERY_SERVER": f"{at}:11811"})  # type: ignore[misc]
+            binary = Path(sys.executable).with_name("fast-discovery-server")
+            made.run(0, [binary, "-i", "0", "-l", server, "-p", "11811"])
+            site.begin()
+            if not both_heard(site):
+                continue
+            site.learns()
+            assert ended(site).keys() == {"arena1", "arena2"}
+            return
+    pytest.fail(f"in {ATTEMPTS} starts the learner never heard both agents")
+
+
+def both_heard(site: Site) -> bool:
+    deadline = time.monotonic() + MATCHED_S
+    while site.heard != {"arena1", "arena2"} and time.monotonic() < deadline:
+        time.sleep(0.1)
+    return site.heard == {"arena1", "arena2"}
