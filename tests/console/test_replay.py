@@ -14,7 +14,9 @@ from pa_ros.bags.errors import BagError, ProvenanceError
 from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
+from pa_ros.console.insight import logic_of
 from pa_ros.console.recorded import Replay
+from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +43,33 @@ def test_moments_have_the_weights_that_acted(recorded):
             versions.append(moment.look.version)
             assert moment.look.version <= episode.rows[3].policy_version
         assert versions == sorted(versions) and versions[-1] > versions[0]
+
+
+def test_p_is_what_the_agent_acted_on(recorded):
+    """One that learns acts by products."""
+    with Bag(recorded) as bag:
+        replay = Replay(bag)
+        moment = replay.moment(0, 3)
+    look, vocabulary = moment.look, replay.arena.world.vocabulary
+    program = parse(moment.program, vocabulary)
+    hand = moment.observation.hand_index
+    expected = relevance(program, look.phi.tolist(), vocabulary.row, hand, PRODUCT)
+    other = relevance(program, look.phi.tolist(), vocabulary.row, hand, MIN_MAX)
+    assert look.p.tolist() == expected != other
+
+
+@pytest.mark.parametrize(
+    ("parameters", "logic"),
+    [
+        ({"learning": True, "logic": "min_max"}, PRODUCT),
+        ({"learning": False, "logic": "min_max"}, MIN_MAX),
+        ({"learning": False, "logic": "product"}, PRODUCT),
+        ({"learning": False}, PRODUCT),  # recorded before there was a choice
+        ({}, PRODUCT),
+    ],
+)
+def test_an_agents_logic_follows_from_what_it_says_of_itself(parameters, logic):
+    assert logic_of(parameters) == logic
 
 
 def test_without_an_arena_it_is_refused(recorded, tmp_path):

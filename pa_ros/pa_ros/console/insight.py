@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
 from pa_ros.language import (
     MIN_MAX,
+    PRODUCT,
     And,
     Expression,
     Logic,
@@ -20,6 +21,7 @@ from pa_ros.language import (
     Program,
     Word,
     degree,
+    logic_named,
     relevance,
 )
 from pa_ros.networks.config import actor_config
@@ -47,9 +49,17 @@ class Look:
     tree: tuple[Node, ...]  # outer before inner, left to right
 
 
+def logic_of(parameters: Mapping[str, Any]) -> Logic:
+    """By which an agent acts that says these parameters of itself: who learns by products, and so
+    did who had no choice yet. ConfigError for an unknown one."""
+    if parameters.get("learning", True):
+        return PRODUCT
+    return logic_named(str(parameters.get("logic", PRODUCT.name)))
+
+
 class Insight:
-    """The detectors of one set of weights, their degrees joined as by who executes programs.
-    ConfigError if these have none, or don't fit."""
+    """The detectors of one set of weights, their degrees joined by `logic`. ConfigError if these
+    have none, or don't fit."""
 
     def __init__(self, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> None:
         network = actor_config(snapshot.architecture)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from pa_ros.bags.episodes import RecordedEpisode, Row, episodes
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import PROVENANCE, WEIGHTS, arenas_of
 from pa_ros.bags.reader import Bag
-from pa_ros.console.insight import Insight
+from pa_ros.console.insight import Insight, logic_of
 from pa_ros.console.moment import Moment, looked
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Observation
@@ -62,10 +62,12 @@ class Replay:
         """The weights of a version, or the newest recorded before it; or why there are none."""
         earlier = [known for known in self._stamps if known <= version]
         try:
+            agent = self._agent()
             if earlier:
-                return Insight(self._recorded(max(earlier))), ""
-            path = self._checkpoint()
-            return (Insight(load_policy(path)), "") if path else (None, "")
+                return Insight(self._recorded(max(earlier)), logic_of(agent)), ""
+            if agent.get("weights") != "checkpoint":
+                return None, ""
+            return Insight(load_policy(Path(str(agent["checkpoint"]))), logic_of(agent)), ""
         except PaError as error:
             return None, str(error)
 
@@ -76,15 +78,15 @@ class Replay:
             return self._bag.through(recorded, codec.decode_weights).snapshot
         raise ProvenanceError(f"bag: {self._bag.path}: version {version} can't be read again")
 
-    def _checkpoint(self) -> Path | None:
-        """That the agent said it acts with, where it does."""
+    def _agent(self) -> Mapping[str, Any]:
+        """What an agent node said of itself; nothing, where one trains in a learner's process."""
         if PROVENANCE not in self._bag.types.values():
-            return None
+            return {}
         for recorded in self._bag.messages([self._bag.topic_of(PROVENANCE, self._namespace)]):
-            origin = self._bag.through(recorded, codec.decode_provenance)
-            if origin.parameters.get("weights") == "checkpoint":
-                return Path(str(origin.parameters["checkpoint"]))
-        return None
+            parameters = self._bag.through(recorded, codec.decode_provenance).parameters
+            if "checkpoint" in parameters:
+                return parameters
+        return {}
 
 
 def _acted(episode: RecordedEpisode, step: int) -> int:

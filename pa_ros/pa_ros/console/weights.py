@@ -9,9 +9,10 @@ from typing import Any
 
 from rclpy.node import Node
 
-from pa_ros.console.insight import Insight
+from pa_ros.console.insight import Insight, logic_of
 from pa_ros.console.sampler import within
 from pa_ros.core.errors import PaError
+from pa_ros.language import PRODUCT
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
@@ -31,7 +32,7 @@ class AgentWeights:
         self.why = ""  # why there is none
         self._topic = replace(POLICY_WEIGHTS, name=within(namespace, POLICY_WEIGHTS))
         self._version = -1
-        self._source = ""
+        self._source, self._logic = "", PRODUCT
         self._reader: Any = None
         self._since = -PERIOD_S
         provenance = replace(PROVENANCE, name=within(namespace, PROVENANCE))
@@ -63,9 +64,10 @@ class AgentWeights:
         if "checkpoint" not in parameters:
             return  # another node's
         self._source, path = str(parameters.get("weights")), str(parameters["checkpoint"])
+        self._logic = logic_of(parameters)
         if self._source == "checkpoint":
             try:
-                self.insight, self.why = Insight(load_policy(Path(path))), ""
+                self.insight, self.why = Insight(load_policy(Path(path)), self._logic), ""
             except PaError as error:
                 self.insight, self.why = None, str(error)
         elif self._source == "random":
@@ -74,4 +76,5 @@ class AgentWeights:
     def _on_weights(self, message: Message) -> None:
         snapshot = codec.decode_weights(message).snapshot
         if snapshot.version > self._version:
-            self.insight, self._version, self.why = Insight(snapshot), snapshot.version, ""
+            self.insight, self.why = Insight(snapshot, self._logic), ""
+            self._version = snapshot.version
