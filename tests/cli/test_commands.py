@@ -89,6 +89,11 @@ def test_train_then_eval(tmp_path, capsys):
         (["experiment", "nope"], "canonical-3C, forgetting, generalization, detectors, equalities"),
         (["experiment", "generalization"], "first `pa_ros experiment programmable-3D`"),
         (["experiment", "detectors"], "none of seeds [0, 1, 2]"),
+        (
+            ["experiment", "programmable-2L", "--logic", "product"],
+            "--logic with one of generalization, detectors, equalities alone",
+        ),
+        (["eval", "--policy", "scripted", "--logic", "product"], "expected --checkpoint, got"),
     ],
 )
 def test_bad_input_is_refused_with_status_2_and_what_came(

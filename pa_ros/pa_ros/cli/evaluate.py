@@ -27,7 +27,7 @@ from pa_ros.evaluation.studies.generalization import (
     conditions_of,
     summarize,
 )
-from pa_ros.language import logic_named
+from pa_ros.language import MIN_MAX, logic_named
 from pa_ros.provenance.software import device, versions
 
 ALL = "all"
@@ -56,6 +56,8 @@ def run(options: argparse.Namespace) -> int:
     """Evaluate, print one row per program (or per condition) and the figures."""
     if options.condition in (ALL, RANDOM_WEIGHTS) and not options.checkpoint:
         raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
+    if options.policy and options.logic != MIN_MAX.name:
+        raise ConfigError(f"eval --logic: expected --checkpoint, got --policy {options.policy}")
     if options.checkpoint:
         logic = logic_named(options.logic)
         agent = load_agent(options.checkpoint, options.design, options.preset, options.arm, logic)

@@ -97,6 +97,11 @@ def run(options: argparse.Namespace) -> int:
 
         print(write_algorithms("programmable-2L", options.results))
         return 0
+    if options.name not in STUDIES and options.logic != MIN_MAX.name:
+        raise ConfigError(
+            f"experiment {options.name}: expected --logic with one of {', '.join(STUDIES)} alone: "
+            "who learns acts by products"
+        )
     if bool(options.options) != bool(options.tag):
         raise ConfigError("experiment: expected --set and --tag together, got one of them")
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
