@@ -126,6 +126,7 @@ def report(runs: Sequence[Run]) -> Report:
         found[f"fleet.runs_{size}"], found[f"fleet.reached_{size}"] = len(those), len(reached)
         found[f"fleet.frames_per_s_{size}"] = statistics.median(r.frames_per_s for r in those)
         found[f"fleet.too_old_{size}"] = sum(run.too_old for run in those)
+        found[f"fleet.interrupted_{size}"] = sum(run.interrupted for run in those)
         if reached:
             found[f"fleet.seconds_{size}"] = statistics.median(reached)
     for size in SIZES[1:]:
