@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from pa_ros.benchmarks.fleet import GOAL, Run
+from pa_ros.evaluation.pictures.drawing import save
 
 COLORS = {1: "#268bd2", 2: "#2aa198", 4: "#cb4b16", 8: "#6c71c4"}
 
@@ -22,9 +23,7 @@ def draw_fleet(path: Path, runs: Sequence[Run]) -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
     _curves(left, [run for run in runs if run.throttled])
     _rates(right, [run for run in runs if not run.throttled])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    save(figure, path)
 
 
 def _curves(axes: Axes, runs: Sequence[Run]) -> None:

@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 
 from pa_ros.benchmarks.growth import AXES, FIGURES, series
 from pa_ros.core.report import Report
+from pa_ros.evaluation.pictures.drawing import save
 
 STYLES = {
     "fused": {"color": "#268bd2", "marker": "o"},
@@ -35,6 +36,4 @@ def growth_figure(path: Path, report: Report) -> None:
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("one update (ms)")
     panels[0].legend(frameon=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    save(figure, path)

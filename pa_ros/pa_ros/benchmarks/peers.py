@@ -7,7 +7,7 @@ time that doesn't count. Time is the processor's, so that other work on the mach
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import multiprocessing
 import os
 import time
@@ -122,12 +122,10 @@ def _require(name: str) -> None:
     if name not in PEERS:
         raise ConfigError(f"peers: expected of {(OURS, *PEERS)}, got {name!r}")
     library = PEERS[name][0]
-    try:
-        importlib.import_module(library)
-    except ImportError as error:
+    if importlib.util.find_spec(library) is None:  # loaded only where it is used
         raise ConfigError(
-            f"peers: {name} expects {library} (the extra `peers`: make install-peers): {error}"
-        ) from error
+            f"peers: {name} expects {library} (the extra `peers`: make install-peers)"
+        )
 
 
 def _apart(name: str, seed: int) -> list[Score]:

@@ -12,6 +12,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from pa_ros.benchmarks.peers import Score
+from pa_ros.evaluation.pictures.drawing import save
 
 COLUMNS = {"train_success": "trained programs", "held_out_success": "held-out program"}
 
@@ -33,6 +34,4 @@ def draw_peers(path: Path, scores: Sequence[Score]) -> None:
         plot.grid(alpha=0.3)
     axes[0].set_ylabel("episodes that end satisfied")
     axes[0].legend(frameon=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    save(figure, path)
