@@ -16,7 +16,7 @@ from pa_ros.evaluation.studies.cluster import Cluster, Files, Part, read_files, 
 from pa_ros.evaluation.studies.experiments import CURVE, Experiment, run_seed
 from pa_ros.evaluation.studies.generalization import RANDOM_WEIGHTS, conditions_of
 from pa_ros.evaluation.studies.seeds import SeedsProgress, folder_of, progress_bar
-from pa_ros.language import MIN_MAX, Logic, logic_named
+from pa_ros.language import MIN_MAX, Logic
 from pa_ros.learning.checkpoints import (
     LATEST,
     METADATA,
@@ -156,7 +156,7 @@ def score_jobs(
             jobs.append(ScoreJob(f"{condition}, {name}", runs[first], cache, kept, score))
         for seed, one in agents.items():
             acting = without_training(one, seed) if condition == RANDOM_WEIGHTS else one
-            score = partial(score_agent, seed, condition, episodes, logic.name)
+            score = partial(score_agent, seed, condition, episodes, logic)
             kept = scorer.path(acting.key, drawn_from)
             jobs.append(ScoreJob(f"{condition}, seed {seed}", runs[seed], cache, kept, score))
     return jobs
@@ -169,9 +169,9 @@ def score_reference(name: str, condition: str, episodes: int, folder: Path) -> N
     Scorer(benchmark, folder / SCORES).reference(name, condition)
 
 
-def score_agent(seed: int, condition: str, episodes: int, logic: str, folder: Path) -> None:
+def score_agent(seed: int, condition: str, episodes: int, logic: Logic, folder: Path) -> None:
     """On a node: the agent in `folder`, of that seed."""
-    agent = load_agent(folder, logic=logic_named(logic))
+    agent = load_agent(folder, logic=logic)
     benchmark = Benchmark(design=agent.design, arena=agent.arena, episodes=episodes)
     acting = without_training(agent, seed) if condition == RANDOM_WEIGHTS else agent
     drawn_from = "train" if condition == RANDOM_WEIGHTS else condition

@@ -163,8 +163,7 @@ class _Comparison:
         arms = map(self._world.arm, seen)
         scenes = zip(seen, arms, strict=True)
         phi = np.stack([self._inference.properties(o.objects, arm) for o, arm in scenes])
-        codes = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
-        op, a, b = codes
+        op, a, b = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
         hand = seen[0].hand_index
         p = relevant_objects(torch.from_numpy(phi), hand, op, a, b, self._logic)
         return np.asarray(p.numpy())
@@ -181,19 +180,8 @@ def differences(seed: int, agent: TrainedAgent, episodes: int) -> list[Differenc
             )  # [E, 3]
             p, action, score = (float(value) for value in np.abs(found).max(axis=0))
             mean = float(found[:, 2].mean())
-            rows.append(
-                Difference(
-                    seed,
-                    law.name,
-                    agent.logic.name in law.exact,
-                    condition,
-                    episodes,
-                    p,
-                    action,
-                    score,
-                    mean,
-                )  # fmt: skip
-            )
+            figures = condition, episodes, p, action, score, mean
+            rows.append(Difference(seed, law.name, agent.logic.name in law.exact, *figures))
     return rows
 
 
