@@ -11,7 +11,7 @@ from agent_node.programs import Programs
 from agent_node.steps import StepMatcher
 from agent_node.watch import Watch
 from agent_node.weights import agent_of, fixed, random_policy
-from pa_ros.acting.agent import Agent, Step
+from pa_ros.acting.agent import Step
 from pa_ros.acting.answer import Load, Wait
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
@@ -44,7 +44,7 @@ class AgentNode(ManagedNode):
     def configure(self) -> None:
         self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
         self._authority = Authority(self, self.config)
-        self.agent = self._make_agent()
+        self.agent = agent_of(self.config, AgentKey(self.agent_id, time.time_ns()))
         self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
         self._arenas = Arenas()
         self._learners, self._followed = Learners(), ""
@@ -80,9 +80,6 @@ class AgentNode(ManagedNode):
 
     def alone(self) -> tuple[topics.Topic, str]:
         return topics.JOINT_COMMANDS, f"{self.agent_id}/{self.agent.key.incarnation}"
-
-    def _make_agent(self) -> Agent:
-        return agent_of(self.config, AgentKey(self.agent_id, time.time_ns()))
 
     def _make_publishers(self) -> None:
         self._commands_out = self._authority.publisher(topics.JOINT_COMMANDS)

@@ -16,8 +16,6 @@ from pa_ros.wire.errors import ProgramIdError
 from pa_ros.wire.records import ArenaDescription, ProgramRequest
 
 REMEMBERED = 256
-
-
 EARLY = 32  # programs kept that are heard before the arena is known
 
 

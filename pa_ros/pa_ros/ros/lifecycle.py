@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -34,7 +35,7 @@ class TransitionError(PaError):
     code = "lifecycle.transition"
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(LifecycleNode, ABC):
     """A node that is configured and activated at its start, unless `autostart` is false.
 
     A node of ours says what happens in `configure`, `activate`, `deactivate`, `cleanup`. Whatever
@@ -85,13 +86,13 @@ class ManagedNode(LifecycleNode):
             self.deactivate()
         self.cleanup()
 
+    @abstractmethod
     def alone(self) -> tuple[Topic, str]:
         """A topic on which one active process alone should speak, and this one's name there."""
-        raise NotImplementedError
 
+    @abstractmethod
     def collect(self) -> tuple[int, str, dict[str, str]]:
         """For /diagnostics, configured: level, message, figures."""
-        raise NotImplementedError
 
     @property
     def trouble(self) -> str:
