@@ -15,7 +15,6 @@ from pa_ros.tools.demo.scenes import DemoProgram, demo_programs, find_scene
 EVERY = 2  # control steps for each picture
 HELD = 8  # steps that a reached target is shown for
 LONGEST = 60  # steps of a program
-REACHED = "reached"
 
 
 def film_execution(
@@ -41,23 +40,26 @@ def _pictures(
     for program in demo_programs(agent.design):
         scene = find_scene(agent.arena, agent.design, seed, program)
         task.reset_to(scene.episode)
-        said = ""
-        for said in _executed(agent, task, program):
+        reached = False
+        for said, satisfied in _executed(agent, task, program):
             yield captioned(draw(task, side_px, rendered), (program.text, said))
-        if not said.endswith(REACHED):
+            reached = satisfied
+        if not reached:
             missed.append(program.text)
 
 
-def _executed(agent: TrainedAgent, task: ReachTask, program: DemoProgram) -> Iterator[str]:
-    """What to say at each picture's step, the task being there."""
+def _executed(
+    agent: TrainedAgent, task: ReachTask, program: DemoProgram
+) -> Iterator[tuple[str, bool]]:
+    """What to say at each picture's step, the task being there, and whether it is reached."""
     parsed = parse(program.text, agent.design.vocabulary)
     observation, verdict = task.set_program(parsed)
     policy, held = agent.policy, 0
     for step in range(LONGEST + 1):
         held = held + 1 if verdict.satisfied else 0
         if step % EVERY == 0 or held == HELD:
-            state = REACHED if verdict.satisfied else f"{verdict.distance:.2f} m away"
-            yield f"{program.kind}   step {step}   {state}"
+            state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} m away"
+            yield f"{program.kind}   step {step}   {state}", verdict.satisfied
         if held == HELD:
             return
         observation, verdict = task.step(policy(observation, parsed))
