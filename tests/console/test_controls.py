@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
 from pa_ros.console.controls import Controls
+from pa_ros.world.schema import PAPER
 
 
 def dragged(phase: str, x: float, y: float) -> SimpleNamespace:
@@ -18,6 +19,7 @@ def dragged(phase: str, x: float, y: float) -> SimpleNamespace:
 
 def test_a_block_is_put_where_its_handle_is_let_go():
     client, desk = MagicMock(), MagicMock()
+    desk.vocabulary.return_value = None
     desk.examples.return_value = desk.arenas.return_value = ()
     desk.blocks.return_value = (("RED CUBE", (0.1, 0.2, 0.03)), ("BLUE SPHERE", (0.3, 0.4, 0.03)))
     gui, handle = client.gui, client.scene.add_transform_controls.return_value
@@ -45,3 +47,18 @@ def test_a_block_is_put_where_its_handle_is_let_go():
     desk.blocks.return_value = (("RED CUBE", (0.1, 0.2, 0.03)),)  # another scene
     controls.refresh()
     handle.remove.assert_called_once()
+
+
+def test_a_text_is_read_again_when_an_arena_is_known():
+    client, desk = MagicMock(), MagicMock()
+    desk.examples.return_value = desk.arenas.return_value = desk.blocks.return_value = ()
+    desk.vocabulary.return_value = None
+    gui = client.gui
+    text, reading = gui.add_text.return_value, gui.add_html.return_value
+    controls = Controls(client, desk)
+    text.value = "NEAR(HAND, AND(RED, CUBE))"
+    text.on_update.call_args[0][0](None)
+    assert "no arena is known yet" in reading.content
+    desk.vocabulary.return_value = PAPER.vocabulary
+    controls.refresh()
+    assert "✓ NEAR(HAND, AND(RED, CUBE))" in reading.content

@@ -54,7 +54,8 @@ class Controls:
     def __init__(self, client: viser.ClientHandle, desk: Desk) -> None:
         self._client, self._desk = client, desk
         self._shown: tuple[Any, ...] = ()
-        self._program()
+        self._read_with: Vocabulary | None = None
+        self._read = self._program()
         self._arena()
         self._handle: Any = None  # by which a block is dragged
         self._dragging = False
@@ -63,6 +64,8 @@ class Controls:
     def refresh(self) -> None:
         """Offer what makes sense now; a handle stays with its block."""
         self._follow()
+        if self._desk.vocabulary() is not self._read_with:  # what was typed may mean something else
+            self._read()
         examples, arenas = tuple(self._desk.examples()), tuple(self._desk.arenas())
         blocks = tuple(f"{i + 1}: {name}" for i, (name, _) in enumerate(self._desk.blocks()))
         if (examples, arenas, blocks) == self._shown:
@@ -77,7 +80,8 @@ class Controls:
         self._choice.options = arenas or ("none",)
         self._choice.visible = len(arenas) > 1
 
-    def _program(self) -> None:
+    def _program(self) -> Callable[[], None]:
+        """The form; returned is what reads its text again."""
         gui = self._client.gui
         with gui.add_form("Program", order=ORDER["Program"]) as form:
             text = gui.add_text("Text", "", hint="Enter sends it")
@@ -87,7 +91,7 @@ class Controls:
             self._examples = gui.add_dropdown("Examples", ("",), visible=False)
 
         def read(_: Any = None) -> None:
-            vocabulary = self._desk.vocabulary()
+            vocabulary = self._read_with = self._desk.vocabulary()
             if vocabulary is None:
                 reading.content = markup.quiet("no arena is known yet")
                 return
@@ -106,6 +110,7 @@ class Controls:
         self._examples.on_update(_by_hand(lambda: put(self._examples.value)))
         send.on_click(lambda _: form.submit())
         form.on_submit(lambda _: self._desk.send(text.value))
+        return read
 
     def _arena(self) -> None:
         gui, ask = self._client.gui, self._desk.ask
