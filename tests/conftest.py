@@ -22,12 +22,12 @@ os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of processes that share the tests (`-n 2`), one runs the graphs of nodes and tools, one at a
-    time; those of the other rooms, fewer and short, are another group, perhaps the other's."""
+    """Of processes that share the tests (`-n 2`), one runs the graphs of tools and ROS, one at a
+    time, and one all other graphs, which take about as long."""
     for item in items:
         if item.get_closest_marker("graph") is not None:
-            of_nodes = item.path.parent.name in ("nodes", "tools")
-            item.add_marker(pytest.mark.xdist_group("graph" if of_nodes else "graph-others"))
+            of_tools = item.path.parent.name in ("tools", "ros")
+            item.add_marker(pytest.mark.xdist_group("graph-tools" if of_tools else "graph-nodes"))
 
 
 @pytest.fixture(autouse=True)
