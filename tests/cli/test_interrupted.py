@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 from waiting import DEADLINE_S, wait_for
+
+from pa_ros.cli.main import main
 
 
 def sent(group: int, number: int) -> bool:
@@ -19,20 +25,38 @@ def sent(group: int, number: int) -> bool:
     return True
 
 
-def test_ctrl_c_ends_an_experiment_with_the_seeds_that_were_to_follow(tmp_path):
-    options = ("programmable-2L", "--seeds", "9", "--runs", str(tmp_path))
+@contextmanager
+def command(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """`pa_ros` as a process with a group of its own, of which nothing is left."""
     heard = ("env", "--default-signal=INT")  # pytest-xdist's processes ignore it, and so their own
-    command = [*heard, sys.executable, "-m", "pa_ros", "experiment", *options]
+    line = [*heard, sys.executable, "-m", "pa_ros", *map(str, arguments)]
     pipe = subprocess.PIPE
     with subprocess.Popen(
-        command, stdout=pipe, stderr=pipe, text=True, start_new_session=True
+        line, stdout=pipe, stderr=pipe, text=True, start_new_session=True
     ) as process:
         try:
-            wait_for(lambda: list(tmp_path.rglob("progress.csv")), "a seed that learns")
-            sent(process.pid, signal.SIGINT)
-            process.communicate(timeout=DEADLINE_S)
+            yield process
             wait_for(lambda: not sent(process.pid, 0), "the end of all processes")
         finally:
             sent(process.pid, signal.SIGKILL)
+
+
+def test_ctrl_c_ends_an_experiment_with_the_seeds_that_were_to_follow(tmp_path):
+    with command("experiment", "programmable-2L", "--seeds", "9", "--runs", tmp_path) as process:
+        wait_for(lambda: list(tmp_path.rglob("progress.csv")), "a seed that learns")
+        sent(process.pid, signal.SIGINT)
+        process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 130
     assert len(list(tmp_path.rglob("progress.csv"))) == 1
+
+
+def test_ctrl_c_ends_a_training_after_its_episode_and_what_it_learned_is_kept(tmp_path):
+    train = ("train", "--out", tmp_path, "--eval-every", "0")
+    with command(*train) as process:
+        wait_for(lambda: "frames" in process.stdout.readline(), "a run that learns")
+        sent(process.pid, signal.SIGINT)
+        output, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 130 and "Traceback" not in error
+    frames = int(re.search(r"stopped after ([\d,]+) frames", output)[1].replace(",", ""))
+    assert frames > 0 and frames % 100 == 0
+    assert main([*map(str, train), "--resume", "--frames", str(frames + 100)]) == 0

@@ -9,8 +9,9 @@ from typing import get_args
 
 from pa_ros.acting.config import Schedule
 from pa_ros.cli.console import page_beside
+from pa_ros.core.signals import signals_noted
 from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import claimed, signals_noted, start_nodes, watch
+from pa_ros.tools.graph import claimed, start_nodes, watch
 from pa_ros.tools.launch_params import (
     NODES,
     arenas_of,

@@ -25,8 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Play until the end or a signal."""
+    from pa_ros.core.signals import signals_noted
     from pa_ros.tools.client import client_node
-    from pa_ros.tools.graph import signals_noted
 
     how = settings_from(options, PlaybackOptions)
     played = Played()

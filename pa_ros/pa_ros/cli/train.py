@@ -22,6 +22,7 @@ from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.cli.training_view import TrainingView
+from pa_ros.core.signals import signals_noted
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.language import Program
 from pa_ros.learning.loop import TrainConfig, train
@@ -29,6 +30,7 @@ from pa_ros.learning.protocols import LearningChoice, protocol_named, usual_prot
 from pa_ros.world import reward_from
 
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
+EXIT_INTERRUPTED = 130
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +60,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Train to `--frames`; rows are shown as they are written to OUT/progress.csv."""
+    """Train to `--frames`; rows are shown as they are written to OUT/progress.csv.
+
+    Ctrl-C ends it after the episode, with a checkpoint.
+    """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     options.protocol = options.protocol or usual_protocol(options.preset)
     if options.from_bag:
@@ -69,8 +74,12 @@ def run(options: argparse.Namespace) -> int:
     config = settings_from(options, TrainConfig)
     programs, seed = training_programs(design), config.seed
     recorded = _run_log(options, arena, design, seed, programs)
-    with recorded as run_log, TrainingView(config.frames) as view:
-        train(
+    with (
+        signals_noted() as interrupted,
+        recorded as run_log,
+        TrainingView(config.frames) as view,
+    ):
+        learner = train(
             config,
             protocol.network_config(world_of(arena, design), options.network),
             protocol.learner,
@@ -81,7 +90,11 @@ def run(options: argparse.Namespace) -> int:
             options.resume,
             run_log,
             view,
+            interrupted,
         )
+    if learner.counters.frames < config.frames:
+        print(f"stopped after {learner.counters.frames:,} frames, saved: --resume goes on")
+        return EXIT_INTERRUPTED
     print(f"checkpoint and curve in {config.out}; next: pa_ros eval --checkpoint {config.out}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0
 

@@ -127,8 +127,9 @@ def train(
     resume: bool = False,
     run_log: Log | None = None,
     watcher: Watcher | None = None,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> Learner:
-    """Train for `config.frames` control steps, whole episodes; returns the learner.
+    """Train for `config.frames` control steps, whole episodes, or until `stopped`; the learner.
 
     `max_speed` is [J] rad/s: a velocity command is the action times it. Leaves progress.csv and
     `checkpoint/` under `config.out`. With `resume`, goes on from the checkpoint there (raises
@@ -153,7 +154,7 @@ def train(
         wall_s = float(extra.get("wall_s", 0.0))
         logs = run_log, watcher
         with _Run(config, learning, environment, max_speed, evaluate, wall_s, resume, *logs) as run:
-            run.until(config.frames)
+            run.until(config.frames, stopped)
         return learner
 
 
@@ -247,10 +248,10 @@ class _Run:
         if isinstance(error, DivergedError) and error.restored:
             self._save()
 
-    def until(self, frames: int) -> None:
-        """Episodes until `frames` steps were taken; then a checkpoint."""
+    def until(self, frames: int, stopped: Callable[[], bool]) -> None:
+        """Episodes until `frames` steps were taken, or `stopped`; then a checkpoint."""
         episode = self._learner.counters.episodes
-        while self._frames < frames:
+        while self._frames < frames and not stopped():
             before = self._frames
             self._episode(episode)
             episode += 1

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import os
-import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import FrameType
 
 from rclpy.node import Node
 
@@ -110,25 +108,3 @@ def watch(
     if failure:
         raise failure[0]
     return finished()
-
-
-@contextmanager
-def signals_noted() -> Iterator[Callable[[], bool]]:
-    """SIGINT, SIGTERM and SIGHUP make the function yielded true instead of ending the process.
-
-    The next one raises KeyboardInterrupt, so that impatience is heard while things are stopped.
-    """
-    noted: list[int] = []
-
-    def handle(number: int, _frame: FrameType | None) -> None:
-        noted.append(number)
-        if len(noted) > 1:
-            raise KeyboardInterrupt
-
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, handle) for number in numbers}
-    try:
-        yield lambda: bool(noted)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
