@@ -26,7 +26,7 @@ class LearningChoice(Settings):
     """How to learn and with which networks, by name."""
 
     protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
-        "ours", description="how to learn; ours-slow is for the preset paper"
+        "ours", description="how to learn; ours-slow is for the preset paper, small for both arms"
     )
     algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
         "dpg", description="by which to learn"
@@ -143,10 +143,25 @@ _OURS_SLOW: Values = {
     "learner.optimizer.rates_fall_after": 80_000,
 }
 
-PROTOCOLS = {
-    name: Protocol(name, values)
-    for name, values in (("paper", _PAPER), ("ours", _OURS), ("ours-slow", _OURS_SLOW))
+# One recipe for both arms: what of the two above was worth its place when taken away (RESULTS.md,
+# "The small recipe"). Horizon and price of actions are those of the slow arm from the start on,
+# rewards are the paper's, and the critic starts at the value of never being rewarded, −1/(1−γ).
+_SMALL: Values = {
+    "learner.relabeling.rule": "all-goals",
+    "learner.relabeling.property_dropout": 0.3,
+    "learner.updates.discount": 0.95,
+    "learner.actor.action_l2": 0.01,
+    "learner.detectors.geometry_decay": 0.001,
+    "learner.exploration.sigma": 1.0,
+    "network.critic_output_bias": -20.0,
+    "network.detector_init_scale": 0.0,
+    "network.position_scale": 10.0,
+    "network.relations_see_properties": False,
+    "network.self_weight": 0.03,
 }
+
+_BY_NAME = {"paper": _PAPER, "ours": _OURS, "ours-slow": _OURS_SLOW, "small": _SMALL}
+PROTOCOLS = {name: Protocol(name, values) for name, values in _BY_NAME.items()}
 
 
 def usual_protocol(preset: str) -> str:
