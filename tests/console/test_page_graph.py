@@ -97,7 +97,7 @@ def step_of(page) -> int:
 
 
 def test_a_program_is_typed_and_followed(tmp_path, new_page):
-    with graph(tmp_path), another_arena(), console() as (address, watching):
+    with graph(tmp_path), console() as (address, watching):
         page = opened(new_page(), address)
         table(page, "State").wait_for()
         text = page.locator("form input").first
@@ -138,7 +138,8 @@ def test_a_program_is_typed_and_followed(tmp_path, new_page):
         page.get_by_role("button", name="Next scene").click()
         table(page, "State").filter(has_text="episode 1,").wait_for()
         moved_by_hand(page)
-        chosen_among_arenas(page)
+        with another_arena():
+            chosen_among_arenas(page)
 
 
 def moved_by_hand(page):

@@ -89,8 +89,10 @@ class LiveConsole:
             self._todo.get()()
         now = time.monotonic()
         if now - self._surveyed > SURVEY_S:
-            self._surveyed, self._arenas = now, self._survey()
-            if self._arena is None and self._arenas and f"/{self._namespace}" not in self._arenas:
+            before, self._arenas = self._arenas, self._survey()
+            self._surveyed = now
+            lacks = self._arena is None and f"/{self._namespace}" not in self._arenas
+            if lacks and self._arenas and self._arenas == before:  # the one asked for isn't to come
                 self._attend(self._arenas[0])
         if not pages and not self.history.pending:
             self._rest()
