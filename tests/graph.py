@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -25,7 +24,6 @@ class Probe(Node):
         super().__init__("probe")
         self.heard: dict[str, list[Any]] = {}
         self.health: dict[str, Health] = {}
-        self.said: dict[str, list[str]] = defaultdict(list)  # of itself, by node
         self.nodes: list[Any] = []
         for topic in vars(topics).values():
             if isinstance(topic, topics.Topic):
@@ -37,9 +35,7 @@ class Probe(Node):
         def receive(message: Any) -> None:
             messages.append(message)
             if topic is topics.DIAGNOSTICS:
-                for health in codec.decode_diagnostics(message):
-                    self.health[health.name] = health
-                    self.said[health.name].append(health.message)
+                self.health |= {h.name: h for h in codec.decode_diagnostics(message)}
 
         self.create_subscription(topic.type, topic.name, receive, topic.reader)
 

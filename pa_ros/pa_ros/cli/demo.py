@@ -15,13 +15,13 @@ from pa_ros.arena import ArenaChoice, design_named, preset_named
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.console.address import TOKEN, free_port, sending
 from pa_ros.core.errors import PaError
-from pa_ros.core.signals import signals_noted
+from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.phases import demonstrate
 from pa_ros.tools.domain import use_domain
 from pa_ros.tools.launcher import Supervisor
 
-EXIT_FAILED, EXIT_INTERRUPTED = 1, 130
+EXIT_FAILED = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

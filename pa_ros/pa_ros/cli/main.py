@@ -12,6 +12,7 @@ from pa_ros import __version__
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.opengl import check_opengl
+from pa_ros.core.signals import EXIT_INTERRUPTED
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
 COMMANDS = {
@@ -84,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"pa_ros {chosen}: {error}", file=sys.stderr)
         return EXIT_REFUSED
     except KeyboardInterrupt:
-        return 130
+        return EXIT_INTERRUPTED
     except BrokenPipeError:  # `| head` has read enough; nothing is left to be flushed at the end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_PIPE

@@ -22,7 +22,7 @@ from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.cli.training_view import TrainingView
-from pa_ros.core.signals import signals_noted
+from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.language import Program
 from pa_ros.learning.loop import TrainConfig, train
@@ -30,7 +30,6 @@ from pa_ros.learning.protocols import LearningChoice, protocol_named, usual_prot
 from pa_ros.world import reward_from
 
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
-EXIT_INTERRUPTED = 130
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+EXIT_INTERRUPTED = 130  # as a shell says of SIGINT
+
 
 @contextmanager
 def signals_noted() -> Iterator[Callable[[], bool]]:

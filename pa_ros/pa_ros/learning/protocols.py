@@ -143,9 +143,9 @@ _OURS_SLOW: Values = {
     "learner.optimizer.rates_fall_after": 80_000,
 }
 
-# One recipe for both arms: what of the two above was worth its place when taken away (RESULTS.md,
-# "The small recipe"). Horizon and price of actions are those of the slow arm from the start on,
-# rewards are the paper's, and the critic starts at the value of never being rewarded, −1/(1−γ).
+# One recipe for both arms, the fewest departures found so far (RESULTS.md, "The small recipe").
+# Horizon and price of actions are those of the slow arm from the start on, rewards are the paper's,
+# and the critic starts at the value of never being rewarded, −1/(1−γ).
 _SMALL: Values = {
     "learner.relabeling.rule": "all-goals",
     "learner.relabeling.property_dropout": 0.3,
