@@ -90,6 +90,8 @@ def setting(
         detectors__gain=3.0,
         detectors__decay=0.5,
         detectors__decay_updates=900,
+        detectors__sparsity=0.4,
+        detectors__free_from=0.2,
         optimizer__rates_fall_after=3,
         detectors__geometry_decay=0.01,
         detectors__geometry_decay_after=2,

@@ -14,6 +14,8 @@ struct Tensors {
 
 struct Settings {  // of a learner for as long as it lives
     double beta1, beta2, epsilon, clip, detector_gain;
+    double sparsity, free_from;  // of the detectors' weights; see `adam` in learner.h
+    bool detector_bias;          // whether it is learned
 };
 
 // What changes with the number of updates made. The corrections are Adam's, 1 - beta^step.

@@ -157,9 +157,17 @@ inline void gradients(Learner& g, const Batch& b, int index) {
             step(g, x, b, from, (int)(end - from < g.chunk ? end - from : g.chunk));
 }
 
+// Weights less `most` · max(0, 1 - |x| · per_size) of their size, but never past zero.
+inline vf drawn_to_zero(vf x, float most, float per_size) {
+    const vf size = x < 0.0f ? -x : x;
+    const vf left = at_least(size - at_least(most * (1.0f - size * per_size), 0.0f), 0.0f);
+    return x < 0.0f ? -left : left;
+}
+
 // Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters. The
 // detectors' steps are `detector_gain` times as long, and their weights, not their biases, decay
-// apart from them (Loshchilov & Hutter 2019).
+// apart from them (Loshchilov & Hutter 2019). Then those weights are drawn to zero by `sparsity` per
+// unit of rate, and by less the larger they are: not at all from `free_from` on (Zhang 2010).
 inline double adam(const Learner& g, const Tensors& t, const Layout& l, double rate,
                    const UpdateValues& values, int index, bool of_actor) {
     const Settings& s = g.settings;
@@ -171,6 +179,8 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
     const int64_t biases = l.first + (l.rows - 1) * l.columns;  // of the first layers
     const float gain = (float)s.detector_gain;
     const float kept = (float)(1.0 - rate * s.detector_gain * values.detector_decay);
+    const float drawn = (float)(rate * s.detector_gain * s.sparsity);
+    const float per_size = (float)(1.0 / s.free_from);
     const int64_t part = padded((size + g.threads - 1) / g.threads), begin = index * part;
     const int64_t end = begin + part < size ? begin + part : size;
     vf squares{};
@@ -179,16 +189,18 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
         for (int k = 1; k < g.threads; k++)
             d += load((of_actor ? g.thread[k].actor_gradient : g.thread[k].critic_gradient) + i);
         if (g.threads > 1) store(t.gradient + i, d);
+        const bool detects = i < first_end && (i - l.first) % l.columns >= l.detectors;
+        if (detects && i >= biases && !s.detector_bias) store(t.gradient + i, d = vf{});
         squares += d * d;
         const vf m = keep1 * load(t.first_moment + i) + take1 * d;
         const vf v = keep2 * load(t.second_moment + i) + take2 * d * d;
         store(t.first_moment + i, m);
         store(t.second_moment + i, v);
-        const bool detects = i < first_end && (i - l.first) % l.columns >= l.detectors;
         const float length = detects ? gain * rate_now : rate_now;
         const bool decays = detects && i < biases;
         const vf from = decays ? kept * load(t.parameters + i) : load(t.parameters + i);
-        store(t.parameters + i, from - length * m / (square_root(v) * root + epsilon));
+        const vf x = from - length * m / (square_root(v) * root + epsilon);
+        store(t.parameters + i, decays ? drawn_to_zero(x, drawn, per_size) : x);
     }
     float sum[W];
     sum_lanes(&squares, 1, sum);

@@ -24,6 +24,7 @@ L2 = 0.03
 L2_DECAY, L2_DECAYS_FOR = 0.8, 4  # the fraction lost within so many updates
 GAIN = 3.0
 DECAY, DECAYS_FOR = 0.5, 3  # updates
+SPARSITY = 0.4  # some weights become 0 by it
 CONFIG = dpg(
     engine__name="torch",
     engine__dtype="float64",
@@ -36,6 +37,8 @@ CONFIG = dpg(
     detectors__gain=GAIN,
     detectors__decay=DECAY,
     detectors__decay_updates=DECAYS_FOR,
+    detectors__sparsity=SPARSITY,
+    detectors__free_from=0.1,
     optimizer__rates_fall_after=2,
     detectors__geometry_decay=0.25,
     detectors__geometry_decay_after=3,
@@ -71,7 +74,8 @@ def assert_close(engine: TorchDPG, prefix: str, expected: dict, tolerance: float
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
 @pytest.mark.parametrize("k", [1, 3])
 @pytest.mark.parametrize("see", [True, False])
-def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see) -> None:
+@pytest.mark.parametrize("biased", [True, False])
+def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see, biased) -> None:
     """Five updates with a target copy between: formulas, clipping and Adam written out."""
     network = NetworkConfig(
         world=WORLD,
@@ -80,6 +84,7 @@ def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see) -> None:
         attention=5,
         actor_output_scale=0.5,
         relations_see_properties=see,
+        detectors_have_biases=biased,
     )
     given = network, CONFIG, table(), *networks(network)
     engine, expected = TorchDPG(*given), StraightforwardEngine(*given)

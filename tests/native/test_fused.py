@@ -235,8 +235,8 @@ def test_exchanges_state_with_the_torch_engine() -> None:
 
 
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
-def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str) -> None:
-    made = setting(kind, relations_see_properties=False)
+def test_what_networks_are_not_to_use_stays_0_and_the_rest_learns_as_in_torch(kind: str) -> None:
+    made = setting(kind, relations_see_properties=False, detectors_have_biases=False)
     ours = made.engine()
     config = dpg(made.config, engine__name="torch", engine__dtype="float64")
     theirs = TorchDPG(made.network, config, made.table, made.actor, made.critic)
@@ -254,6 +254,9 @@ def test_hidden_properties_stay_hidden_and_the_rest_learns_as_in_torch(kind: str
             weight = ours.tensors()[f"{network}.{name}.weight"]
             columns = weight.reshape(len(weight), -1, 34)
             assert not columns[..., properties].any() and columns[..., :7].all()
+    if kind == "programmable":
+        for network in ("actor", "critic"):
+            assert not ours.tensors()[f"{network}.detectors.bias"].any()
 
 
 def test_targets_change_only_when_copied() -> None:
@@ -340,6 +343,7 @@ def test_who_learns_needs_what_can_be_differentiated() -> None:
     family = FUSED[type(made.network.family)]
     actor, critic = (family.describe(made.network, x, MIN_MAX) for x in (False, True))
     values = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
+    values |= {"sparsity": 0.0, "free_from": 1.0, "detector_bias": True}
     with pytest.raises(FusedError, match="can be differentiated, got min and max"):
         _fused.Engine(actor, critic, **values, threads=1)
 

@@ -195,10 +195,14 @@ class StraightforwardEngine:
         clip = self._config.actor.gradient_clip
         ascent = slope.clamp(-clip, clip) - action_l2 * given.detach()
         self.loss = float(loss.detach())
-        return {
+        gradients = {
             "critic": _gradients(loss, nets["critic"], None),
             "actor": _gradients(action, nets["actor"], -ascent / target.numel()),
         }
+        for found in gradients.values():
+            if "detectors.bias" in found and not network.detectors_have_biases:
+                found["detectors.bias"].zero_()
+        return gradients
 
     def end_episode(self) -> None:
         """Hard copies."""
@@ -224,6 +228,8 @@ class StraightforwardEngine:
         root = torch.sqrt(v / values.correction2) + config.optimizer.epsilon
         x.copy_(kept * x - rate * (m / values.correction1) / root)
         if weighs:
+            part = torch.clamp(1 - x.abs() / config.detectors.free_from, min=0)
+            x -= torch.sign(x) * torch.minimum(x.abs(), rate * config.detectors.sparsity * part)
             x[:, self._geometry] *= 1 - values.geometry_decay
 
     def _scenes(self, objects: NDArray[Any], arm: NDArray[Any], batch: Batch) -> Scenes:

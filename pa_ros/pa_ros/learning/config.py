@@ -57,6 +57,13 @@ class DetectorsConfig(Settings):
     """What is particular about learning the detectors."""
 
     gain: float = Field(1.0, gt=0, description="of both rates, for the detectors' weights")
+    sparsity: float = Field(
+        0.0,
+        ge=0,
+        description="draws their weights to zero per unit of rate, a weight w by "
+        "max(0, 1 − |w|/free_from) of it (Zhang 2010): a word is few features",
+    )
+    free_from: float = Field(1.0, gt=0, description="size of a weight that is no longer drawn")
     decay: float = Field(
         0.0, ge=0, description="of their weights per unit of rate, as AdamW's, falling to 0"
     )

@@ -105,6 +105,9 @@ class FusedEngine:
             epsilon=config.optimizer.epsilon,
             clip=config.actor.gradient_clip,
             detector_gain=config.detectors.gain,
+            sparsity=config.detectors.sparsity,
+            free_from=config.detectors.free_from,
+            detector_bias=network.detectors_have_biases,
             threads=config.engine.threads,
         )
         geometry = network.world.geometry

@@ -18,6 +18,7 @@ from pa_ros.core.experience import Float32
 if TYPE_CHECKING:
     from pa_ros.networks.config import NetworkConfig
 
+DETECTORS_BIAS = "detectors.bias"
 RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
@@ -94,6 +95,8 @@ def _initial(
             bound *= config.detector_init_scale
         tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
         hidden = layer in RELATIONS and not config.relations_see_properties
+        if name == DETECTORS_BIAS and not config.detectors_have_biases:
+            tensors[name][:] = 0.0
         if hidden and name.endswith(".weight"):
             columns = tensors[name].reshape(shape[0], -1, config.world.columns)
             columns[..., config.world.schema.properties] = 0.0

@@ -74,6 +74,7 @@ class Trunk(nn.Module):
         self._self_weight = config.self_weight
         if learned_detectors:
             self.detectors = nn.Linear(columns, len(config.vocabulary.words))
+            self.detectors.bias.requires_grad_(config.detectors_have_biases)
         self.query = nn.Linear(columns, config.attention)
         self.context = nn.Linear(columns, config.attention)
         self.attention = Attention(config.attention)

@@ -136,7 +136,8 @@ class TorchEngine(ABC):
     def _apply(self, adam: torch.optim.Adam, rate: float, values: UpdateValues) -> None:
         """Adam's step; the detectors' weights decay before it and forget geometry after it.
 
-        Decay is apart from the gradient (Loshchilov & Hutter 2019).
+        Decay is apart from the gradient (Loshchilov & Hutter 2019), and so is what draws them to
+        zero, a penalty that is concave (Zhang 2010).
         """
         others, *detectors = adam.param_groups
         others["lr"] = rate
@@ -147,7 +148,16 @@ class TorchEngine(ABC):
         adam.step()
         for group in detectors:
             with torch.no_grad():
-                group["params"][0].mul_(1.0 - values.geometry_decay * self._geometry)
+                weight = group["params"][0]
+                weight.copy_(self._drawn_to_zero(weight, group["lr"]))
+                weight.mul_(1.0 - values.geometry_decay * self._geometry)
+
+    def _drawn_to_zero(self, weight: Tensor, rate: float) -> Tensor:
+        """Weights less what sparsity takes of their size, never past zero."""
+        config = self._config.detectors
+        size = weight.abs()
+        taken = rate * config.sparsity * (1.0 - size / config.free_from).clamp_min(0.0)
+        return weight.sign() * (size - taken).clamp_min(0.0)
 
     def actor_tensors(self) -> Tensors:
         """The actor's weights now, float32, owned by the caller."""
