@@ -259,6 +259,25 @@ def test_what_networks_are_not_to_use_stays_0_and_the_rest_learns_as_in_torch(ki
             assert not ours.tensors()[f"{network}.detectors.bias"].any()
 
 
+@pytest.mark.parametrize("name", ["fused", "torch"])
+def test_detectors_keep_what_the_gradient_holds_up_or_what_is_large(name: str) -> None:
+    made = setting()
+    made.actor["detectors.weight"] = np.full_like(made.actor["detectors.weight"], 1e-5)
+    made.actor["detectors.weight"][:, ::2] = 0.5
+    weights = {}
+    for sparsity in (0.0, 2.0):  # Adam's first steps are of one rate, so 2 outweighs each
+        values = {"sparsity": sparsity, "free_from": 0.4, "decay": 0.0, "geometry_decay": 0.0}
+        config = dpg(made.config, **{f"detectors__{k}": v for k, v in values.items()})
+        config = dpg(config, engine__name=name)
+        engine = make_engine(made.network, config, made.table, np.random.default_rng())
+        engine.load_tensors(made.engine().tensors())
+        update(engine, make_batch(np.random.default_rng(3), 16, 5, 1, len(made.table)), config)
+        weights[sparsity] = engine.tensors()["actor.detectors.weight"]
+    assert weights[0.0].all()
+    np.testing.assert_array_equal(weights[2.0][:, ::2], weights[0.0][:, ::2])
+    assert not weights[2.0][:, 1::2].any()
+
+
 def test_targets_change_only_when_copied() -> None:
     made = setting()
     engine = made.engine()
