@@ -235,6 +235,24 @@ def test_the_table_of_programs_for_each_transition():
             assert stated[programs][place] == expected
 
 
+@pytest.mark.parametrize("design", ["2-L", "3-D"])
+@pytest.mark.parametrize("arm", ["fast", "slow"])
+def test_the_small_recipes_rows_are_those_of_its_seeds(design, arm):
+    name = f"programmable-{design.replace('-', '')}.small-protocol"
+    name += ".paper-arm" if arm == "slow" else ""
+    found = [row for row in table_below("It was chosen on") if row[:2] == [design, arm]]
+    assert (TABLES / f"{name}-seeds.csv").exists() == bool(found)
+    for row in found:
+        assert [float(value["seed"]) for value in rows(f"{name}-seeds")] == [*range(400, 410)]
+        (trained,) = {float(value["frames"]) for value in rows(f"{name}-seeds")}
+        assert row[2:] == [
+            f"{trained:,.0f}",
+            f"{solved(name)} of 10",
+            f"{median(frames(name)):,.0f} ({span(frames(name))})",
+            span(column(f"{name}-seeds", "final_held_out"), ".2f"),
+        ]
+
+
 def test_variants_are_made_of_the_seeds_tables():
     for row in rows("programmable-3D-variants"):
         held = column(f"{row['label']}-seeds", "held_out_at_end")
