@@ -168,6 +168,8 @@ inline vf drawn_to_zero(vf x, float most, float per_size) {
 // detectors' steps are `detector_gain` times as long, and their weights, not their biases, decay
 // apart from them (Loshchilov & Hutter 2019). Then those weights are drawn to zero by `sparsity` per
 // unit of rate, and by less the larger they are: not at all from `free_from` on (Zhang 2010).
+// Without `prior` nothing is drawn and biases are learned.
+template <bool prior>
 inline double adam(const Learner& g, const Tensors& t, const Layout& l, double rate,
                    const UpdateValues& values, int index, bool of_actor) {
     const Settings& s = g.settings;
@@ -179,8 +181,8 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
     const int64_t biases = l.first + (l.rows - 1) * l.columns;  // of the first layers
     const float gain = (float)s.detector_gain;
     const float kept = (float)(1.0 - rate * s.detector_gain * values.detector_decay);
-    const float drawn = (float)(rate * s.detector_gain * s.sparsity);
-    const float per_size = (float)(1.0 / s.free_from);
+    [[maybe_unused]] const float drawn = (float)(rate * s.detector_gain * s.sparsity);
+    [[maybe_unused]] const float per_size = (float)(1.0 / s.free_from);
     const int64_t part = padded((size + g.threads - 1) / g.threads), begin = index * part;
     const int64_t end = begin + part < size ? begin + part : size;
     vf squares{};
@@ -190,7 +192,8 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
             d += load((of_actor ? g.thread[k].actor_gradient : g.thread[k].critic_gradient) + i);
         if (g.threads > 1) store(t.gradient + i, d);
         const bool detects = i < first_end && (i - l.first) % l.columns >= l.detectors;
-        if (detects && i >= biases && !s.detector_bias) store(t.gradient + i, d = vf{});
+        if constexpr (prior)
+            if (detects && i >= biases && !s.detector_bias) store(t.gradient + i, d = vf{});
         squares += d * d;
         const vf m = keep1 * load(t.first_moment + i) + take1 * d;
         const vf v = keep2 * load(t.second_moment + i) + take2 * d * d;
@@ -200,7 +203,7 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
         const bool decays = detects && i < biases;
         const vf from = decays ? kept * load(t.parameters + i) : load(t.parameters + i);
         const vf x = from - length * m / (square_root(v) * root + epsilon);
-        store(t.parameters + i, decays ? drawn_to_zero(x, drawn, per_size) : x);
+        store(t.parameters + i, prior && decays ? drawn_to_zero(x, drawn, per_size) : x);
     }
     float sum[W];
     sum_lanes(&squares, 1, sum);
@@ -210,9 +213,11 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
 // Steps of Adam of both networks; call when every thread's gradients are there.
 inline void apply(Learner& g, const UpdateValues& values, int index) {
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
-    adam(g, g.critic, critic, values.critic_rate, values, index, false);
+    const Settings& s = g.settings;
+    const auto step = s.sparsity > 0 || !s.detector_bias ? adam<true> : adam<false>;
+    step(g, g.critic, critic, values.critic_rate, values, index, false);
     g.thread[index].squared_gradient =
-        adam(g, g.actor, actor, values.actor_rate, values, index, true);
+        step(g, g.actor, actor, values.actor_rate, values, index, true);
 }
 
 inline Metrics metrics(const Learner& g, const Batch& batch) {
