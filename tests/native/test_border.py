@@ -33,8 +33,8 @@ def canonical(critic: bool = False, **changes: object) -> _fused.Network:
 
 def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fused.Engine:
     settings = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
-    settings |= {"sparsity": 0.0, "free_from": 1.0, "detector_bias": True}
-    return _fused.Engine(make(), make(critic=True), **settings, threads=threads)
+    settings |= {"sparsity": 0.0, "free_from": 1.0}
+    return _fused.Engine(make(), make(critic=True), **settings, detector_bias=True, threads=threads)
 
 
 def program(

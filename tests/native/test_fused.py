@@ -362,9 +362,9 @@ def test_who_learns_needs_what_can_be_differentiated() -> None:
     family = FUSED[type(made.network.family)]
     actor, critic = (family.describe(made.network, x, MIN_MAX) for x in (False, True))
     values = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
-    values |= {"sparsity": 0.0, "free_from": 1.0, "detector_bias": True}
+    values |= {"sparsity": 0.0, "free_from": 1.0}
     with pytest.raises(FusedError, match="can be differentiated, got min and max"):
-        _fused.Engine(actor, critic, **values, threads=1)
+        _fused.Engine(actor, critic, **values, detector_bias=True, threads=1)
 
 
 @pytest.mark.parametrize(
