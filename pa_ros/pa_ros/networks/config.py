@@ -63,7 +63,7 @@ class NetworkConfig(Settings):
         1.0, ge=0, description="initial weights: of the detectors', as a factor"
     )
     detectors_have_biases: bool = Field(
-        True, description="whether a word may be what no property of its group says; else 0"
+        True, description="whether detectors learn biases; without, each stays 0"
     )
     relations_see_properties: bool = Field(
         True, description="whether f, r and the attention see the properties (paper)"

@@ -149,7 +149,8 @@ class TorchEngine(ABC):
         for group in detectors:
             with torch.no_grad():
                 weight = group["params"][0]
-                weight.copy_(self._drawn_to_zero(weight, group["lr"]))
+                if self._config.detectors.sparsity:
+                    weight.copy_(self._drawn_to_zero(weight, group["lr"]))
                 weight.mul_(1.0 - values.geometry_decay * self._geometry)
 
     def _drawn_to_zero(self, weight: Tensor, rate: float) -> Tensor:
