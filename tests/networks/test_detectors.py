@@ -9,7 +9,8 @@ import pytest
 
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.language import parse
+from pa_ros.language import MIN_MAX, PRODUCT, parse
+from pa_ros.language.logic import LOGICS
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.detectors import degrees
 from pa_ros.networks.inference import TorchActor
@@ -23,14 +24,33 @@ def scene():
     return task.reset(0)[0], load_policy(Path("shipped:3-D"))
 
 
-def test_degrees_are_those_of_the_torch_reference(scene):
+@pytest.mark.parametrize("logic", LOGICS.values(), ids=LOGICS)
+def test_degrees_are_those_of_the_torch_reference(scene, logic):
     observation, policy = scene
     network = Actor.of(policy).network
     seen = observation.objects, network.world.arm(observation)
-    expected = TorchActor(network, policy.tensors).properties(*seen)
-    assert np.allclose(degrees(network, policy.tensors, *seen), expected, atol=1e-5)
+    expected = TorchActor(network, policy.tensors, logic).properties(*seen)
+    assert np.allclose(degrees(network, policy.tensors, *seen, logic), expected, atol=1e-5)
     with pytest.raises(TensorError, match="expected columns of 34 features, got 37"):
         degrees(network, policy.tensors, seen[0], np.zeros(21, np.float32))
+
+
+def test_executing_is_surer_of_what_is_known_and_no_surer_of_what_is_not(scene):
+    observation, policy = scene
+    network = Actor.of(policy).network
+    arm, objects = network.world.arm(observation), observation.objects
+    by_products, sharp = (
+        degrees(network, policy.tensors, objects, arm, logic) for logic in (PRODUCT, MIN_MAX)
+    )
+    true = network.world.truth(objects).T == 1
+    assert (sharp[true] > by_products[true]).all() and sharp[true].min() >= 0.97
+    bare = objects.copy()
+    bare[:, network.world.schema.properties] = 0.0  # blocks that show nothing
+    found = degrees(network, policy.tensors, bare, arm, MIN_MAX)
+    row = network.vocabulary.row
+    for words in (("CUBE", "SPHERE", "CYLINDER"), ("RED", "GREEN", "BLUE")):  # of training
+        said = found[[row[word] for word in words]]
+        assert np.ptp(said, axis=0).max() < 0.05 and said.max() < 0.35
 
 
 def test_p_tells_the_block_that_is_meant(scene):

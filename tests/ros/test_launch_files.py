@@ -88,7 +88,7 @@ def test_what_the_graphs_launch_file_starts_executes_programs():
             timeout=DEADLINE_S,
         )
         assert sent.returncode == 0, sent.stderr
-        assert "satisfied: distance" in sent.stdout and "RED CUBE 0.9" in sent.stdout
+        assert "satisfied: distance" in sent.stdout and "RED CUBE 1.00" in sent.stdout
     finally:
         for process in started:
             process.terminate()

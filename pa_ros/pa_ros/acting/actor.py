@@ -112,7 +112,7 @@ class Actor:
         if self._inference is None or not self.network.family.evaluates_programs:
             return ()
         arm = self.network.world.arm(observation)
-        phi = degrees(self.network, self._tensors, observation.objects, arm)
+        phi = degrees(self.network, self._tensors, observation.objects, arm, self.logic)
         rows = self.network.vocabulary.row
         hand = observation.hand_index
         return tuple(relevance(program, phi.tolist(), rows, hand, self.logic))

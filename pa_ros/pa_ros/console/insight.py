@@ -58,15 +58,17 @@ def logic_of(parameters: Mapping[str, Any]) -> Logic:
 
 
 class Insight:
-    """The detectors of one set of weights, their degrees joined by `logic`. ConfigError if these
-    have none, or don't fit."""
+    """The detectors of one set of weights, their degrees taken and joined by `logic`.
+
+    ConfigError if these have none, or don't fit.
+    """
 
     def __init__(self, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> None:
         network = actor_config(snapshot.architecture)
         if not network.family.evaluates_programs:
             raise ConfigError(f"the networks {network.family.name!r} evaluate no programs")
         try:
-            self._inference = TorchActor(network, snapshot.tensors)
+            self._inference = TorchActor(network, snapshot.tensors, logic)
         except TensorError as error:
             raise ConfigError(str(error)) from error
         self._world, self._version, self._logic = network.world, snapshot.version, logic

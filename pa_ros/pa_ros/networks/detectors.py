@@ -5,14 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from pa_ros.core.experience import Float32
+from pa_ros.language import PRODUCT, Logic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, Tensors
 
+LAYERS = ("detectors.weight", "detectors.bias")
 
-def degrees(network: NetworkConfig, tensors: Tensors, objects: Float32, arm: Float32) -> Float32:
-    """Φ, [V, N], of one scene, objects [N, F] and arm [A]; see `networks.programmable.Trunk.phi`.
 
-    Only for a family that evaluates programs. TensorError for a scene of another width.
+def sharpened(tensors: Tensors, logic: Logic) -> Tensors:
+    """An actor's weights, its detectors as sharp as `logic` takes degrees."""
+    if logic.sharpness == 1.0:
+        return tensors
+    factor = np.float32(logic.sharpness)
+    return {name: x * factor if name in LAYERS else x for name, x in tensors.items()}
+
+
+def degrees(
+    network: NetworkConfig,
+    tensors: Tensors,
+    objects: Float32,
+    arm: Float32,
+    logic: Logic = PRODUCT,
+) -> Float32:
+    """Φ, [V, N], of one scene, objects [N, F] and arm [A], as sharp as `logic` says.
+
+    See `networks.programmable.Trunk.phi`. Only for a family that evaluates programs. TensorError
+    for a scene of another width.
     """
     if not network.family.detects(critic=False):
         return np.asarray(network.world.truth(objects).T)
@@ -22,7 +40,8 @@ def degrees(network: NetworkConfig, tensors: Tensors, objects: Float32, arm: Flo
     seen = tensors["detectors.weight"].shape[1]
     if columns.shape[1] != seen:
         raise TensorError(f"detectors: expected columns of {seen} features, got {columns.shape[1]}")
-    logits = columns @ tensors["detectors.weight"].T + tensors["detectors.bias"]  # [N, V]
+    weight, bias = (sharpened(tensors, logic)[name] for name in LAYERS)
+    logits = columns @ weight.T + bias  # [N, V]
     ends = np.cumsum(network.vocabulary.group_sizes)[:-1]
     return np.vstack([_softmax(group) for group in np.split(logits, ends, axis=1)])
 

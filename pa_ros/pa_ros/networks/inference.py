@@ -11,6 +11,7 @@ import torch
 from pa_ros.core.experience import Float32
 from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.families import codes_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
@@ -33,7 +34,9 @@ class TorchActor:
         self._config = config
         self._module = config.family.modules()[0](config).eval().requires_grad_(False)
         self._module.logic = logic
-        self._module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
+        self._module.load_state_dict(
+            {k: torch.from_numpy(v) for k, v in sharpened(tensors, logic).items()}
+        )
 
     @torch.inference_mode()
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:

@@ -48,7 +48,7 @@ class TrainedAgent:
     @property
     def key(self) -> str:
         """Of all that its actions follow from: the digest, and the logic."""
-        return f"{self.digest}-{self.logic.name}"
+        return f"{self.digest}-{self.logic.name}-{self.logic.sharpness:g}"
 
 
 def load_agent(

@@ -58,7 +58,7 @@ class DetectorView:
             raise ConfigError("detectors: expected a programmable agent, got a canonical one")
         self._agent = agent
         self._world, self._vocabulary = network.world, network.vocabulary
-        self._inference = TorchActor(network, agent.snapshot.tensors)
+        self._inference = TorchActor(network, agent.snapshot.tensors, agent.logic)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
     def looks(self, condition: str, episodes: int) -> Iterator[Look]:

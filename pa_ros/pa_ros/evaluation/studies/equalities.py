@@ -121,7 +121,7 @@ class _Comparison:
         self._act = agent.policy
         self._limits = np.array(agent.arena.joint_speed_limits)
         self._world, self._vocabulary = network.world, network.vocabulary
-        self._inference = TorchActor(network, agent.snapshot.tensors)
+        self._inference = TorchActor(network, agent.snapshot.tensors, agent.logic)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
     def measure(self, law: Law, condition: str, index: int) -> tuple[float, float, float]:

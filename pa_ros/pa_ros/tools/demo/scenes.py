@@ -110,7 +110,7 @@ def draw_phi(path: Path, checkpoint: Path, config: ArenaConfig, design: Design, 
     network = actor_config(snapshot.architecture)
     task = ReachTask(config, design, seed=0)
     observation, _ = task.reset_to(scene.episode)
-    phi = TorchActor(network, snapshot.tensors).properties(
+    phi = TorchActor(network, snapshot.tensors, MIN_MAX).properties(
         observation.objects, network.world.arm(observation)
     )
     parsed = parse(program, network.vocabulary)
