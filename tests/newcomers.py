@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -30,11 +31,15 @@ def example(name: str) -> ModuleType:
 
 
 def trained(
-    out: Path, reward: Reward | None = None, algorithm: str = "dpg", frames: int = FRAMES
+    out: Path,
+    reward: Reward | None = None,
+    algorithm: str = "dpg",
+    frames: int = FRAMES,
+    options: Sequence[str] = (),
 ) -> Learner:
     """Train FRAMES frames of 2-L on the fast arm under `ours`, in process."""
     design, arena = design_named("2-L"), preset_named("fast")
-    protocol = protocol_named("ours", algorithm).with_options(SMALL)
+    protocol = protocol_named("ours", algorithm).with_options([*SMALL, *options])
     return train(
         TrainConfig(out=out, frames=frames, evaluate_every_frames=0),
         protocol.network_config(world_of(arena, design)),

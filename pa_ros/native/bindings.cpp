@@ -126,7 +126,7 @@ Network make_canonical(int hidden, int arm_features, int actions, const std::vec
 Batch make_batch(const Network& network, const Array& objects, const Array& arm, const Array& action,
                  const Array& next_objects, const Array& next_arm, const Array& program,
                  const Array& reward, const Array& discount, int hand_index,
-                 const UpdateValues& values) {
+                 double correction1, double correction2) {
     if (objects.ndim() != 3 || program.ndim() != 2)
         throw Error("expected objects [B, N, F] and program [B, K], got " +
                     text_of(shape_of(objects)) + " and " + text_of(shape_of(program)));
@@ -137,7 +137,8 @@ Batch make_batch(const Network& network, const Array& objects, const Array& arm,
     check_range("programs", k, 1, kMaxPrograms);
     Batch made{};
     made.transitions = (int32_t)b, made.objects = (int32_t)n, made.programs = (int32_t)k;
-    made.hand_index = hand_index, made.values = values;
+    made.hand_index = hand_index;
+    made.correction1 = correction1, made.correction2 = correction2;
     made.object = read<float>("objects", objects, {b, n, network.object_features});
     made.arm = read<float>("arm", arm, {b, network.arm_features});
     made.action = read<float>("action", action, {b, network.actions});
@@ -258,16 +259,6 @@ void bind_engine(nb::module_& m) {
         .def_prop_ro("gradient", buffer_of<&Trained::gradient>)
         .def_prop_ro("first_moment", buffer_of<&Trained::first_moment>)
         .def_prop_ro("second_moment", buffer_of<&Trained::second_moment>);
-    nb::class_<UpdateValues>(m, "UpdateValues", "What changes with the number of updates made.")
-        .def(
-            "__init__",
-            [](UpdateValues* made, double actor_rate, double critic_rate, double action_l2,
-               double detector_decay, double correction1, double correction2) {
-                new (made) UpdateValues{actor_rate,     critic_rate, action_l2,
-                                        detector_decay, correction1, correction2};
-            },
-            nb::kw_only(), "actor_rate"_a, "critic_rate"_a, "action_l2"_a, "detector_decay"_a,
-            "correction1"_a, "correction2"_a, "`correction1` and 2 are Adam's, 1 - beta^step.");
     nb::class_<Metrics>(m, "Metrics", "Of one update; `largest_part`: see LARGEST_PART.")
         .def_ro("critic_loss", &Metrics::critic_loss)
         .def_ro("mean_q", &Metrics::mean_q)
@@ -276,15 +267,16 @@ void bind_engine(nb::module_& m) {
     nb::class_<Engine>(m, "Engine", "One DPG update of actor and critic.")
         .def(
             "__init__",
-            [](Engine* made, const Network& actor, const Network& critic, double beta1,
-               double beta2, double epsilon, double clip, double detector_gain, double sparsity,
-               double free_from, bool detector_bias, int threads) {
-                const Settings settings{beta1,         beta2,    epsilon,   clip,
-                                        detector_gain, sparsity, free_from, detector_bias};
+            [](Engine* made, const Network& actor, const Network& critic, double actor_rate,
+               double critic_rate, double beta1, double beta2, double epsilon, double clip,
+               double detector_gain, double sparsity, double free_from, bool detector_bias,
+               int threads) {
+                const Settings settings{actor_rate, critic_rate,   beta1,    beta2,     epsilon,
+                                        clip,       detector_gain, sparsity, free_from, detector_bias};
                 new (made) Engine(actor, critic, settings, threads);
             },
-            "actor"_a, "critic"_a, nb::kw_only(), "beta1"_a, "beta2"_a, "epsilon"_a, "clip"_a,
-            "detector_gain"_a, "sparsity"_a, "free_from"_a,
+            "actor"_a, "critic"_a, nb::kw_only(), "actor_rate"_a, "critic_rate"_a, "beta1"_a,
+            "beta2"_a, "epsilon"_a, "clip"_a, "detector_gain"_a, "sparsity"_a, "free_from"_a,
             "detector_bias"_a, "threads"_a)
         .def_prop_ro("actor", &Engine::actor, nb::rv_policy::reference_internal)
         .def_prop_ro("critic", &Engine::critic, nb::rv_policy::reference_internal)
@@ -306,15 +298,16 @@ void bind_engine(nb::module_& m) {
             [](Engine& engine, const Array& objects, const Array& arm, const Array& action,
                const Array& next_objects, const Array& next_arm, const Array& program,
                const Array& reward, const Array& discount, int hand_index,
-               const UpdateValues& values) {
+               double correction1, double correction2) {
                 const Batch batch =
                     make_batch(engine.actor().shape, objects, arm, action, next_objects, next_arm,
-                               program, reward, discount, hand_index, values);
+                               program, reward, discount, hand_index, correction1, correction2);
                 const nb::gil_scoped_release released;
                 return engine.update(batch);
             },
             nb::kw_only(), "objects"_a, "arm"_a, "action"_a, "next_objects"_a, "next_arm"_a,
-            "program"_a, "reward"_a, "discount"_a, "hand_index"_a, "values"_a);
+            "program"_a, "reward"_a, "discount"_a, "hand_index"_a, "correction1"_a,
+            "correction2"_a, "The corrections are of Adam's moments, 1 - beta^step.");
 }
 
 void bind_actor(nb::module_& m) {

@@ -109,10 +109,9 @@ inline void critic_head_backward(const Net& net, Work& w, const float* action, i
     });
 }
 
-// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip, less l2 · a, all scaled, into
-// w.daction. w.action is the actor's.
-inline void action_gradient(const Net& net, Work& w, int64_t rows, float clip, float l2,
-                            float scale) {
+// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip and scaled, into
+// w.daction.
+inline void action_gradient(const Net& net, Work& w, int64_t rows, float clip, float scale) {
     const int64_t h = net.l.hidden;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;
     alignas(64) float sum[kActionColumns] = {};
@@ -126,8 +125,7 @@ inline void action_gradient(const Net& net, Work& w, int64_t rows, float clip, f
             sum_lanes(dot, actions, sum);
             for (int o = 0; o < kActionColumns; o += W)
                 store(w.daction + r * kActionColumns + o,
-                      scale * (at_least(at_most(load(sum + o), clip), -clip) -
-                               l2 * load(w.action + r * kActionColumns + o)));
+                      scale * at_least(at_most(load(sum + o), clip), -clip));
         }
     });
 }

@@ -30,7 +30,7 @@ class Update final : public LearnerKernel {
 
     void apply(const Batch& batch, int part) override {
         const FlushSubnormals flush;
-        PA_LEVEL::apply(learner_, batch.values, part);
+        PA_LEVEL::apply(learner_, batch, part);
     }
 
     Metrics metrics(const Batch& batch) const override {

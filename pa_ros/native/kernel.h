@@ -13,14 +13,9 @@ struct Tensors {
 };
 
 struct Settings {  // of a learner for as long as it lives
-    double beta1, beta2, epsilon, clip, detector_gain;
+    double actor_rate, critic_rate, beta1, beta2, epsilon, clip, detector_gain;
     double sparsity, free_from;  // of the detectors' weights; see `adam` in learner.h
     bool detector_bias;          // whether it is learned
-};
-
-// What changes with the number of updates made. The corrections are Adam's, 1 - beta^step.
-struct UpdateValues {
-    double actor_rate, critic_rate, action_l2, detector_decay, correction1, correction2;
 };
 
 // Programs, rows of `length` instructions; for canonical networks rows of a word of each group.
@@ -37,8 +32,8 @@ struct Batch {
     const float *object, *arm, *action, *next_object, *next_arm;
     const int32_t* program;
     const float *reward, *discount;
+    double correction1, correction2;  // of Adam's moments, 1 - beta^step
     Table table;
-    UpdateValues values;
 };
 
 struct Observation {

@@ -130,7 +130,7 @@ inline void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     w.z = w.dh;  // the critic's tanh is needed only until ∂Q/∂a is known
     critic_head(critic, w, x.critic_h + base * h, w.action, kActionColumns, 1, rows);
     const float scale = -1.0f / ((float)b.transitions * b.programs);
-    action_gradient(critic, w, rows, (float)g.settings.clip, (float)b.values.action_l2, scale);
+    action_gradient(critic, w, rows, (float)g.settings.clip, scale);
     w.z = actor_z;
     actor_head_backward(actor, w, rows, x.actor_gradient);
     backward(actor, w, b.program + base, count, x.actor_second_t, x.actor_gradient);
@@ -165,22 +165,20 @@ inline vf drawn_to_zero(vf x, float most, float per_size) {
 }
 
 // Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters. The
-// detectors' steps are `detector_gain` times as long, and their weights, not their biases, decay
-// apart from them (Loshchilov & Hutter 2019). Then those weights are drawn to zero by `sparsity` per
-// unit of rate, and by less the larger they are: not at all from `free_from` on (Zhang 2010).
-// Without `prior` nothing is drawn and biases are learned.
+// detectors' steps are `detector_gain` times as long. Then their weights, not their biases, are drawn
+// to zero by `sparsity` per unit of rate, and by less the larger they are: not at all from `free_from`
+// on (Zhang 2010). Without `prior` nothing is drawn and biases are learned.
 template <bool prior>
 inline double adam(const Learner& g, const Tensors& t, const Layout& l, double rate,
-                   const UpdateValues& values, int index, bool of_actor) {
+                   const Batch& batch, int index, bool of_actor) {
     const Settings& s = g.settings;
     const int64_t size = l.size, first_end = l.inputs ? 0 : l.first + l.rows * l.columns;
-    const float rate_now = (float)(rate / values.correction1), epsilon = (float)s.epsilon;
-    const float root = (float)(1.0 / __builtin_sqrt(values.correction2));
+    const float rate_now = (float)(rate / batch.correction1), epsilon = (float)s.epsilon;
+    const float root = (float)(1.0 / __builtin_sqrt(batch.correction2));
     const float keep1 = (float)s.beta1, take1 = (float)(1.0 - s.beta1);
     const float keep2 = (float)s.beta2, take2 = (float)(1.0 - s.beta2);
     const int64_t biases = l.first + (l.rows - 1) * l.columns;  // of the first layers
     const float gain = (float)s.detector_gain;
-    const float kept = (float)(1.0 - rate * s.detector_gain * values.detector_decay);
     [[maybe_unused]] const float drawn = (float)(rate * s.detector_gain * s.sparsity);
     [[maybe_unused]] const float per_size = (float)(1.0 / s.free_from);
     const int64_t part = padded((size + g.threads - 1) / g.threads), begin = index * part;
@@ -200,10 +198,9 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
         store(t.first_moment + i, m);
         store(t.second_moment + i, v);
         const float length = detects ? gain * rate_now : rate_now;
-        const bool decays = detects && i < biases;
-        const vf from = decays ? kept * load(t.parameters + i) : load(t.parameters + i);
-        const vf x = from - length * m / (square_root(v) * root + epsilon);
-        store(t.parameters + i, prior && decays ? drawn_to_zero(x, drawn, per_size) : x);
+        const vf x = load(t.parameters + i) - length * m / (square_root(v) * root + epsilon);
+        const bool weighs = detects && i < biases;
+        store(t.parameters + i, prior && weighs ? drawn_to_zero(x, drawn, per_size) : x);
     }
     float sum[W];
     sum_lanes(&squares, 1, sum);
@@ -211,13 +208,13 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
 }
 
 // Steps of Adam of both networks; call when every thread's gradients are there.
-inline void apply(Learner& g, const UpdateValues& values, int index) {
+inline void apply(Learner& g, const Batch& batch, int index) {
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     const Settings& s = g.settings;
     const auto step = s.sparsity > 0 || !s.detector_bias ? adam<true> : adam<false>;
-    step(g, g.critic, critic, values.critic_rate, values, index, false);
+    step(g, g.critic, critic, s.critic_rate, batch, index, false);
     g.thread[index].squared_gradient =
-        step(g, g.actor, actor, values.actor_rate, values, index, true);
+        step(g, g.actor, actor, s.actor_rate, batch, index, true);
 }
 
 inline Metrics metrics(const Learner& g, const Batch& batch) {

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
-from updates import update
 from worlds import PROGRAMS, WORLD, PointWorld, dpg
 
 from pa_ros.benchmarks import design
@@ -24,7 +23,7 @@ from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4, canonical_hidden=8)
-CONFIG = dpg(relabeling__rule="all-goals", replay__capacity_frames=3000, updates__reward_scale=0.05)
+CONFIG = dpg(relabeling__rule="all-goals", replay__capacity_frames=3000)
 PAPER = NetworkConfig(world=WORLD)
 
 
@@ -56,7 +55,7 @@ def test_counts_are_what_torch_counts_at_most(kind, sizes) -> None:
     engine = bench.engine_of(learner, name="torch")
     (batch,) = learner.batches(1)
     with Products() as products:
-        update(engine, batch, config)
+        engine.update(batch)
     moments = [t for name, t in engine.tensors().items() if ".m." in name]
     parameters = sum(t.size for t in moments)
     cost = update_cost(network, sizes)

@@ -93,6 +93,7 @@ def test_train_then_eval(tmp_path, capsys):
             ["experiment", "programmable-2L", "--logic", "product"],
             "--logic with one of generalization, detectors, equalities alone",
         ),
+        (["experiment", "detectors", "--conditions", "eval"], "of generalization alone"),
         (["eval", "--policy", "scripted", "--logic", "product"], "expected --checkpoint, got"),
     ],
 )

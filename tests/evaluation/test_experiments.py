@@ -22,7 +22,6 @@ from pa_ros.evaluation.studies.experiments import (
 )
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import usual_protocol
 
 
 def rows(*scores: float, column: str = "eval_greedy.normalized"):
@@ -64,8 +63,7 @@ def test_labels_say_what_is_unusual():
     assert paper.label == "programmable-2L.paper-protocol.paper-arm.k4"
     assert (paper.frames, under_protocol(usual, "ours")) == (2_000_000, usual)
     slow = replace(usual, preset="paper")
-    assert under_protocol(slow, usual_protocol("paper")).label == "programmable-2L.paper-arm"
-    assert slow.label == "programmable-2L.ours-protocol.paper-arm"
+    assert under_protocol(slow, "ours").label == "programmable-2L.paper-arm"
     assert under_protocol(experiment_named("forgetting"), "paper").switch_frames == 2_500_000
 
 
@@ -99,9 +97,9 @@ def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_pat
     assert float(written[1]["frames"]) == 600
     setting = json.loads(table.with_suffix(".json").read_text())
     assert setting["seeds"] == [0, 3] and setting["learner"]["relabeling"]["rule"] == "all-goals"
-    slow = replace(SMALL, preset="paper", protocol=usual_protocol("paper"))
+    slow = replace(SMALL, preset="paper")
     write_table(tmp_path / "tables", slow, {3: first}, [summarize(3, rows(0.95))])
-    other = replace(slow, protocol="ours")
+    other = replace(slow, protocol="paper")
     write_table(tmp_path / "tables", other, {4: first}, [summarize(4, first)])
     assert headline(tmp_path / "tables") == {
         "frames_to_solve.2-L.median": "inf", "solved.2-L": 0, "seeds.2-L": 2,

@@ -45,7 +45,7 @@ def table(
 
 def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.96, 0.2], 1: [0.92, 0.93, 0.94, 0.95]})
-    changed = replace(BASE, tag="free", options=("learner.actor.action_l2=0",))
+    changed = replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))
     table(tmp_path, changed, {0: [0.1, 0.2, 0.5], 1: [0.1, 0.91, 0.93]})
     table(tmp_path, replace(BASE, preset="paper"), {0: [0.0]})  # another arm: no variant
     path = write_variants("programmable-2L", tmp_path)
@@ -53,7 +53,7 @@ def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
     assert (ours.label, ours.changed, ours.frames) == ("programmable-2L", "", 7500)
     assert (ours.seeds, ours.solved, ours.frames_to_solve) == (2, 2, 3750)
     assert ours.wall_s_to_solve == 3.0 and ours.held_out == pytest.approx(0.95)
-    assert (free.label, free.changed) == ("programmable-2L.free", "learner.actor.action_l2=0")
+    assert (free.label, free.changed) == ("programmable-2L.free", "learner.detectors.sparsity=0")
     assert (free.solved, free.frames_to_solve) == (1, math.inf)
     assert free.low == pytest.approx(0.5) and free.high == pytest.approx(0.93)
     assert path.with_suffix(".png").stat().st_size > 5000
@@ -61,7 +61,7 @@ def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
 
 def test_a_seed_that_ends_there_is_judged_on_fresh_episodes(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.2]}, {0: 0.2})
-    changed = replace(BASE, tag="noise", options=("learner.actor.action_l2=0",))
+    changed = replace(BASE, tag="noise", options=("learner.detectors.sparsity=0",))
     table(tmp_path, changed, {0: [0.1, 0.87]}, {0: 0.95})
     ours, noise = read_rows(write_variants("programmable-2L", tmp_path), Variant)
     assert (ours.solved, noise.solved) == (1, 1)
@@ -91,9 +91,8 @@ def test_nothing_to_compare_is_refused(tmp_path: Path) -> None:
     [
         ("", ""),
         ("learner.updates.discount=0.99", "discount 0.99"),
-        ("learner.noise_sigma=0.3", "exploration noise σ 0.3"),  # as tables of 0.1 name it
         (
-            "learner.relabel=none learner.programs_per_transition=1",
+            "learner.relabeling.rule=none learner.relabeling.programs_per_transition=1",
             "relabeling: no, programs for each transition: 1",
         ),
         ("learner.replay.batch_size=32", "batch size 32"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pa_ros.cli.main import main
+from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation import results
 from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
 from pa_ros.evaluation.scoring.tables import read_rows
@@ -35,6 +36,15 @@ def test_generalization(agents, tmp_path):
     picture.unlink()
     assert results.redraw_generalization(out / "generalization.x.csv") == picture
     assert picture.read_bytes() == before
+
+
+def test_chosen_conditions_alone(agents, tmp_path):
+    found = results.generalization(
+        agents, tmp_path, tmp_path / "cache", 1, report=lambda line: None, conditions=["depth-3"]
+    )
+    assert [summary.condition for summary in found] == ["depth-3"]
+    with pytest.raises(ConfigError, match="nowhere"):
+        results.generalization(agents, tmp_path, tmp_path, 1, conditions=["nowhere"])
 
 
 def test_a_digest_is_of_tensors_by_name_whatever_their_order(novice: TrainedAgent):

@@ -14,7 +14,7 @@ from pydantic import Field
 from torch import Tensor
 from torch.nn import functional as F
 
-from pa_ros.core.update import Engine, UpdateValues
+from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms import ALGORITHMS, Algorithm
 from pa_ros.learning.algorithms.dpg.networks import initial_networks
 from pa_ros.learning.algorithms.torch_engine import Inputs, TorchEngine
@@ -46,7 +46,7 @@ class TorchCRR(TorchEngine):
         super().__init__(network, config, table, initial)
         self._temperature, self._largest = config.temperature, config.largest_weight
 
-    def step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
+    def step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         actor, critic = self.networks["actor"], self.networks["critic"]
         h = self.features(critic, x.now)  # [B, K, H]
         q, action = critic.head(h, x.action), self.act(actor, x.now)  # [B, K], [B, K, 6]
@@ -57,8 +57,8 @@ class TorchCRR(TorchEngine):
             weight = (advantage / self._temperature).exp().clamp(max=self._largest)
         loss = F.mse_loss(q, x.reward + x.discount[:, None] * following)
         imitation = (weight * (action - x.action[:, None]).square().mean(-1)).mean()
-        self.descend("critic", values.critic_rate, values, loss)
-        self.descend("actor", values.actor_rate, values, imitation)
+        self.descend("critic", loss)
+        self.descend("actor", imitation)
         return loss.detach(), q.detach().mean()
 
 
@@ -69,6 +69,6 @@ def make_engine(
     return TorchCRR(network, config, table, initial_networks(network, rng))
 
 
-# Under the protocol `ours` rewards are halved: so is what tells a good action from a bad one.
-VALUES = {"ours": {"learner.temperature": 0.05}}
+# Under the protocol `ours` actions are noisier: good ones are preferred less sharply.
+VALUES = {"ours": {"learner.temperature": 0.2}}
 ALGORITHMS.register("crr", Algorithm(CRRConfig, make_engine, VALUES))

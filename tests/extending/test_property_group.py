@@ -29,8 +29,12 @@ from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.launch_params import Parameters
 
 SIZES = str(Path(__file__).with_name("sizes.py"))
-QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32",
-         "learner.relabeling.property_dropout_after=0"]  # fmt: skip
+QUICK = [
+    "learner.replay.warmup_frames=100",
+    "learner.replay.batch_size=16",
+    "network.hidden=32",
+    "learner.detectors.sparsity=0",
+]  # what is read leaves its trace
 FRAMES = 300
 
 

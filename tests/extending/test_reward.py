@@ -16,9 +16,8 @@ SHAPED = '{"name": "shaped", "weight": 0.8}'
 
 
 def rewards_drawn(learner: Learner) -> np.ndarray:
-    """What the learner learns from, as the arena would have paid it: relabeled, unscaled."""
-    scale = learner.config.updates.reward_scale
-    return np.concatenate([batch.reward.ravel() / scale for batch in learner.batches(50)])
+    """What the learner learns from, as the arena would have paid it: relabeled."""
+    return np.concatenate([batch.reward.ravel() for batch in learner.batches(50)])
 
 
 def test_what_the_learner_learns_from_changes(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from updates import update
 from worlds import WORDS, WORLD, dpg, random_batch
 
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
@@ -12,7 +11,6 @@ from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
-from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
 from pa_ros.networks.slots import slot_values, target_one_hots
@@ -20,10 +18,7 @@ from pa_ros.world.programs import ProgramTable
 
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, OR(RED, BLUE))")
 CLIP = 0.02  # small, so that some of ∂Q/∂a is clipped and some is not
-L2 = 0.03
-L2_DECAY, L2_DECAYS_FOR = 0.8, 4  # the fraction lost within so many updates
 GAIN = 3.0
-DECAY, DECAYS_FOR = 0.5, 3  # updates
 SPARSITY = 0.4
 CONFIG = dpg(
     engine__name="torch",
@@ -31,17 +26,9 @@ CONFIG = dpg(
     optimizer__actor_rate=1e-3,
     optimizer__critic_rate=2e-3,
     actor__gradient_clip=CLIP,
-    actor__action_l2=L2,
-    actor__action_l2_decay=L2_DECAY,
-    actor__action_l2_decay_updates=L2_DECAYS_FOR,
     detectors__gain=GAIN,
-    detectors__decay=DECAY,
-    detectors__decay_updates=DECAYS_FOR,
     detectors__sparsity=SPARSITY,
     detectors__free_from=0.1,
-    optimizer__rates_fall_after=2,
-    detectors__geometry_decay=0.25,
-    detectors__geometry_decay_after=3,
 )
 
 
@@ -95,7 +82,7 @@ def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see, biased) -> 
             expected.end_episode()
         batch = random_batch(rng, 4, k, len(TEXTS))
         for one in (engine, expected):
-            one.update(batch, values_after(made, CONFIG))
+            one.update(batch)
         assert engine.metrics()["critic_loss"] == pytest.approx(expected.loss, rel=1e-9)
     ours = engine.tensors()
     assert ours.pop("adam.actor.step") == ours.pop("adam.critic.step") == 5
@@ -155,7 +142,7 @@ def test_one_update_by_hand() -> None:
     critic["output.weight"] *= 30.0
     engine = TorchDPG(network, CONFIG, table(TEXTS[:2]), actor, critic)
     batch = random_batch(np.random.default_rng(3), 5, 2, 2)
-    update(engine, batch, CONFIG)
+    engine.update(batch)
 
     pi, q = HandMlp(as_float64(actor)), HandMlp(as_float64(critic))
     count = batch.program.size
@@ -171,7 +158,7 @@ def test_one_update_by_hand() -> None:
     q.forward(now, action)
     _, slope = q.backward(np.ones((count, 1)))
     assert 0.1 < (np.abs(slope) > CLIP).mean() < 0.9
-    ascent = np.clip(slope, -CLIP, CLIP) - L2 * action
+    ascent = np.clip(slope, -CLIP, CLIP)
     actor_gradient, _ = pi.backward(-ascent / count * (1 - action**2))
     for name, tensors, gradient, rate in (
         ("actor", pi.w, actor_gradient, 1e-3),
@@ -198,7 +185,7 @@ def test_targets_move_only_when_copied() -> None:
     engine = made()
     start = engine.tensors()
     rng = np.random.default_rng(0)
-    update(engine, random_batch(rng, 4, 1, 3), CONFIG)
+    engine.update(random_batch(rng, 4, 1, 3))
     after = engine.tensors()
     for name in (n for n in start if n.startswith("target_")):
         np.testing.assert_array_equal(after[name], start[name])
@@ -217,11 +204,11 @@ def test_tensors_are_all_there_is() -> None:
     rng = np.random.default_rng(0)
     batches = [random_batch(rng, 4, 2, 3) for _ in range(6)]
     for batch in batches[:3]:
-        update(first, batch, CONFIG)
+        first.update(batch)
     second.load_tensors(first.tensors())
     for batch in batches[3:]:
-        update(first, batch, CONFIG)
-        update(second, batch, CONFIG)
+        first.update(batch)
+        second.update(batch)
     theirs = second.tensors()
     for name, value in first.tensors().items():
         np.testing.assert_array_equal(value, theirs[name])
@@ -241,7 +228,7 @@ def test_actor_tensors_are_owned_float32() -> None:
     tensors = engine.actor_tensors()
     assert {t.dtype for t in tensors.values()} == {np.dtype(np.float32)}
     before = tensors["output.bias"].copy()
-    update(engine, random_batch(np.random.default_rng(0), 4, 1, 3), CONFIG)
+    engine.update(random_batch(np.random.default_rng(0), 4, 1, 3))
     np.testing.assert_array_equal(tensors["output.bias"], before)
 
 
@@ -249,7 +236,7 @@ def test_programs_may_join_between_updates() -> None:
     network = NetworkConfig(world=WORLD, hidden=8, attention=5)
     programs = table(TEXTS[:1])
     engine = make_engine(network, CONFIG, programs, np.random.default_rng(4))
-    update(engine, random_batch(np.random.default_rng(0), 4, 1, 1), CONFIG)
+    engine.update(random_batch(np.random.default_rng(0), 4, 1, 1))
     programs.add(parse("NEAR(HAND, NOT(AND(NOT(RED), NOT(CUBE))))", WORDS))
-    update(engine, random_batch(np.random.default_rng(0), 4, 3, 2), CONFIG)
+    engine.update(random_batch(np.random.default_rng(0), 4, 3, 2))
     assert np.isfinite(engine.metrics()["critic_loss"])

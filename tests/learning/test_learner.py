@@ -10,12 +10,11 @@ from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, WORLD, dpg, random_t
 
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.update import Batch, Engine, UpdateValues
+from pa_ros.core.update import Batch, Engine
 from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.errors import NonFiniteError
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import UnsupportedProgramError
 
@@ -41,15 +40,13 @@ class Recorder:
         self._engine = engine
         self.calls: list[str] = []
         self.batches: list[Batch] = []
-        self.values: list[UpdateValues] = []
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._engine, name)
 
-    def update(self, batch: Batch, values: UpdateValues) -> None:
+    def update(self, batch: Batch) -> None:
         self.calls.append("update")
         self.batches.append(batch)
-        self.values.append(values)
 
     def end_episode(self) -> None:
         self.calls.append("copy")
@@ -153,7 +150,7 @@ def test_published_versions() -> None:
 
 def test_batches_are_gathered_from_transitions() -> None:
     rng = np.random.default_rng(0)
-    one = learner(updates__reward_shift=1.0, updates__reward_scale=0.5)
+    one = learner()
     recorder = Recorder(one.engine)
     one.engine = cast(Engine, recorder)
     trajectory = random_trajectory(rng, 8, terminated=True, program=PROGRAMS[1])
@@ -168,32 +165,11 @@ def test_batches_are_gathered_from_transitions() -> None:
             np.testing.assert_array_equal(batch.next_objects[b], trajectory.objects[t + 1])
             np.testing.assert_array_equal(batch.next_arm[b], trajectory.arm[t + 1])
             np.testing.assert_array_equal(batch.action[b], trajectory.actions[t])
-            assert batch.reward[b, 0] == 0.5 * (trajectory.rewards[t] + 1)
+            assert batch.reward[b, 0] == trajectory.rewards[t]
             assert batch.discount[b] == (0.0 if t == 7 else np.float32(0.99))
         arrays = (batch.objects, batch.arm, batch.action, batch.next_objects, batch.next_arm)
         for array in (*arrays, batch.program, batch.reward, batch.discount):
             assert array.flags.c_contiguous
-
-
-def test_a_shorter_horizon_scales_rewards_so_that_the_bound_of_q_stays() -> None:
-    one = learner(
-        updates__discount=0.95,
-        updates__first_discount=0.8,
-        updates__discount_rises_after=20,
-        updates__reward_shift=1.0,
-        replay__batch_size=64,
-    )
-    recorder = Recorder(one.engine)
-    one.engine = cast(Engine, recorder)
-    rng = np.random.default_rng(0)
-    for sequence in range(6):
-        one.consume(random_trajectory(rng, 10, sequence=sequence))
-    for due, batch in enumerate(recorder.batches):
-        gamma = values_after(due // 10 * 10, one.config).discount  # as when its trajectory came
-        assert batch.discount == pytest.approx(gamma)
-        assert batch.reward.max() / (1 - gamma) == pytest.approx(2 / (1 - 0.95))
-    assert recorder.values == [values_after(updates, one.config) for updates in range(60)]
-    assert gamma == pytest.approx(0.92)
 
 
 def test_relabeled_rewards_are_those_of_the_next_row() -> None:
@@ -238,18 +214,11 @@ def test_one_seed_one_result() -> None:
         ("replay.batch_size", 0, "an integer in [1, 65536]"),
         ("replay.capacity_frames", 1, "an integer in [2, 1e+08]"),
         ("updates.discount", 1.0, "a number in [0, 1)"),
-        ("updates.first_discount", 1.0, "a number in [0, 1)"),
-        ("updates.discount_rises_after", -1, "an integer of at least 0"),
         ("updates.per_frame", -1.0, "a number of at least 0"),
-        ("updates.reward_shift", float("inf"), "a number"),
-        ("updates.reward_scale", 0.0, "a positive number"),
         ("optimizer.actor_rate", 0.0, "a positive number"),
         ("optimizer.critic_rate", float("nan"), "a positive number"),
-        ("optimizer.rates_fall_after", -1, "an integer of at least 0"),
         ("relabeling.rule", "some", "one of ['none', 'all-goals']"),
         ("relabeling.property_dropout", 1.5, "a number in [0, 1]"),
-        ("relabeling.property_dropout_after", -1, "an integer of at least 0"),
-        ("relabeling.keeps_original", 1, "true or false"),
         ("schedule.trajectory_steps", 0, "an integer in [1, 10000]"),
         ("schedule.policy_lag", -1, "an integer of at least 0"),
         ("exploration.scale", "loud", "one of ['stationary', 'diffusion']"),
@@ -257,10 +226,8 @@ def test_one_seed_one_result() -> None:
         ("engine.dtype", "float16", "one of ['float32', 'float64']"),
         ("engine.threads", True, "an integer in [1, 256]"),
         ("engine.device", 0, "text"),
-        ("actor.action_l2_decay", 1.1, "a number in [0, 1]"),
-        ("actor.action_l2_decay_updates", 0, "an integer of at least 1"),
-        ("detectors.geometry_decay", -0.1, "a number in [0, 1]"),
-        ("detectors.geometry_decay_after", -1, "an integer of at least 0"),
+        ("detectors.sparsity", -0.1, "a number of at least 0"),
+        ("detectors.free_from", 0.0, "a positive number"),
     ],
 )
 def test_a_refused_setting_says_where_what_and_what_came(path, value, expected) -> None:
@@ -274,7 +241,6 @@ def test_a_refused_setting_says_where_what_and_what_came(path, value, expected) 
     [
         ({"replay.capacity_frames": 100}, "learner.replay.capacity_frames: expected more than"),
         ({"relabeling.programs_per_transition": 2}, "expected 1 without relabeling, got 2"),
-        ({"relabeling.keeps_original": True}, "at least 2 with it, got 1"),
         ({"discount": 0.5}, "a known name, such as updates.discount, got 0.5"),
     ],
 )
@@ -287,7 +253,7 @@ def test_settings_round_trip() -> None:
     config = dpg(
         relabeling__rule="all-goals",
         relabeling__programs_per_transition=4,
-        updates__reward_shift=1.0,
+        detectors__sparsity=0.5,
     )
     assert DPGConfig.from_json(config.to_json()) == config
     for text in ("{", '{"speed": 1}', "3"):

@@ -71,10 +71,9 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("keep", [False, True])
 @pytest.mark.parametrize(("reward", "rule"), CASES, ids=["plus-minus-one", "sparse", "dense"])
-def test_relabeled_batches_follow_the_arenas_reward(tmp_path, reward, rule, keep) -> None:  # type: ignore[no-untyped-def]
-    learner = trained(tmp_path, reward, dpg(SETTINGS, relabeling__keeps_original=keep))
+def test_relabeled_batches_follow_the_arenas_reward(tmp_path, reward, rule) -> None:  # type: ignore[no-untyped-def]
+    learner = trained(tmp_path, reward)
     seen = list(paid(list(learner.batches(120)), k=2))
     for distance, received in seen:
         assert received == pytest.approx(rule(distance), abs=1e-6)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from updates import update
 from worlds import PROGRAMS, WORLD, PointWorld, random_batch
 
 from pa_ros.core.errors import ConfigError
@@ -66,7 +65,7 @@ def test_the_target_is_of_the_lesser_critic_at_a_clipped_noisy_action() -> None:
     losses = []
     for engine in (quiet, noisy):
         expected = by_hand(engine, batch, engine is noisy)
-        update(engine, batch, CONFIG)
+        engine.update(batch)
         assert engine.metrics()["critic_loss"] == pytest.approx(expected, rel=1e-9)
         losses.append(expected)
     assert losses[0] != losses[1]
@@ -92,11 +91,11 @@ def test_actor_and_targets_move_at_every_second_update_and_targets_a_share() -> 
     engine = made()
     start = engine.tensors()
     rng = np.random.default_rng(0)
-    update(engine, random_batch(rng, 4, 1, 2), CONFIG)
+    engine.update(random_batch(rng, 4, 1, 2))
     once = engine.tensors()
     assert engine.metrics()["actor_gradient_norm"] == 0.0
     assert moved(start, once) == {"critic_1", "critic_2"}
-    update(engine, random_batch(rng, 4, 1, 2), CONFIG)
+    engine.update(random_batch(rng, 4, 1, 2))
     twice = engine.tensors()
     names = {"actor", "critic_1", "critic_2"}
     assert moved(once, twice) == names | {f"target_{name}" for name in names}
@@ -151,6 +150,6 @@ def test_its_settings_are_options_of_its_own_and_not_of_dpg() -> None:
     option = "learner.targets.tau=0.1"
     learner = protocol_named("ours", "td3").with_options([option]).learner
     assert isinstance(learner, TD3Config) and learner.targets.tau == 0.1
-    assert learner.updates.discount == 0.9  # the protocol's
+    assert learner.updates.discount == 0.95  # the protocol's
     with pytest.raises(ConfigError, match="targets"):
         protocol_named("ours").with_options([option])

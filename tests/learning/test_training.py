@@ -42,16 +42,8 @@ SETTINGS = dpg(
     relabeling__rule="all-goals",
 )
 CHANGING: dict[str, Any] = {
-    "actor__action_l2": 0.1,
-    "actor__action_l2_decay": 0.5,
-    "actor__action_l2_decay_updates": 300,
-    "detectors__decay": 0.5,
-    "optimizer__rates_fall_after": 100,
-    "updates__discount_rises_after": 110,
-    "detectors__geometry_decay": 0.01,
-    "detectors__geometry_decay_after": 120,
+    "detectors__sparsity": 0.5,
     "relabeling__property_dropout": 0.5,
-    "relabeling__property_dropout_after": 150,
 }
 SPEED = np.ones(6)
 
@@ -287,14 +279,14 @@ def test_another_learners_checkpoint_is_refused(saved, network, settings, messag
 def test_an_option_that_is_younger_than_the_checkpoint_had_its_default(edited, room) -> None:
     path = find_checkpoint(edited) / "metadata.json"
     values = json.loads(path.read_text())
-    option = {"learner": "detectors.decay", "network": "self_weight"}[room]
+    option = {"learner": "detectors.sparsity", "network": "self_weight"}[room]
     kept = json.loads(values[room])
     part, _, name = option.rpartition(".")
     del (kept[part] if part else kept)[name]
     path.write_text(json.dumps(values | {room: json.dumps(kept)}))
     restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
     changed = {
-        "learner": (NETWORK, dpg(SETTINGS, detectors__decay=0.5)),
+        "learner": (NETWORK, dpg(SETTINGS, detectors__sparsity=0.5)),
         "network": (NETWORK.changed(self_weight=0.5), SETTINGS),
     }[room]
     with pytest.raises(CheckpointError, match=f"{option}: checkpoint .*, here 0.5"):

@@ -32,7 +32,15 @@ def canonical(critic: bool = False, **changes: object) -> _fused.Network:
 
 
 def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fused.Engine:
-    settings = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
+    settings = {
+        "actor_rate": 1e-3,
+        "critic_rate": 1e-3,
+        "beta1": 0.9,
+        "beta2": 0.999,
+        "epsilon": 1e-8,
+        "clip": 1.0,
+        "detector_gain": 1.0,
+    }
     settings |= {"sparsity": 0.0, "free_from": 1.0}
     return _fused.Engine(make(), make(critic=True), **settings, detector_bias=True, threads=threads)
 
@@ -49,7 +57,6 @@ def batch(transitions: int = 4, objects: int = 3, programs: int = 2) -> dict[str
     def zeros(*shape: int) -> np.ndarray:
         return np.zeros(shape, np.float32)
 
-    values = {"actor_rate": 1e-3, "critic_rate": 1e-3, "action_l2": 0.0, "detector_decay": 0.0}
     return {
         "objects": zeros(transitions, objects, 16),
         "arm": zeros(transitions, 18),
@@ -60,7 +67,8 @@ def batch(transitions: int = 4, objects: int = 3, programs: int = 2) -> dict[str
         "reward": zeros(transitions, programs),
         "discount": zeros(transitions),
         "hand_index": 0,
-        "values": _fused.UpdateValues(**values, correction1=0.1, correction2=0.001),
+        "correction1": 0.1,
+        "correction2": 0.001,
     }
 
 

@@ -22,7 +22,6 @@ from fused_settings import (
     make_batch,
     setting,
 )
-from updates import update
 from worlds import dpg
 
 from pa_ros.benchmarks.straightforward import Scenes, parameters
@@ -33,7 +32,6 @@ from pa_ros.language.vocabulary import Vocabulary, WordGroup
 from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
-from pa_ros.learning.schedule import values_after
 from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
 from pa_ros.native.errors import FusedError
@@ -151,7 +149,7 @@ def test_warns_where_exponentials_end(caplog: pytest.LogCaptureFixture) -> None:
     made = saturated(150)
     engine = made.engine()
     for seed in range(2):
-        update(engine, make_batch(np.random.default_rng(seed), 16, 4, 1, 6), made.config)
+        engine.update(make_batch(np.random.default_rng(seed), 16, 4, 1, 6))
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert np.isfinite(engine.tensors()["critic.message.0.weight"]).all()
 
@@ -163,7 +161,7 @@ def test_thousand_updates_stay_with_float64() -> None:
     batches = [make_batch(rng, 16, 4, 1, len(made.table)) for _ in range(20)]
     for step in range(1000):
         for one in (engine, reference):
-            one.update(batches[step % len(batches)], values_after(step, made.config))
+            one.update(batches[step % len(batches)])
         if step % 100 == 99:
             engine.end_episode()
             reference.end_episode()
@@ -180,11 +178,11 @@ def test_same_inputs_same_bits_and_instances_do_not_interfere() -> None:
     batches = [make_batch(rng, 64, 5, 2, 6) for _ in range(3)]
     alone = made.engine()
     for batch in batches:
-        update(alone, batch, made.config)
+        alone.update(batch)
     first, other = made.engine(), setting("distilled-critic", scale=3).engine()
     for batch in batches:
-        update(first, batch, made.config)
-        update(other, make_batch(rng, 7, 3, 1, 6), made.config)
+        first.update(batch)
+        other.update(make_batch(rng, 7, 3, 1, 6))
     expected = alone.tensors()
     for name, tensor in first.tensors().items():
         np.testing.assert_array_equal(tensor, expected[name], err_msg=name)
@@ -197,17 +195,17 @@ def test_state_survives_a_round_trip() -> None:
     batches = [make_batch(rng, 12, 5, 1, 6) for _ in range(4)]
     whole, before, after = made.engine(), made.engine(), setting(scale=2).engine()
     for batch in batches:
-        update(whole, batch, made.config)
+        whole.update(batch)
     for batch in batches[:2]:
-        update(before, batch, made.config)
+        before.update(batch)
     before.end_episode()
     whole.end_episode()
     state = before.tensors()
     assert state["adam.actor.step"] == 2
     after.load_tensors(state)
     for batch in batches[2:]:
-        update(before, batch, made.config)
-        update(after, batch, made.config)
+        before.update(batch)
+        after.update(batch)
     for name, tensor in before.tensors().items():
         np.testing.assert_array_equal(after.tensors()[name], tensor, err_msg=name)
     state.pop("critic.output.bias")
@@ -221,11 +219,11 @@ def test_exchanges_state_with_the_torch_engine() -> None:
     batches = [make_batch(rng, 16, 5, 1, len(made.table)) for _ in range(3)]
     theirs = TorchDPG(made.network, made.config, made.table, made.actor, made.critic)
     ours = setting(vocabulary=SMALL, scale=2).engine()
-    update(theirs, batches[0], made.config)
+    theirs.update(batches[0])
     ours.load_tensors(theirs.tensors())
     for batch in batches[1:]:
-        update(ours, batch, made.config)
-        update(theirs, batch, made.config)
+        ours.update(batch)
+        theirs.update(batch)
     expected = theirs.tensors()
     for name, tensor in ours.tensors().items():
         np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-5, err_msg=name)
@@ -243,8 +241,8 @@ def test_what_networks_are_not_to_use_stays_0_and_the_rest_learns_as_in_torch(ki
     rng = np.random.default_rng(5)
     for _ in range(5):
         batch = make_batch(rng, 16, 5, 2, len(made.table))
-        update(ours, batch, made.config)
-        update(theirs, batch, made.config)
+        ours.update(batch)
+        theirs.update(batch)
     expected = theirs.tensors()
     for name, tensor in ours.tensors().items():
         np.testing.assert_allclose(tensor, expected[name], rtol=1e-3, atol=2e-6, err_msg=name)
@@ -266,12 +264,11 @@ def test_detectors_keep_what_the_gradient_holds_up_or_what_is_large(name: str) -
     made.actor["detectors.weight"][:, ::2] = 0.5
     weights = {}
     for sparsity in (0.0, 2.0):  # Adam's first steps are of one rate, so 2 outweighs each
-        values = {"sparsity": sparsity, "free_from": 0.4, "decay": 0.0, "geometry_decay": 0.0}
-        config = dpg(made.config, **{f"detectors__{k}": v for k, v in values.items()})
+        config = dpg(made.config, detectors__sparsity=sparsity, detectors__free_from=0.4)
         config = dpg(config, engine__name=name)
         engine = make_engine(made.network, config, made.table, np.random.default_rng())
         engine.load_tensors(made.engine().tensors())
-        update(engine, make_batch(np.random.default_rng(3), 16, 5, 1, len(made.table)), config)
+        engine.update(make_batch(np.random.default_rng(3), 16, 5, 1, len(made.table)))
         weights[sparsity] = engine.tensors()["actor.detectors.weight"]
     assert weights[0.0].all()
     np.testing.assert_array_equal(weights[2.0][:, ::2], weights[0.0][:, ::2])
@@ -281,7 +278,7 @@ def test_detectors_keep_what_the_gradient_holds_up_or_what_is_large(name: str) -
 def test_targets_change_only_when_copied() -> None:
     made = setting()
     engine = made.engine()
-    update(engine, make_batch(np.random.default_rng(0), 8, 5, 1, 6), made.config)
+    engine.update(make_batch(np.random.default_rng(0), 8, 5, 1, 6))
     kept = engine.tensors()
     np.testing.assert_array_equal(kept["target_critic.output.weight"], made.critic["output.weight"])
     assert not np.array_equal(kept["critic.output.weight"], made.critic["output.weight"])
@@ -300,12 +297,12 @@ def test_sizes_may_change_between_updates() -> None:
     made = setting()
     engine = made.engine()
     rng = np.random.default_rng(8)
-    update(engine, make_batch(rng, 8, 5, 1, 6), made.config)
+    engine.update(make_batch(rng, 8, 5, 1, 6))
     for size, objects, programs in ((4, 5, 1), (64, 5, 1), (8, 3, 2)):
         engine.load_tensors(made.engine().tensors())
         batch = make_batch(rng, size, objects, programs, 6)
-        update(engine, batch, made.config)
-        expected = expected_gradients(made.reference(), batch, made.config.actor.action_l2)
+        engine.update(batch)
+        expected = expected_gradients(made.reference(), batch)
         assert_close(engine.gradients(), expected, 1e-5)
 
 
@@ -314,7 +311,7 @@ def test_nan_is_not_hidden() -> None:
     engine = made.engine()
     batch = make_batch(np.random.default_rng(0), 8, 5, 1, 6)
     batch.objects[3, 2, 1] = np.nan
-    update(engine, batch, made.config)
+    engine.update(batch)
     assert np.isnan(engine.metrics()["critic_loss"])
     assert np.isnan(engine.tensors()["actor.message.0.weight"]).any()
 
@@ -362,7 +359,7 @@ def test_who_learns_needs_what_can_be_differentiated() -> None:
     family = FUSED[type(made.network.family)]
     actor, critic = (family.describe(made.network, x, MIN_MAX) for x in (False, True))
     values = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
-    values |= {"sparsity": 0.0, "free_from": 1.0}
+    values |= {"actor_rate": 1e-3, "critic_rate": 1e-3, "sparsity": 0.0, "free_from": 1.0}
     with pytest.raises(FusedError, match="can be differentiated, got min and max"):
         _fused.Engine(actor, critic, **values, detector_bias=True, threads=1)
 
@@ -379,7 +376,7 @@ def test_who_learns_needs_what_can_be_differentiated() -> None:
 def test_refuses_batches_that_do_not_fit(change: dict[str, np.ndarray], message: str) -> None:
     batch = replace(make_batch(np.random.default_rng(0), 8, 5, 1, 6), **change)
     with pytest.raises(FusedError, match=message):
-        update(setting().engine(), batch, setting().config)
+        setting().engine().update(batch)
 
 
 def test_is_chosen_where_it_applies() -> None:

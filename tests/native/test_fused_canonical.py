@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from updates import update
 from worlds import dpg, objects_at, random_batch
 
 from pa_ros.core.update import Batch
@@ -28,7 +27,7 @@ WORDS = Vocabulary.of(
 WORLD = World(PAPER, WORDS, joints=6)
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
 # some of ∂Q/∂a is clipped, some is not
-CONFIG = dpg(actor__gradient_clip=0.05, actor__action_l2=0.02)
+CONFIG = dpg(actor__gradient_clip=0.05)
 
 
 def network(hidden: int = 40) -> NetworkConfig:
@@ -78,8 +77,8 @@ def batch_of(rng: np.random.Generator, size: int, programs: int) -> Batch:
 def test_gradients(size, k, hidden, threads) -> None:
     ours, reference = both(hidden, engine__threads=threads)
     batch = batch_of(np.random.default_rng(size), size, k)
-    update(ours, batch, CONFIG)
-    update(reference, batch, CONFIG)
+    ours.update(batch)
+    reference.update(batch)
     gradients, expected = ours.gradients(), reference.gradients()
     assert gradients.keys() == expected.keys()
     for name, tensor in expected.items():
@@ -95,7 +94,7 @@ def test_thousand_updates_stay_with_float64() -> None:
     batches = [batch_of(rng, 16, 1) for _ in range(20)]
     for step in range(1000):
         for engine in (ours, reference):
-            update(engine, batches[step % len(batches)], CONFIG)
+            engine.update(batches[step % len(batches)])
             if step % 100 == 99:
                 engine.end_episode()
     found, expected = ours.tensors(), reference.tensors()
@@ -110,14 +109,14 @@ def test_exchanges_state_with_torch_and_takes_programs_as_they_come() -> None:
     programs = table()
     ours, reference = both(programs=programs)
     rng = np.random.default_rng(2)
-    update(reference, batch_of(rng, 16, 1), CONFIG)
+    reference.update(batch_of(rng, 16, 1))
     ours.load_tensors(reference.tensors())
     assert ours.tensors()["adam.actor.step"] == 1
     assert programs.add(parse("NEAR(HAND, AND(CUBE, BLUE))", WORDS)) == len(TEXTS)
     batch = batch_of(rng, 16, 1)
     batch.program[:] = len(TEXTS)
-    update(ours, batch, CONFIG)
-    update(reference, batch, CONFIG)
+    ours.update(batch)
+    reference.update(batch)
     for name, tensor in reference.tensors().items():
         np.testing.assert_allclose(ours.tensors()[name], tensor, rtol=1e-4, atol=1e-7, err_msg=name)
 
@@ -150,4 +149,4 @@ def test_is_chosen_and_refuses_what_it_cannot_be_told() -> None:
         FusedActor(network(), actor).act(*seen, parse("NEAR(HAND, RED)", WORDS), 0)
     programs.add(parse("NEAR(HAND, OR(RED, CUBE))", WORDS))
     with pytest.raises(UnsupportedProgramError):
-        update(engine, batch_of(np.random.default_rng(0), 4, 1), CONFIG)
+        engine.update(batch_of(np.random.default_rng(0), 4, 1))

@@ -143,6 +143,6 @@ Batch Transitions::batch() const {
     b.object = object.data(), b.arm = arm.data(), b.action = action.data();
     b.next_object = next_object.data(), b.next_arm = next_arm.data();
     b.program = program.data(), b.reward = reward.data(), b.discount = discount.data();
-    b.values = {1e-3, 2e-3, 0.01, 0.1, 0.1, 0.001};
+    b.correction1 = 0.1, b.correction2 = 0.001;
     return b;
 }

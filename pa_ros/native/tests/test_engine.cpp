@@ -110,7 +110,7 @@ void refused(const std::string& what, const std::function<void()>& attempt) {
 
 void test_refusals() {
     const Case made = cases(8, 4)[0], flat = cases(8, 4)[4], mixed = cases(8, 4)[5];
-    const Settings settings{0.9, 0.999, 1e-8, 1.0, 1.0, 0.1, 1.0, true};
+    const Settings settings{1e-3, 2e-3, 0.9, 0.999, 1e-8, 1.0, 1.0, 0.1, 1.0, true};
     std::mt19937 rng(3);
     const Transitions given(4, 3, 2, 3, 6, rng);
     Engine engine(made.actor, made.critic, settings, 1), other(flat.actor, flat.critic, settings, 1);

@@ -115,5 +115,5 @@ def _contender(
     )
     learner = random_learner(network, config, programs, sizes)
     batches = list(learner.batches(4))
-    run = repeated(engine_of(learner).update, batches, learner.config)
+    run = repeated(engine_of(learner).update, batches)
     return Contender(f"{name}.{way}_us", run)

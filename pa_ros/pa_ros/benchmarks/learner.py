@@ -16,13 +16,12 @@ from pa_ros.benchmarks.rounds import Contender, measure
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.report import Report
-from pa_ros.core.update import Batch, Engine, UpdateValues
+from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.schedule import values_after
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.inference import TorchActor
@@ -31,7 +30,7 @@ from pa_ros.world import Trajectory
 from pa_ros.world.schema import ObjectSchema
 
 log = logging.getLogger(__name__)
-Update = Callable[[Batch, UpdateValues], None]
+Update = Callable[[Batch], None]
 
 OURS = "learner.updates_per_s"
 TWO_THREADS = "learner.updates_per_s_2_threads"
@@ -96,19 +95,17 @@ def bare_updates(
     """Updates by the clock, with the configuration's batch, of tables with four blocks."""
     sizes = Sizes(config.replay.batch_size, 5, config.relabeling.programs_per_transition)
     idle = random_learner(network, config, programs, sizes)
-    run = repeated(engine_of(idle).update, list(idle.batches(16)), config)
+    run = repeated(engine_of(idle).update, list(idle.batches(16)))
     return Contender("bare", run, wall=True)
 
 
-def repeated(
-    update: Update, batches: Sequence[Batch], config: LearnerConfig
-) -> Callable[[int], None]:
+def repeated(update: Update, batches: Sequence[Batch]) -> Callable[[int], None]:
     """Updates with these batches in turn."""
-    endless = enumerate(cycle(batches))
+    endless = cycle(batches)
 
     def run(calls: int) -> None:
-        for updates, batch in islice(endless, calls):
-            update(batch, values_after(updates, config))
+        for batch in islice(endless, calls):
+            update(batch)
         if torch.cuda.is_available():
             torch.cuda.synchronize()
 
@@ -137,7 +134,7 @@ def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
     return [
         Contender(
             name,
-            repeated(update, batches, learner.config),
+            repeated(update, batches),
             threads=2 if name == TWO_THREADS else 1,
             wall=name in (TWO_THREADS, GPU),
         )

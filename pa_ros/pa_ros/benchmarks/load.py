@@ -148,8 +148,11 @@ def recorded(episodes: int = RECORDED) -> list[Trajectory]:
 
 
 def _parameters(updates_per_frame: float) -> Parameters:
-    """An arena that only announces itself, and a learner."""
-    options = [f"learner.updates.per_frame={updates_per_frame}"]
+    """An arena that only announces itself, and a learner that soon learns."""
+    options = [
+        f"learner.updates.per_frame={updates_per_frame}",
+        "learner.replay.warmup_frames=1000",
+    ]
     return {
         "sim_node": {"design": DESIGN, "preset": PRESET, "paused": True},
         "learner_node": {"options": options},

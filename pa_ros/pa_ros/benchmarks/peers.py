@@ -37,7 +37,7 @@ PEERS = {  # library and class
     "SBX TQC": ("sbx", "TQC"),
     "SBX CrossQ": ("sbx", "CrossQ"),
 }
-GAMMA = 0.9  # what `ours` begins with
+GAMMA = 0.95  # as `ours`
 TD3_NOISE = 0.1  # deviation of its exploration (Fujimoto et al. 2018)
 FRAMES = 60_000
 EVERY = 2_500  # frames between scores

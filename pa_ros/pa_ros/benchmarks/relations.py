@@ -71,9 +71,7 @@ def updates(rounds: int, slice_s: float) -> dict[str, float]:
 
 def _updates(relations: tuple[str, ...], engine: str) -> Callable[[int], object]:
     learner = _learner(relations)
-    return repeated(
-        engine_of(learner, name=engine).update, list(learner.batches(16)), learner.config
-    )
+    return repeated(engine_of(learner, name=engine).update, list(learner.batches(16)))
 
 
 def _learner(relations: tuple[str, ...]) -> Learner:

@@ -32,7 +32,7 @@ class Case(NamedTuple):
 
 
 CASES = (
-    *starmap(Case, product(("2-L", "3-D"), ("paper", "ours", "ours-slow"), ("fast", "paper"))),
+    *starmap(Case, product(("2-L", "3-D"), ("paper", "ours"), ("fast", "paper"))),
     *(Case("2-L", "ours", "fast", name) for name in ("distilled-critic", "canonical")),
 )
 GRAPH_S = 40.0  # of a graph that learns, its start included

@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
+from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import PRODUCT, Logic, Program, degree
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
@@ -74,7 +74,8 @@ def properties(network: NetworkConfig, named: Named, seen: Scenes) -> Named:
                 square = (_of_group(network, seen, one.name) - like).square().sum(-1)
                 true[value] = (square <= one.features.tolerance**2).to(seen.objects)
         return true
-    logits = linear(named, "detectors", columns(network, seen)).unbind(-1)
+    sharp = seen.logic.sharpness * linear(named, "detectors", columns(network, seen))
+    logits = sharp.unbind(-1)
     exponentials = dict(zip(words, map(torch.exp, logits), strict=True))
     phi: Named = {}
     for group in network.vocabulary.groups:
@@ -151,7 +152,6 @@ class StraightforwardEngine:
         critic: Mapping[str, NDArray[Any]],
     ) -> None:
         self.network, self._config, self._table = network, config, table
-        self._geometry = network.world.geometry
         self._dtype: torch.dtype = getattr(torch, config.engine.dtype)
         self.networks = {
             name: parameters(tensors, self._dtype)
@@ -164,20 +164,19 @@ class StraightforwardEngine:
             for moment in "mv"
             for k, tensor in self.networks[name].items()
         }
+        self._steps = 0
         self.loss = float("nan")  # of the latest update
 
-    def update(self, batch: Batch, values: UpdateValues) -> None:
+    def update(self, batch: Batch) -> None:
         """Both gradients at the parameters before it."""
-        gradients = self.gradients(batch, values.action_l2)
-        for name, rate in (("actor", values.actor_rate), ("critic", values.critic_rate)):
+        gradients, optimizer = self.gradients(batch), self._config.optimizer
+        self._steps += 1
+        for name, rate in (("actor", optimizer.actor_rate), ("critic", optimizer.critic_rate)):
             for k, gradient in gradients[name].items():
-                self._step(name, k, gradient, rate, values)
+                self._step(name, k, gradient, rate)
 
-    def gradients(self, batch: Batch, action_l2: float) -> dict[str, Named]:
-        """Of the critic's loss, and of minus the actor's objective.
-
-        The objective is Q with its slope clipped, less `action_l2` · ½|a|².
-        """
+    def gradients(self, batch: Batch) -> dict[str, Named]:
+        """Of the critic's loss, and of minus the actor's objective: Q with its slope clipped."""
         network, nets = self.network, self.networks
         now, after = (
             self._scenes(batch.objects, batch.arm, batch),
@@ -193,7 +192,7 @@ class StraightforwardEngine:
         given = action.detach().requires_grad_()
         (slope,) = torch.autograd.grad(critic(network, nets["critic"], now, given).sum(), given)
         clip = self._config.actor.gradient_clip
-        ascent = slope.clamp(-clip, clip) - action_l2 * given.detach()
+        ascent = slope.clamp(-clip, clip)
         self.loss = float(loss.detach())
         gradients = {
             "critic": _gradients(loss, nets["critic"], None),
@@ -216,21 +215,19 @@ class StraightforwardEngine:
         return {k: x.detach().numpy().copy() for k, x in (named | self._moments).items()}
 
     @torch.no_grad()
-    def _step(self, name: str, k: str, gradient: Tensor, rate: float, values: UpdateValues) -> None:
-        """Kingma & Ba 2015, algorithm 1; detectors besides as Loshchilov & Hutter 2019."""
+    def _step(self, name: str, k: str, gradient: Tensor, rate: float) -> None:
+        """Kingma & Ba 2015, algorithm 1; then detectors are drawn to zero (Zhang 2010)."""
         config, x = self._config, self.networks[name][k]
         detects, weighs = k.startswith("detectors."), k == "detectors.weight"
         rate = rate * config.detectors.gain if detects else rate
         m, v = (self._moments[f"adam.{name}.{moment}.{k}"] for moment in "mv")
         m.copy_(config.optimizer.beta1 * m + (1 - config.optimizer.beta1) * gradient)
         v.copy_(config.optimizer.beta2 * v + (1 - config.optimizer.beta2) * gradient**2)
-        kept = 1 - rate * values.detector_decay if weighs else 1.0
-        root = torch.sqrt(v / values.correction2) + config.optimizer.epsilon
-        x.copy_(kept * x - rate * (m / values.correction1) / root)
+        root = torch.sqrt(v / (1 - config.optimizer.beta2**self._steps)) + config.optimizer.epsilon
+        x -= rate * (m / (1 - config.optimizer.beta1**self._steps)) / root
         if weighs:
             part = torch.clamp(1 - x.abs() / config.detectors.free_from, min=0)
             x -= torch.sign(x) * torch.minimum(x.abs(), rate * config.detectors.sparsity * part)
-            x[:, self._geometry] *= 1 - values.geometry_decay
 
     def _scenes(self, objects: NDArray[Any], arm: NDArray[Any], batch: Batch) -> Scenes:
         programs = self._table.programs

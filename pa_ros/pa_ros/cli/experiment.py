@@ -37,11 +37,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help=", ".join(parser.get_default("names")))
     add_settings(parser, SeedsConfig, "seeds", "first_seed", "jobs")
     add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
-    usual = "ours; ours-slow for preset paper"
-    add_setting(parser, LearningChoice, "protocol", otherwise=usual)
-    add_setting(parser, LearningChoice, "algorithm")
+    add_settings(parser, LearningChoice, "protocol", "algorithm")
     add_settings(parser, ArenaChoice, "arm", "preset")
     add_setting(parser, EvaluationConfig, "logic")
+    parser.add_argument(
+        "--conditions", nargs="+", default=(), metavar="NAME",
+        help="generalization: these alone (every one)",
+    )  # fmt: skip
     parser.add_argument(
         "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
         help="change the protocol, as in pa_ros train; with --tag",
@@ -106,6 +108,10 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("experiment: expected --set and --tag together, got one of them")
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
     seeds = range(options.first_seed, options.first_seed + options.seeds)
+    if options.conditions and options.name != "generalization":
+        raise ConfigError(
+            f"experiment {options.name}: expected --conditions of generalization alone"
+        )
     if options.name in STUDIES:
         return _study(options, seeds)
     from pa_ros.evaluation.studies.seeds import tabulate
@@ -155,10 +161,8 @@ def _compare(results: Path) -> int:
 
 def _experiment(options: argparse.Namespace) -> Experiment:
     from pa_ros.evaluation.studies.experiments import experiment_named, under_protocol
-    from pa_ros.learning.protocols import usual_protocol
 
-    protocol = options.protocol or usual_protocol(options.preset)
-    experiment = under_protocol(experiment_named(options.name), protocol)
+    experiment = under_protocol(experiment_named(options.name), options.protocol)
     experiment = replace(
         experiment,
         preset=options.preset,
@@ -211,7 +215,9 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     suffix = label.removeprefix("programmable-3D") + _suffix(logic)
     if options.name == "generalization":
         cache = options.runs / "scores"
-        for row in results.generalization(agents, options.results, cache, suffix=suffix):
+        for row in results.generalization(
+            agents, options.results, cache, suffix=suffix, conditions=options.conditions
+        ):
             print(f"{row.condition:16s} {row.normalized:5.2f} [{row.low:5.2f}, {row.high:5.2f}]  "
                   f"best blind {row.blind_normalized:5.2f}")  # fmt: skip
     elif options.name == "detectors":
@@ -234,4 +240,10 @@ def _score_on_cluster(options: argparse.Namespace, runs: dict[int, Path]) -> Non
     if options.name != "generalization":
         raise ConfigError(f"experiment {options.name}: expected no --cluster: it runs here alone")
     with Cluster(options.cluster, options.extension) as cluster:
-        score_on(cluster, runs, options.runs / "scores", logic=logic_named(options.logic))
+        score_on(
+            cluster,
+            runs,
+            options.runs / "scores",
+            conditions=options.conditions,
+            logic=logic_named(options.logic),
+        )

@@ -26,7 +26,7 @@ from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.language import Program
 from pa_ros.learning.loop import TrainConfig, train
-from pa_ros.learning.protocols import LearningChoice, protocol_named, usual_protocol
+from pa_ros.learning.protocols import LearningChoice, protocol_named
 from pa_ros.world import reward_from
 
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
@@ -35,9 +35,7 @@ EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
     add_settings(parser, ArenaChoice, "design", "relations", "arm", "preset")
-    usual = "ours, or ours-slow for preset paper"
-    add_setting(parser, LearningChoice, "protocol", otherwise=usual)
-    add_settings(parser, LearningChoice, "algorithm", "network")
+    add_settings(parser, LearningChoice, "protocol", "algorithm", "network")
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
     add_settings(parser, TrainConfig, "reward", "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
@@ -64,7 +62,6 @@ def run(options: argparse.Namespace) -> int:
     Ctrl-C ends it after the episode, with a checkpoint.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    options.protocol = options.protocol or usual_protocol(options.preset)
     if options.from_bag:
         return from_bag.run(options)
     chosen = settings_from(options, ArenaChoice)

@@ -27,22 +27,6 @@ class Batch:
     discount: Float32  # [B]; γ, or 0 after a true termination
 
 
-@dataclass(frozen=True, slots=True)
-class UpdateValues:
-    """All that depends on how many updates were made, for the update that follows them."""
-
-    actor_rate: float
-    critic_rate: float
-    correction1: float  # what Adam's first moment is divided by, 1 − β₁ᵗ
-    correction2: float  # what Adam's second moment is divided by, 1 − β₂ᵗ
-    action_l2: float  # weight of ½|a|², taken from Q in the actor's objective
-    detector_decay: float  # of the detectors' weights per unit of their rate, as AdamW's
-    geometry_decay: float  # share of their weights of all but properties that is taken away
-    discount: float  # γ
-    reward_scale: float  # of rewards; keeps the bounds of Q, whatever γ is
-    property_dropout: float  # of transitions where a block's properties are hidden
-
-
 class Engine(Protocol):
     """An algorithm's actor, critics, their targets and optimizers, somewhere.
 
@@ -51,7 +35,7 @@ class Engine(Protocol):
 
     name: str
 
-    def update(self, batch: Batch, values: UpdateValues) -> None:
+    def update(self, batch: Batch) -> None:
         """One update, all gradients at the parameters before it."""
 
     def end_episode(self) -> None:

@@ -35,13 +35,14 @@ def generalization(
     episodes: int = 100,
     suffix: str = "",
     report: Callable[[str], None] = print,
+    conditions: Sequence[str] = (),
 ) -> list[Summary]:
-    """Every condition: `generalization{suffix}.csv`, `.json` and `.png`, and a -summary.csv.
+    """`conditions`, or every one: `generalization{suffix}.csv`, `.json`, `.png`, a -summary.csv.
 
     Scores are kept under `cache`, so that an interrupted call goes on. Raises ConfigError unless
     the agents (by seed) share design and arena.
     """
-    rows = generalize(agents, cache, episodes, report=report)
+    rows = generalize(agents, cache, episodes, conditions, report)
     summaries = summarize(rows)
     table = folder / f"generalization{suffix}.csv"
     _write(table, rows, agents, episodes)

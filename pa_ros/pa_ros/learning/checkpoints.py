@@ -24,7 +24,6 @@ from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.settings import read_json
 from pa_ros.language import parse
-from pa_ros.learning import edition1
 from pa_ros.learning.checksums import SUMS, check_files, checksums
 from pa_ros.learning.edition2 import scoring_of
 from pa_ros.learning.errors import CheckpointError, DivergedError
@@ -32,6 +31,7 @@ from pa_ros.learning.learner import Counters, Learner
 from pa_ros.networks.config import NetworkConfig, actor_config
 
 FORMAT = 3
+OLDER = (1, 2)  # of 0.1 and 0.2, which knew the paper's world alone
 LATEST = "LATEST"
 METADATA = "metadata.json"
 DPG = "dpg"  # the algorithm of checkpoints that name none
@@ -85,19 +85,17 @@ def _remove_unfinished(root: Path, name: str) -> None:
 def read_metadata(path: Path) -> dict[str, Any]:
     """metadata.json of a checkpoint, or of the latest one under a root; `extra` is in it.
 
-    Those of versions 0.1 and 0.2 are brought to today's names.
+    Those of 0.1 are brought to today's names as far as acting needs it.
     """
     directory = find_checkpoint(path)
     try:
         values = read_json((directory / METADATA).read_text())
-        if values["format"] == edition1.FORMAT:
-            values = edition1.read(values)
-        if values["format"] == edition1.FORMAT + 1:  # 0.2's, which knew the paper's world alone
+        if values["format"] in OLDER:
             architecture = actor_config(values["architecture"]).architecture
             values |= {"format": FORMAT, "architecture": architecture}
         if values["format"] != FORMAT:
             raise CheckpointError(
-                f"checkpoint: {directory}: expected format {edition1.FORMAT} to {FORMAT}, "
+                f"checkpoint: {directory}: expected format {OLDER[0]} to {FORMAT}, "
                 f"got {values['format']!r}"
             )
     except (OSError, ConfigError, ValueError, KeyError, TypeError) as error:
@@ -231,8 +229,14 @@ def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> No
             f"here {here!r}"
         )
     # A setting that is younger than the checkpoint had what is its default now.
-    network = NetworkConfig.from_json(values["network"])
-    config = type(learner.config).from_json(values["learner"])
+    try:
+        network = NetworkConfig.from_json(values["network"])
+        config = type(learner.config).from_json(values["learner"])
+    except ConfigError as error:
+        raise CheckpointError(
+            f"checkpoint: {directory}: expected settings that are known here, got others: its "
+            f"agents act, its learner does not go on ({error})"
+        ) from error
     theirs = network.flat() | config.flat()
     ours = learner.network.flat() | learner.config.flat()
     theirs["scoring"], ours["scoring"] = scoring_of(values), repr(learner.scoring)

@@ -28,14 +28,6 @@ class UpdatesConfig(Settings):
 
     per_frame: float = Field(1.0, ge=0, description="updates for each transition (paper)")
     discount: float = Field(0.99, ge=0, lt=1, description="γ per control step (paper)")
-    first_discount: float = Field(0.9, ge=0, lt=1, description="γ until discount_rises_after")
-    discount_rises_after: int = Field(
-        0, ge=0, description="updates; then 1/(1−γ) grows as t, up to discount; 0: γ is discount"
-    )
-    reward_shift: float = Field(0.0, description="added to every reward that is learned from")
-    reward_scale: float = Field(
-        1.0, gt=0, description="of the shifted reward; with 1−γ, Q is bounded by 1"
-    )
 
 
 class OptimizerConfig(Settings):
@@ -44,9 +36,6 @@ class OptimizerConfig(Settings):
     actor_rate: float = Field(1e-4, gt=0, description="learning rate, as in Lillicrap et al.")
     critic_rate: float = Field(
         3e-4, gt=0, description="learning rate; 1e-3 lets the critic forget the action"
-    )
-    rates_fall_after: int = Field(
-        0, ge=0, description="updates; from there on both rates fall as 1/t; 0: they never do"
     )
     beta1: float = Field(0.9, ge=0, lt=1, description="decay of the first moment")
     beta2: float = Field(0.999, ge=0, lt=1, description="decay of the second moment")
@@ -64,14 +53,6 @@ class DetectorsConfig(Settings):
         "max(0, 1 − |w|/free_from) of it (Zhang 2010): a word is few features",
     )
     free_from: float = Field(1.0, gt=0, description="size of a weight that is no longer drawn")
-    decay: float = Field(
-        0.0, ge=0, description="of their weights per unit of rate, as AdamW's, falling to 0"
-    )
-    decay_updates: int = Field(20_000, ge=1, description="updates until that decay is 0")
-    geometry_decay: float = Field(
-        0.0, ge=0, le=1, description="share of the weights of all but the one-hots lost per update"
-    )
-    geometry_decay_after: int = Field(30_000, ge=0, description="updates before that begins")
 
 
 class RelabelingConfig(Settings):
@@ -83,37 +64,16 @@ class RelabelingConfig(Settings):
     programs_per_transition: int = Field(
         1, ge=1, le=64, description="K programs for each sampled transition"
     )
-    keeps_original: bool = Field(
-        False, description="whether the program that acted is always one of the K"
-    )
     property_dropout: float = Field(
         0.0, ge=0, le=1, description="share of transitions where a block's properties are hidden"
     )
-    property_dropout_after: int = Field(30_000, ge=0, description="updates before that begins")
 
     @model_validator(mode="after")
     def _several_need_relabeling(self) -> Self:
         count = self.programs_per_transition
         if count > 1 and self.rule == "none":
             raise ValueError(f"programs_per_transition: expected 1 without relabeling, got {count}")
-        if self.keeps_original and count == 1:
-            raise ValueError(
-                "keeps_original: expected programs_per_transition of at least 2 with it, got 1, "
-                "which would relabel nothing"
-            )
         return self
-
-
-class ActorConfig(Settings):
-    """What the actor pays for its actions."""
-
-    action_l2: float = Field(
-        0.0, ge=0, description="of ½|a|², taken from Q; keeps the actor's tanh alive"
-    )
-    action_l2_decay: float = Field(
-        0.0, ge=0, le=1, description="share of action_l2 that is lost, evenly"
-    )
-    action_l2_decay_updates: int = Field(20_000, ge=1, description="updates until it is lost")
 
 
 class EngineConfig(Settings):
@@ -141,7 +101,6 @@ class LearnerConfig(Settings):
     detectors: DetectorsConfig = DetectorsConfig()
     relabeling: RelabelingConfig = RelabelingConfig()
     engine: EngineConfig = EngineConfig()
-    actor: ActorConfig = ActorConfig()
 
     @property
     def acting(self) -> ActingConfig:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.experience import Float32, PolicySnapshot
-from pa_ros.core.update import Batch, UpdateValues
+from pa_ros.core.update import Batch
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
@@ -21,7 +21,6 @@ from pa_ros.learning.errors import DivergedError
 from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
-from pa_ros.learning.schedule import values_after
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.programs import ProgramTable
@@ -170,22 +169,18 @@ class Learner:
     def update(self, updates: int) -> None:
         """Make this many updates, whether due or not; EmptyReplayError without transitions."""
         for batch in self.batches(updates):
-            self.engine.update(batch, values_after(self.counters.updates, self.config))
+            self.engine.update(batch)
             self.counters.updates += 1
 
     def batches(self, updates: int) -> Iterator[Batch]:
-        """Batches for this many updates, drawn at once: the replay buffer does not change.
-
-        So γ and hiding are those of the first of them.
-        """
+        """Batches for this many updates, drawn at once: the replay buffer does not change."""
         size = self.config.replay.batch_size
         if updates == 0:
             return
-        values = values_after(self.counters.updates, self.config)
         index = self.replay.sample(self.rng, updates * size)
         following = self.replay.following(index)
-        program, reward = self._programs(index, following, values.reward_scale)
-        discount, hidden = self._discount(index, values.discount), self._hidden(len(index), values)
+        program, reward = self._programs(index, following)
+        discount, hidden = self._discount(index), self._hidden(len(index))
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
             batch = self._batch(
@@ -243,31 +238,26 @@ class Learner:
         total = self.counters.frames_due * self.config.updates.per_frame
         return math.floor(total + 1e-9) - self.counters.updates
 
-    def _programs(
-        self, index: Int64, following: Int64, reward_scale: float
-    ) -> tuple[Int32, Float32]:
-        """Programs [B, K] and their rewards [B, K], as the learner scales them, for rows [B]."""
-        arrays, config = self.replay.arrays, self.config
+    def _programs(self, index: Int64, following: Int64) -> tuple[Int32, Float32]:
+        """Programs [B, K] and their rewards [B, K] for rows [B]."""
+        arrays = self.replay.arrays
         program, reward = arrays["program"][index], arrays["reward"][index]
         if self._relabeler is None:
             program, reward = program[:, None], reward[:, None]
         else:
             rewards = arrays["goal_reward"][following] if self._relabeler.rewards_kept else None
             marks = Marks(arrays["satisfied"][following], arrays["present"][index], rewards)
-            k, keep = config.relabeling.programs_per_transition, config.relabeling.keeps_original
-            program, reward = self._relabeler.draw(self.rng, program, reward, marks, k, keep)
-        shift, scale = np.float32(config.updates.reward_shift), np.float32(reward_scale)
-        return np.ascontiguousarray(program), np.ascontiguousarray((reward + shift) * scale)
+            k = self.config.relabeling.programs_per_transition
+            program, reward = self._relabeler.draw(self.rng, program, reward, marks, k)
+        return np.ascontiguousarray(program), np.ascontiguousarray(reward)
 
-    def _discount(self, index: Int64, gamma: float) -> Float32:
+    def _discount(self, index: Int64) -> Float32:
         terminal = self.replay.arrays["terminal"][index]
-        return np.where(terminal, 0.0, gamma).astype(np.float32)
+        return np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
 
-    def _hidden(self, rows: int, values: UpdateValues) -> Float32 | None:
-        """What decides on hidden properties, [rows, 2], once they are to be hidden."""
-        if self._dropout is None or not values.property_dropout:
-            return None
-        return self.rng.random((rows, 2), np.float32)
+    def _hidden(self, rows: int) -> Float32 | None:
+        """What decides on hidden properties, [rows, 2], if any are to be hidden."""
+        return None if self._dropout is None else self.rng.random((rows, 2), np.float32)
 
     def _batch(
         self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32

@@ -26,7 +26,7 @@ class LearningChoice(Settings):
     """How to learn and with which networks, by name."""
 
     protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
-        "ours", description="how to learn; ours-slow is for the preset paper, small for both arms"
+        "ours", description="how to learn: as the paper, or ours"
     )
     algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
         "dpg", description="by which to learn"
@@ -98,61 +98,21 @@ _PAPER: Values = {
     "network.detector_init_scale": 0.0,
 }
 
-# What makes learning fast and reliable: each transition is learned from under two training
-# programs, whichever acted; a hand that attends to itself about as little as to a block of
-# undecided properties; a horizon of a second, so that what the critic makes up early does not
-# drown the reward; rewards scaled so that Q is of order one, and a critic that starts at the
-# value of never being rewarded; detectors that start undecided, learn faster than the rest and
-# at first forget what is not confirmed; an actor that pays for large actions, so that the
-# critic's first errors don't saturate it; f, r and the attention that see properties only
-# through p; and about three times the paper's exploration noise. Once words are grounded, the
-# detectors are made to forget where things are, and now and then a block hides its properties.
+# One recipe for every arm (RESULTS.md, "The recipe"): nothing in it depends on the arm or on how
+# far learning is. Each transition is learned from under a training program drawn anew, whichever
+# acted; now and then a block hides its properties; a horizon of two seconds and a critic that
+# starts at the value of never being rewarded, −1/(1−γ); half the rates of Lillicrap et al.'s actor
+# and of `paper`'s critic; about three times the paper's exploration noise; a hand that attends to
+# itself about as little as to a block of undecided properties; f, r and the attention that see
+# properties only through p. A word is few features, and none by default: what no evidence holds up
+# of a detector's weights goes to zero, so that they can learn faster, and learning waits for the
+# first frames, since the few blocks that were met until then bear many meanings of a word.
 _OURS: Values = {
     "learner.relabeling.rule": "all-goals",
-    "learner.relabeling.programs_per_transition": 2,
     "learner.relabeling.property_dropout": 0.3,
-    "learner.updates.discount": 0.9,
-    "learner.updates.reward_scale": 0.5,
-    "learner.actor.action_l2": 0.01,
-    "learner.detectors.gain": 3.0,
-    "learner.detectors.decay": 0.5,
-    "learner.detectors.geometry_decay": 0.001,
-    "learner.exploration.sigma": 1.0,
-    "network.critic_output_bias": -5.0,
-    "network.detector_init_scale": 0.0,
-    "network.position_scale": 10.0,
-    "network.relations_see_properties": False,
-    "network.self_weight": 0.03,
-}
-
-# For an arm that needs up to 50 steps to a block, not 17: where it is far, Q rises by so little
-# for a step that ours' price of moving exceeds it, and the arm learns to stay. Twice the horizon in
-# the end, with the same bound of Q, and a price that falls to a tenth once the critic knows
-# something; ours' horizon until words are grounded, and detectors that forget for as long, which is
-# later than on the fast arm. Far starts are few among what is learned from later, so the rates fall
-# before they are unlearned.
-_OURS_SLOW: Values = {
-    **_OURS,
-    "learner.updates.discount": 0.95,
-    "learner.updates.discount_rises_after": 40_000,
-    "learner.updates.reward_scale": 0.25,
-    "learner.actor.action_l2_decay": 0.9,
-    "learner.detectors.decay_updates": 60_000,
-    "learner.detectors.geometry_decay_after": 50_000,
-    "learner.relabeling.property_dropout_after": 80_000,
-    "learner.optimizer.rates_fall_after": 80_000,
-}
-
-# One recipe for both arms (RESULTS.md, "The small recipe"): nothing in it depends on the arm or on
-# how far learning is. A word is few features, and none by default: what no evidence holds up of a
-# detector's weights goes to zero, so that they can learn faster, and learning waits for 5,000
-# frames, since the few blocks that were met until then bear many meanings of a word. The critic
-# starts at the value of never being rewarded, −1/(1−γ).
-_SMALL: Values = {
-    "learner.relabeling.rule": "all-goals",
-    "learner.relabeling.property_dropout": 0.3,
-    "learner.relabeling.property_dropout_after": 0,
     "learner.replay.warmup_frames": 5000,
+    "learner.optimizer.actor_rate": 5e-5,
+    "learner.optimizer.critic_rate": 1.5e-4,
     "learner.updates.discount": 0.95,
     "learner.detectors.gain": 3.0,
     "learner.detectors.sparsity": 0.3,
@@ -165,13 +125,8 @@ _SMALL: Values = {
     "network.self_weight": 0.03,
 }
 
-_BY_NAME = {"paper": _PAPER, "ours": _OURS, "ours-slow": _OURS_SLOW, "small": _SMALL}
+_BY_NAME = {"paper": _PAPER, "ours": _OURS}
 PROTOCOLS = {name: Protocol(name, values) for name, values in _BY_NAME.items()}
-
-
-def usual_protocol(preset: str) -> str:
-    """Name of the protocol that learns with an arena preset's arm."""
-    return "ours-slow" if preset == "paper" else "ours"
 
 
 def protocol_named(name: str, algorithm: str = "dpg") -> Protocol:

@@ -145,12 +145,6 @@ class Trained:
     @property
     def second_moment(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
 
-class UpdateValues:
-    """What changes with the number of updates made."""
-
-    def __init__(self, *, actor_rate: float, critic_rate: float, action_l2: float, detector_decay: float, correction1: float, correction2: float) -> None:
-        """`correction1` and 2 are Adam's, 1 - beta^step."""
-
 class Metrics:
     """Of one update; `largest_part`: see LARGEST_PART."""
 
@@ -169,7 +163,7 @@ class Metrics:
 class Engine:
     """One DPG update of actor and critic."""
 
-    def __init__(self, actor: Network, critic: Network, *, beta1: float, beta2: float, epsilon: float, clip: float, detector_gain: float, sparsity: float, free_from: float, detector_bias: bool, threads: int) -> None: ...
+    def __init__(self, actor: Network, critic: Network, *, actor_rate: float, critic_rate: float, beta1: float, beta2: float, epsilon: float, clip: float, detector_gain: float, sparsity: float, free_from: float, detector_bias: bool, threads: int) -> None: ...
 
     @property
     def actor(self) -> Trained: ...
@@ -187,7 +181,8 @@ class Engine:
         The same for canonical networks: each target's words, [P, groups] int32.
         """
 
-    def update(self, *, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], action: Annotated[NDArray, dict(device='cpu', writable=False)], next_objects: Annotated[NDArray, dict(device='cpu', writable=False)], next_arm: Annotated[NDArray, dict(device='cpu', writable=False)], program: Annotated[NDArray, dict(device='cpu', writable=False)], reward: Annotated[NDArray, dict(device='cpu', writable=False)], discount: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, values: UpdateValues) -> Metrics: ...
+    def update(self, *, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], action: Annotated[NDArray, dict(device='cpu', writable=False)], next_objects: Annotated[NDArray, dict(device='cpu', writable=False)], next_arm: Annotated[NDArray, dict(device='cpu', writable=False)], program: Annotated[NDArray, dict(device='cpu', writable=False)], reward: Annotated[NDArray, dict(device='cpu', writable=False)], discount: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, correction1: float, correction2: float) -> Metrics:
+        """The corrections are of Adam's moments, 1 - beta^step."""
 
 class Actor:
     """Actions for one observation at a time."""

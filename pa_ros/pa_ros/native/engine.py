@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
-from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
+from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native import _fused
@@ -22,6 +22,7 @@ from pa_ros.native.families import FUSED
 from pa_ros.native.library import why_not_network
 from pa_ros.native.tensors import FlatNetwork
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.parameters import (
     Shapes,
     Tensors,
@@ -45,25 +46,17 @@ class _Trained:
         flat: FlatNetwork,
         buffers: _fused.Trained,
         tensors: Tensors,
-        geometry: NDArray[np.intp],
     ) -> None:
-        """`geometry`: features of ω that are no properties."""
-        self.flat, self._geometry = flat, geometry
+        self.flat = flat
         self.parameters, self.target = buffers.parameters, buffers.target
         self.gradient = buffers.gradient
         self.moments = buffers.first_moment, buffers.second_moment
         self.step = 0
         flat.write(self.parameters, tensors)
-        self._detectors = flat.view(self.parameters, "detectors.weight")
         self.copy_target()
 
     def copy_target(self) -> None:
         self.target[:] = self.parameters
-
-    def forget_geometry(self, share: float) -> None:
-        """Take away a share of what the detectors make of all but properties."""
-        for weight in self._detectors:
-            weight[:, self._geometry] *= np.float32(1.0 - share)
 
     def named_buffers(self, name: str) -> dict[str, Float32]:
         """Buffers by the prefixes of `Engine.tensors`."""
@@ -100,6 +93,8 @@ class FusedEngine:
         self._engine = _fused.Engine(
             actor_network,
             critic_network,
+            actor_rate=config.optimizer.actor_rate,
+            critic_rate=config.optimizer.critic_rate,
             beta1=config.optimizer.beta1,
             beta2=config.optimizer.beta2,
             epsilon=config.optimizer.epsilon,
@@ -110,18 +105,20 @@ class FusedEngine:
             detector_bias=network.detectors_have_biases,
             threads=config.engine.threads,
         )
-        geometry = network.world.geometry
+        self._betas = config.optimizer.beta1, config.optimizer.beta2
         self._trained = {
-            "actor": _Trained(FlatNetwork(actor_network), self._engine.actor, actor, geometry),
-            "critic": _Trained(FlatNetwork(critic_network), self._engine.critic, critic, geometry),
+            "actor": _Trained(FlatNetwork(actor_network), self._engine.actor, actor),
+            "critic": _Trained(FlatNetwork(critic_network), self._engine.critic, critic),
         }
         self._programs = _Programs(network, table, self._engine)
         self._metrics: _fused.Metrics | None = None
         self._warned = False
 
-    def update(self, batch: Batch, values: UpdateValues) -> None:
+    def update(self, batch: Batch) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
         self._programs.tell()
+        step = self._trained["actor"].step + 1
+        correction1, correction2 = (1.0 - beta**step for beta in self._betas)
         self._metrics = self._engine.update(
             objects=batch.objects,
             arm=batch.arm,
@@ -132,19 +129,11 @@ class FusedEngine:
             reward=batch.reward,
             discount=batch.discount,
             hand_index=HAND_INDEX,
-            values=_fused.UpdateValues(
-                actor_rate=values.actor_rate,
-                critic_rate=values.critic_rate,
-                action_l2=values.action_l2,
-                detector_decay=values.detector_decay,
-                correction1=values.correction1,
-                correction2=values.correction2,
-            ),
+            correction1=correction1,
+            correction2=correction2,
         )
         for trained in self._trained.values():
             trained.step += 1
-            if values.geometry_decay:
-                trained.forget_geometry(values.geometry_decay)
         self._warn_if_clamped(self._metrics.largest_part)
 
     def end_episode(self) -> None:
@@ -219,7 +208,7 @@ class FusedActor:
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
         self._told: tuple[Program, tuple[Int32, ...]] | None = None  # the newest, and its codes
-        FlatNetwork(described).write(self._actor.parameters, tensors)
+        FlatNetwork(described).write(self._actor.parameters, sharpened(tensors, logic))
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
@@ -81,11 +80,6 @@ class World:
     def actions(self) -> int:
         """Elements of an action: one for each joint."""
         return self.joints
-
-    @property
-    def geometry(self) -> NDArray[np.intp]:
-        """Which features of ω are no properties."""
-        return np.delete(np.arange(self.columns), self.schema.properties)
 
     @cached_property
     def value_words(self) -> Float32:

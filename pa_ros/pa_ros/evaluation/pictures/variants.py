@@ -18,21 +18,16 @@ WORDS = {
     "rule": "relabeling: {}",
     "programs_per_transition": "programs for each transition: {}",
     "discount": "discount {}",
-    "reward_scale": "rewards × {}",
     "critic_output_bias": "the critic begins at {}",
-    "decay": "detectors forget at first: {}",
     "gain": "detectors' rate × {}",
-    "action_l2": "price on large actions: {}",
+    "sparsity": "sparse detectors: {}",
+    "detectors_have_biases": "detectors with biases: {}",
+    "property_dropout": "hidden properties: {}",
+    "warmup_frames": "frames before the first update: {}",
     "sigma": "exploration noise σ {}",
     "position_scale": "positions × {}",
     "detector_init_scale": "random detectors at first, × {}",
     "relations_see_properties": "f, r and attention see properties: {}",
-}
-_OLDER = {  # names of 0.1, which tables of its runs hold
-    "relabel": "rule",
-    "detector_decay": "decay",
-    "detector_gain": "gain",
-    "noise_sigma": "sigma",
 }
 
 
@@ -43,7 +38,7 @@ def in_words(changed: str) -> str:
 
 def _in_words(path: str, value: str) -> str:
     name = path.rpartition(".")[2]
-    form = WORDS.get(_OLDER.get(name, name), f"{name.replace('_', ' ')} {{}}")
+    form = WORDS.get(name, f"{name.replace('_', ' ')} {{}}")
     return form.format({"0": "no", "true": "yes", "false": "no", "none": "no"}.get(value, value))
 
 

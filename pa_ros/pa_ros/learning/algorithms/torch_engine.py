@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.update import HAND_INDEX, Batch, UpdateValues
+from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import (
@@ -84,14 +84,11 @@ class TorchEngine(ABC):
             name: copy.deepcopy(module).requires_grad_(False)
             for name, module in self.networks.items()
         }
-        self._adams = {name: self._adam(module) for name, module in self.networks.items()}
-        geometry = torch.zeros(network.world.columns)
-        geometry[network.world.geometry] = 1.0
-        self._geometry = geometry.to(self.device, self.dtype)
+        self._adams = {name: self._adam(name) for name in self.networks}
         self._latest: tuple[Tensor, ...] | None = None
 
     @abstractmethod
-    def step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
+    def step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Make one update by `descend`; the critics' loss and mean Q, detached."""
 
     def end_episode(self) -> None:
@@ -99,7 +96,7 @@ class TorchEngine(ABC):
         for name, module in self.networks.items():
             self.targets[name].load_state_dict(module.state_dict())
 
-    def update(self, batch: Batch, values: UpdateValues) -> None:
+    def update(self, batch: Batch) -> None:
         """One update. On a GPU it is queued: nothing here waits for it."""
         tensors = {
             field.name: torch.from_numpy(getattr(batch, field.name)).to(self.device)
@@ -107,7 +104,7 @@ class TorchEngine(ABC):
         }
         floats = {k: tensors[k].to(self.dtype) for k in Inputs._fields if k != "goals"}
         x = Inputs(**floats, goals=self.goals(batch.program))
-        self._latest = self.step(x, values)
+        self._latest = self.step(x)
 
     def goals(self, program: NDArray[np.int32]) -> Any:
         """What the networks are told of rows [B, K] of the table."""
@@ -124,41 +121,27 @@ class TorchEngine(ABC):
         h: Tensor = critic.trunk(*seen, HAND_INDEX)
         return h
 
-    def descend(
-        self, name: str, rate: float, values: UpdateValues, loss: Tensor, gradient: Any = None
-    ) -> None:
+    def descend(self, name: str, loss: Tensor, gradient: Any = None) -> None:
         """A step of Adam for one network by its loss, or, given dL/dy `gradient`, for L of y."""
         adam = self._adams[name]
         adam.zero_grad()
         torch.autograd.backward(loss, gradient)
-        self._apply(adam, rate, values)
-
-    def _apply(self, adam: torch.optim.Adam, rate: float, values: UpdateValues) -> None:
-        """Adam's step; the detectors' weights decay before it and forget geometry after it.
-
-        Decay is apart from the gradient (Loshchilov & Hutter 2019), and so is what draws them to
-        zero, a penalty that is concave (Zhang 2010).
-        """
-        others, *detectors = adam.param_groups
-        others["lr"] = rate
-        for group in detectors:
-            group["lr"] = rate * self._config.detectors.gain
-            with torch.no_grad():
-                group["params"][0].mul_(1.0 - group["lr"] * values.detector_decay)
         adam.step()
-        for group in detectors:
-            with torch.no_grad():
-                weight = group["params"][0]
-                if self._config.detectors.sparsity:
-                    weight.copy_(self._drawn_to_zero(weight, group["lr"]))
-                weight.mul_(1.0 - values.geometry_decay * self._geometry)
+        if self._config.detectors.sparsity:
+            self._draw_to_zero(adam)
 
-    def _drawn_to_zero(self, weight: Tensor, rate: float) -> Tensor:
-        """Weights less what sparsity takes of their size, never past zero."""
+    @torch.no_grad()
+    def _draw_to_zero(self, adam: torch.optim.Adam) -> None:
+        """Take of the detectors' weights what sparsity takes of their size, never past zero.
+
+        That is apart from the gradient, and less the larger they are (Zhang 2010).
+        """
         config = self._config.detectors
-        size = weight.abs()
-        taken = rate * config.sparsity * (1.0 - size / config.free_from).clamp_min(0.0)
-        return weight.sign() * (size - taken).clamp_min(0.0)
+        for group in adam.param_groups[1:]:
+            weight = group["params"][0]
+            size = weight.abs()
+            taken = group["lr"] * config.sparsity * (1.0 - size / config.free_from).clamp_min(0.0)
+            weight.copy_(weight.sign() * (size - taken).clamp_min(0.0))
 
     def actor_tensors(self) -> Tensors:
         """The actor's weights now, float32, owned by the caller."""
@@ -230,14 +213,15 @@ class TorchEngine(ABC):
         module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
         return module.to(self.device, self.dtype)
 
-    def _adam(self, module: nn.Module) -> torch.optim.Adam:
+    def _adam(self, name: str) -> torch.optim.Adam:
         """Adam of all parameters, then, as a group of their own, of the detectors if any."""
-        config = self._config
+        config, module = self._config, self.networks[name]
+        rate = config.optimizer.actor_rate if name == ACTOR else config.optimizer.critic_rate
         named = dict(module.named_parameters())
         detectors = [named.pop(k) for k in tuple(named) if k.startswith("detectors.")]
-        groups: list[dict[str, Any]] = [{"params": list(named.values())}]
+        groups: list[dict[str, Any]] = [{"params": list(named.values()), "lr": rate}]
         if detectors:
-            groups.append({"params": detectors})
+            groups.append({"params": detectors, "lr": rate * config.detectors.gain})
         betas = (config.optimizer.beta1, config.optimizer.beta2)
         adam = torch.optim.Adam(groups, betas=betas, eps=config.optimizer.epsilon, fused=True)
         for parameter in module.parameters():  # else made by the first step, too late to load

@@ -89,22 +89,17 @@ class Relabeler:
         reward: Float32,
         marks: Marks,
         k: int,
-        keep_original: bool,
     ) -> tuple[Int32, Float32]:
         """Draw K programs, [B, K], and their rewards, [B, K], for B transitions.
 
         Given the program that acted and its reward, [B], and the marks of the next rows. Programs
-        present are drawn uniformly without replacement, and over again if they are fewer than K;
-        with `keep_original` the one that acted comes first.
+        present are drawn uniformly without replacement, and over again if they are fewer than K.
         """
         satisfied, present = map(self._unpack, (marks.satisfied, marks.present))  # [B, P]
-        own = original[:, None] == np.arange(len(self._bits))
-        allowed = present & ~own if keep_original else present
-        keys = rng.random(allowed.shape)
-        order = np.argsort(np.where(allowed, keys, 2.0), axis=1)  # the allowed come first
-        count = allowed.sum(1, keepdims=True)
-        chosen = k - 1 if keep_original else k
-        column = np.arange(chosen) % np.maximum(count, 1)  # [B, chosen]
+        keys = rng.random(present.shape)
+        order = np.argsort(np.where(present, keys, 2.0), axis=1)  # those present come first
+        count = present.sum(1, keepdims=True)
+        column = np.arange(k) % np.maximum(count, 1)  # [B, K]
         other = np.take_along_axis(order, column, 1).astype(np.int32)
         if self._values is None:
             assert marks.rewards is not None
@@ -115,9 +110,6 @@ class Relabeler:
             rewards = np.where(satisfying, yes, no).astype(np.float32)
         program = np.where(count > 0, other, original[:, None])
         rewards = np.where(count > 0, rewards, reward[:, None])
-        if keep_original:
-            program = np.concatenate([original[:, None], program], 1)
-            rewards = np.concatenate([reward[:, None], rewards], 1)
         return program, rewards
 
     def _unpack(self, bits: UInt64) -> NDArray[np.bool_]:

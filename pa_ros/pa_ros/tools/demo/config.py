@@ -11,7 +11,6 @@ from typing_extensions import Self
 from pa_ros.arena import ArenaConfig, Design, design_named
 from pa_ros.core.settings import Settings
 from pa_ros.learning.folder import checkpoint_of
-from pa_ros.learning.protocols import usual_protocol
 from pa_ros.tools.demo.scenes import FEWER, FULL
 from pa_ros.tools.launch_params import Parameters, load_parameters, merged, packaged
 
@@ -47,16 +46,11 @@ class DemoConfig(Settings):
 
     def training(self) -> Parameters:
         """Parameters of the three nodes that learn."""
-        seed, protocol = self.seed, usual_protocol(self.arena.preset)
-        arena = {**self._arena, "seed": seed}
+        arena, out = {**self._arena, "seed": self.seed}, str(self.folder.resolve())
         changes: dict[str, dict[str, Any]] = {
             "sim_node": arena,
-            "agent_node": {"seed": seed},
-            "learner_node": {
-                "seed": seed,
-                "protocol": protocol,
-                "out": str(self.folder.resolve()),
-            },
+            "agent_node": {"seed": self.seed},
+            "learner_node": {"seed": self.seed, "out": out},
         }
         return merged(load_parameters(packaged("train_2l")), changes)
 

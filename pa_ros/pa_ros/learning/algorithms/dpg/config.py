@@ -6,11 +6,12 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from pa_ros.learning.config import ActorConfig, LearnerConfig
+from pa_ros.core.settings import Settings
+from pa_ros.learning.config import LearnerConfig
 
 
-class AscentConfig(ActorConfig):
-    """The actor's objective: Q less the price of the action."""
+class AscentConfig(Settings):
+    """The actor's way up Q."""
 
     gradient_clip: float = Field(1.0, gt=0, description="of each element of ∂Q/∂a (paper)")
 

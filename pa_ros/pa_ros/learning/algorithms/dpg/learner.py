@@ -6,7 +6,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from pa_ros.core.update import UpdateValues
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.torch_engine import Inputs, TorchEngine
 from pa_ros.networks.config import NetworkConfig
@@ -28,7 +27,7 @@ class TorchDPG(TorchEngine):
         super().__init__(network, config, table, {"actor": actor, "critic": critic})
         self._clip = config.actor.gradient_clip
 
-    def step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
+    def step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Update both networks, both gradients at the parameters before it."""
         actor, critic = self.networks["actor"], self.networks["critic"]
         target = self._bootstrap(x)  # [B, K]
@@ -37,9 +36,9 @@ class TorchDPG(TorchEngine):
         loss = F.mse_loss(q, target)
         action = self.act(actor, x.now)  # [B, K, J]
         given = action.detach().requires_grad_()
-        ascent = self._ascent(critic.head(h.detach(), given), given, values.action_l2)
-        self.descend("critic", values.critic_rate, values, loss)
-        self.descend("actor", values.actor_rate, values, action, -ascent / q.numel())
+        ascent = self._ascent(critic.head(h.detach(), given), given)
+        self.descend("critic", loss)
+        self.descend("actor", action, -ascent / q.numel())
         return loss.detach(), q.detach().mean()
 
     def _bootstrap(self, x: Inputs) -> Tensor:
@@ -51,8 +50,7 @@ class TorchDPG(TorchEngine):
             bootstrapped: Tensor = x.reward + x.discount[:, None] * value
             return bootstrapped
 
-    def _ascent(self, q: Tensor, action: Tensor, action_l2: float) -> Tensor:
-        """∂/∂a of the actor's objective: ∂Q/∂a clipped, less λa, [B, K, J]."""
+    def _ascent(self, q: Tensor, action: Tensor) -> Tensor:
+        """∂/∂a of the actor's objective: ∂Q/∂a clipped, [B, K, J]."""
         (gradient,) = torch.autograd.grad(q.sum(), action)
-        ascent: Tensor = gradient.clamp(-self._clip, self._clip) - action_l2 * action.detach()
-        return ascent
+        return gradient.clamp(-self._clip, self._clip)

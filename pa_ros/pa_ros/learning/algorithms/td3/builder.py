@@ -35,8 +35,7 @@ def make_engine(
     return engine
 
 
-# Targets that follow within 100 updates, as DPG's hard copies do: with a horizon of a second
-# values have to be passed on about ten times.
+# Targets that follow within 100 updates, as DPG's hard copies do.
 _OURS = {"learner.targets.tau": 0.02}
 
-TD3 = Algorithm(TD3Config, make_engine, {"ours": _OURS, "ours-slow": _OURS})
+TD3 = Algorithm(TD3Config, make_engine, {"ours": _OURS})

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from pa_ros.core.update import UpdateValues
 from pa_ros.learning.algorithms.td3.config import TD3Config
 from pa_ros.learning.algorithms.td3.networks import CRITICS
 from pa_ros.learning.algorithms.torch_engine import Inputs, TorchEngine
@@ -36,7 +35,7 @@ class TorchTD3(TorchEngine):
         super().__init__(network, config, table, initial)
         self._settings = config
 
-    def step(self, x: Inputs, values: UpdateValues) -> tuple[Tensor, Tensor]:
+    def step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Update the critics, and every `delay` updates actor and targets."""
         update = self.updates(CRITICS[0])
         target = self._bootstrap(x, update)  # [B, K]
@@ -47,9 +46,9 @@ class TorchTD3(TorchEngine):
         losses = [F.mse_loss(q, target) for q in values_of]
         follows = (update + 1) % self._settings.delay == 0
         if follows:
-            self._improve(x, features[0].detach(), values)
+            self._improve(x, features[0].detach())
         for name, loss in zip(CRITICS, losses, strict=True):
-            self.descend(name, values.critic_rate, values, loss)
+            self.descend(name, loss)
         if follows:
             self._follow()
         return torch.stack(losses).detach().mean(), values_of[0].detach().mean()
@@ -75,14 +74,13 @@ class TorchTD3(TorchEngine):
             self.device, self.dtype
         )
 
-    def _improve(self, x: Inputs, h: Tensor, values: UpdateValues) -> None:
-        """A step of the actor up the first critic, less the price of the action."""
+    def _improve(self, x: Inputs, h: Tensor) -> None:
+        """A step of the actor up the first critic."""
         action = self.act(self.networks["actor"], x.now)  # [B, K, J]
         given = action.detach().requires_grad_()
         q = self.networks[CRITICS[0]].head(h, given)
         (gradient,) = torch.autograd.grad(q.sum(), given)
-        ascent = gradient - values.action_l2 * given.detach()
-        self.descend("actor", values.actor_rate, values, action, -ascent / q.numel())
+        self.descend("actor", action, -gradient / q.numel())
 
     @torch.no_grad()
     def _follow(self) -> None:
