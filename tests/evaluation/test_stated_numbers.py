@@ -49,7 +49,8 @@ def seconds(name: str) -> str:
 
 def span(values: list[float], form: str = ",.0f", between: str = "–") -> str:
     found = [value for value in values if isfinite(value)]
-    return f"{min(found):{form}}{between}{max(found):{form}}"
+    least, most = f"{min(found):{form}}", f"{max(found):{form}}"
+    return least if least == most else f"{least}{between}{most}"
 
 
 def summary(arm: str = "") -> dict[str, dict[str, float]]:
