@@ -109,8 +109,7 @@ inline void critic_head_backward(const Net& net, Work& w, const float* action, i
     });
 }
 
-// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip and scaled, into
-// w.daction.
+// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip and scaled, into w.daction.
 inline void action_gradient(const Net& net, Work& w, int64_t rows, float clip, float scale) {
     const int64_t h = net.l.hidden;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;

@@ -42,11 +42,6 @@ def frames(name: str) -> list[float]:
     ]
 
 
-def seconds(name: str) -> str:
-    spent = [s for s in column(f"{name}-seeds", "wall_s_to_solve") if isfinite(s)]
-    return f"{min(spent):.0f}–{max(spent):.0f} s"
-
-
 def span(values: list[float], form: str = ",.0f", between: str = "–") -> str:
     found = [value for value in values if isfinite(value)]
     least, most = f"{min(found):{form}}", f"{max(found):{form}}"

@@ -29,10 +29,6 @@ class FlatNetwork:
                 view[:] = tensors[name][..., start : start + view.shape[-1]]
                 start += view.shape[-1]
 
-    def view(self, buffer: Float32, name: str) -> list[Float32]:
-        """What a buffer holds of a tensor, side by side along the last axis; nothing if none."""
-        return self._views(buffer).get(name, [])
-
     def _views(self, buffer: Float32) -> dict[str, list[Float32]]:
         """By name, what its values are side by side along the last axis; order of the networks."""
         n, at = self.network, self._layout

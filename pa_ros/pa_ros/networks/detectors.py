@@ -40,8 +40,8 @@ def degrees(
     seen = tensors["detectors.weight"].shape[1]
     if columns.shape[1] != seen:
         raise TensorError(f"detectors: expected columns of {seen} features, got {columns.shape[1]}")
-    weight, bias = (sharpened(tensors, logic)[name] for name in LAYERS)
-    logits = columns @ weight.T + bias  # [N, V]
+    weight, bias = (tensors[name] for name in LAYERS)
+    logits = np.float32(logic.sharpness) * (columns @ weight.T + bias)  # [N, V]
     ends = np.cumsum(network.vocabulary.group_sizes)[:-1]
     return np.vstack([_softmax(group) for group in np.split(logits, ends, axis=1)])
 
