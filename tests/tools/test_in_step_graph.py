@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -76,8 +77,12 @@ def test_free_agents_act_on_while_the_learner_stands_still_and_what_gets_too_old
     parameters = in_step(fleet(ONE, 2), "free")
     parameters["learner_node"]["options"] += ["learner.schedule.oldest_policy=3"]
 
-    def least(name: str) -> float:
-        return figures.value("agent_node", name, min) or 0
+    def made(over: Callable[[Sequence[float]], float]) -> float:
+        """Trajectories, over the agents that were heard of."""
+        return figures.value("agent_node", "trajectories", over) or 0
+
+    def underway() -> bool:  # both agents: one that came later would wait for its first weights
+        return made(len) == 2 and made(min) >= 2 and bool(figures.value("learner_node", "frames"))
 
     with Supervisor(tmp_path / "log") as supervisor, client_node("watcher") as node:
         watch_diagnostics(node, figures)
@@ -86,11 +91,11 @@ def test_free_agents_act_on_while_the_learner_stands_still_and_what_gets_too_old
         def until(condition) -> bool:
             return watch(node, supervisor, lambda: None, condition, DEADLINE_S)
 
-        assert until(lambda: least("trajectories") >= 2 and figures.value("learner_node", "frames"))
+        assert until(underway)
         os.kill(learner, signal.SIGSTOP)
         try:
-            then = least("trajectories")
-            assert until(lambda: least("trajectories") >= then + 8)
+            then = made(min)
+            assert until(lambda: made(min) >= then + 8)
         finally:
             os.kill(learner, signal.SIGCONT)
         assert until(lambda: (figures.value("learner_node", "too_old_trajectories") or 0) > 0)
