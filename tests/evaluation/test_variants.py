@@ -67,6 +67,18 @@ def test_a_seed_that_ends_there_is_judged_on_fresh_episodes(tmp_path: Path) -> N
     assert (ours.solved, noise.solved) == (1, 1)
 
 
+def test_variants_of_an_arm_are_beside_that_arms_own(tmp_path: Path) -> None:
+    slow = replace(BASE, preset="paper")
+    for own in (BASE, slow):
+        table(tmp_path, own, {0: [0.1, 0.95]})
+        changed = replace(own, tag="noise-0.3", options=("learner.exploration.sigma=0.3",))
+        table(tmp_path, changed, {0: [0.1, 0.2]})
+    for experiment in (BASE, slow):
+        rows = read_rows(write_variants(experiment.label, tmp_path), Variant)
+        labels = [experiment.label, f"{experiment.label}.noise-0.3"]
+        assert [(row.label, row.solved) for row in rows] == list(zip(labels, [1, 0], strict=True))
+
+
 def test_algorithms_are_beside_each_other_and_are_no_variants(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.96]})
     table(tmp_path, replace(BASE, algorithm="td3"), {0: [0.1, 0.2, 0.93], 1: [0.1, 0.2, 0.94]})

@@ -144,12 +144,13 @@ def _train(
 
 
 def _compare(results: Path) -> int:
-    """Every programmable experiment beside its variants, where there are tables of any."""
+    """Every programmable experiment beside its variants on that arm, where tables of any are."""
     from pa_ros.evaluation.results import write_variants
     from pa_ros.evaluation.scoring.tables import TableError
 
     missing = 0
-    names = ("programmable-2L", "programmable-3D")
+    experiments = ("programmable-2L", "programmable-3D")
+    names = [f"{name}{arm}" for name in experiments for arm in ("", ".paper-arm")]
     for name in names:
         try:
             print(write_variants(name, results))

@@ -69,8 +69,8 @@ def variants_figure(
     frames.xaxis.set_major_locator(MaxNLocator(5))
     frames.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     figure.suptitle(
-        f"{rows[0].label.partition('.')[0]}, one thing changed: each dot is a seed, the line the "
-        "95 % interval of their mean",
+        f"{path.stem.removesuffix('-variants')}, one thing changed: each dot is a seed, the line "
+        "the 95 % interval of their mean",
         fontsize=10,
     )
     save(figure, path)

@@ -44,13 +44,14 @@ def compare(
 ) -> tuple[list[Variant], dict[str, list[SeedSummary]]]:
     """The table `name` in `results` and those that differ from it in `by`, all cut to the shortest.
 
-    `by` is "options", those with a tag behind the name, or "algorithm". Also each one's seeds.
-    Raises TableError where there is no table of that name or no variant.
+    `name` is an experiment's label, which says its arm: `programmable-3D.paper-arm`. `by` is
+    "options", those with a tag behind the name, or "algorithm". Also each one's seeds. Raises
+    TableError where there is no table of that name or no variant.
     """
     tables = sorted(
         table
         for table in results.glob(f"{name}*.csv")
-        if table.stem.split(".")[0] == name and table.with_suffix(".json").exists()
+        if f"{table.stem}.".startswith(f"{name}.") and table.with_suffix(".json").exists()
     )
     settings = {
         table: {"arm": "jaco", "algorithm": DPG}
