@@ -25,6 +25,7 @@ class DeepPrograms:
     def __init__(self, design: Design, depth: int) -> None:
         self._design, self._depth = design, depth
         self._words = [Word(word) for word in design.words]
+        self._kinds = [kind.words for kind in design.pool]
         self._trained = {tuple(kind == one for kind in design.pool) for one in design.train}
 
     def draw(self, target: Kind, others: int, rng: np.random.Generator) -> Program:
@@ -58,8 +59,7 @@ class DeepPrograms:
         raise self._not_found(f"an expression {depth} deep in which every operator matters")
 
     def _denotation(self, expression: Expression) -> Denotation:
-        kinds = [kind.words for kind in self._design.pool]
-        return satisfying(Program(expression), kinds, None)
+        return satisfying(Program(expression), self._kinds, None)
 
     def _not_found(self, expected: str) -> EpisodeError:
         return EpisodeError(
