@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.evaluation.scoring import training
 from pa_ros.evaluation.scoring.evaluate import by_program, evaluate, run_episodes
 from pa_ros.evaluation.scoring.intervals import mean_interval, normalized_interval
 from pa_ros.evaluation.scoring.rewards import normalized
@@ -72,3 +73,18 @@ def test_a_score_leaves_the_resets_reward_out(monkeypatch):
     monkeypatch.setattr(task, "step", rewarded)
     scores = list(run_episodes(task, lambda _: np.zeros(6), "train", 2))
     assert [score.reward_per_step for score in scores] == [1.0, 1.0]  # with a reset's -1: 0.5
+
+
+def test_a_training_that_is_never_scored_plays_no_reference(monkeypatch):
+    played = []
+
+    class Still:
+        def act(self, observation, program):
+            return np.zeros(FAST.joints, np.float32)
+
+    real = training.reference_scores
+    monkeypatch.setattr(training, "reference_scores", lambda *a: played.append(a[1:3]) or real(*a))
+    scores = training.TrainingScores(FAST, TWO_L, 2)
+    assert played == []
+    first, again = scores(Still()), scores(Still())
+    assert first == again and len(played) == 4  # both references, of both conditions, once

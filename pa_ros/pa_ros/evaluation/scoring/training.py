@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -27,7 +28,7 @@ class TrainingScores:
     """Greedy scores of an actor on the training and the held-out programs.
 
     The episodes are fixed (by EVALUATION_SEED) and apart from the training ones; the references
-    on them are computed once.
+    on them are computed once, when first asked for.
     """
 
     def __init__(self, config: ArenaConfig, design: Design, episodes: int) -> None:
@@ -35,22 +36,27 @@ class TrainingScores:
         self._speeds = np.array(config.joint_speed_limits)
         self._episodes = episodes
         self._conditions = ("train", "eval") if design.held_out else ("train",)
-        self._references = {
-            condition: [
-                float(rewards(reference_scores(self._task, name, condition, episodes)).mean())
-                for name in REFERENCES
-            ]
-            for condition in self._conditions
-        }
 
     @property
     def task(self) -> ReachTask:
         """Whose episode is being scored."""
         return self._task
 
+    @cached_property
+    def _references(self) -> dict[str, list[float]]:
+        """The mean reward of each of REFERENCES, by condition."""
+        return {
+            condition: [
+                float(rewards(reference_scores(self._task, name, condition, self._episodes)).mean())
+                for name in REFERENCES
+            ]
+            for condition in self._conditions
+        }
+
     def __call__(self, actor: Acts) -> dict[str, float]:
         """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
         row: dict[str, float] = {}
+        references = self._references
         for condition in self._conditions:
             scores = list(
                 run_episodes(
@@ -61,7 +67,7 @@ class TrainingScores:
                 )
             )
             raw = float(rewards(scores).mean())
-            scripted, random = self._references[condition]
+            scripted, random = references[condition]
             row[f"{condition}_greedy.reward_per_step"] = raw
             row[f"{condition}_greedy.normalized"] = normalized(raw, random, scripted)
             row[f"{condition}_greedy.success_rate"] = float(np.mean([s.success for s in scores]))
