@@ -32,7 +32,6 @@ SETTINGS = dpg(
     schedule__policy_lag=0,
     relabeling__rule="all-goals",
     relabeling__programs_per_transition=2,
-    engine__name="torch",
 )
 
 
