@@ -211,22 +211,53 @@ def shown(row: dict[str, str]) -> list[str]:
     ]
 
 
-def test_what_matters_has_a_row_for_each_variant_with_its_numbers():
+VARIANTS = {
+    "## What matters": "programmable-3D",
+    "### On the slow arm": "programmable-3D.paper-arm",
+}
+
+
+@pytest.mark.parametrize(("heading", "name"), VARIANTS.items(), ids=list(VARIANTS.values()))
+def test_what_matters_has_a_row_for_each_variant_with_its_numbers(heading, name):
     expected = []
-    for row in rows("programmable-3D-variants"):
-        tag = row["label"].removeprefix("programmable-3D")
-        new = summary(tag)["reach-new-both"]["normalized"] if tag else None
-        expected.append([*shown(row), f"{new:.2f}" if tag else "–"])
-    assert sorted(expected) == sorted(row[1:] for row in table_below("## What matters"))
+    for row in rows(f"{name}-variants"):
+        of = row["label"].removeprefix("programmable-3D")
+        changed = row["label"] != name
+        new = summary(of)["reach-new-both"]["normalized"] if changed else None
+        expected.append([*shown(row), f"{new:.2f}" if changed else "–"])
+    assert sorted(expected) == sorted(row[1:] for row in table_below(heading))
 
 
-def test_variants_are_made_of_the_seeds_tables():
-    for row in rows("programmable-3D-variants"):
+@pytest.mark.parametrize("name", VARIANTS.values())
+def test_variants_are_made_of_the_seeds_tables(name):
+    for row in rows(f"{name}-variants"):
         held = column(f"{row['label']}-seeds", "held_out_at_end")
         if len(held) == int(row["seeds"]) and float(row["frames"]) == float(
             rows(f"{row['label']}-seeds")[0]["frames"]
         ):
             assert fmean(held) == pytest.approx(float(row["held_out"]), abs=2e-6), row["label"]
+
+
+def test_other_libraries_have_the_rows_that_were_measured():
+    stated = json.loads((TABLES / "peers.json").read_text())
+    names = [key.split(".")[1] for key in stated if key.endswith(".seeds")]
+
+    def successes(row: str) -> str:
+        at = f"peers.{row}"
+        return f"{stated[f'{at}.train_success']:.0%}, {stated[f'{at}.held_out_success']:.0%}"
+
+    expected = [
+        [
+            name,
+            successes(f"{name}.at_15000"),
+            successes(f"{name}.in_time") if f"peers.{name}.in_time.frames" in stated else "–",
+            successes(name),
+            f"{stated[f'peers.{name}.seconds']:,.0f}",
+        ]
+        for name in names
+    ]
+    assert sorted(expected) == sorted(table_below("## Beside other libraries"))
+    assert f"in the {stated['peers.ours.at_15000.seconds']:.0f} s" in RESULTS
 
 
 def test_the_summary_is_of_these_tables():
