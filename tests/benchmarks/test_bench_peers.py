@@ -63,5 +63,7 @@ def test_what_is_there_is_not_trained_again_and_what_cannot_be_is_said(
     monkeypatch.setitem(sys.modules, "sb3_contrib", None)
     with pytest.raises(ConfigError, match="TQC expects sb3_contrib .the extra `peers`"):
         peers.bench_peers(tmp_path, 1, ["TQC"])
+    write_rows(tmp_path / "TQC-0.csv", [score("TQC", 15_000, 90.0, 0.1)])
+    assert peers.bench_peers(tmp_path, 1, ["TQC"])["peers.TQC.seeds"] == 1  # a run needs no library
     with pytest.raises(ConfigError, match="expected of .*got 'PPO'"):
         peers.bench_peers(tmp_path, 1, ["PPO"])
