@@ -169,6 +169,15 @@ def sentences() -> dict[str, str]:
         f"{', '.join(f'{value:,.0f}' for value in frames(table))} of 30,000 frames, held out "
         f"{span(column(f'{table}-seeds', 'final_held_out'), '.2f')} at the end"
     )
+    slow, new = ".paper-arm", "reach-new-both"
+    worst = [
+        summary(f"{slow}.{tag}")[new]["worst_seed"]
+        for tag in ("relations-see-properties", "no-sparsity")
+    ]
+    found["worst new, slow"] = f"both new {worst[0]:.2f} and {worst[1]:.2f}"
+    found["both new, slow"] = (
+        f"after 100,000 frames, score {summary(slow)[new]['normalized']:.2f} in reaching blocks"
+    )
     long = rows("programmable-3D.paper-protocol-seeds")[0]
     found["paper 3-D"] = (
         f"to {float(long['frames']) / 1e6:.2f}M of 5M frames, where the hours ended: train "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import logging
 import math
 import os
@@ -145,19 +146,22 @@ def _train(
 
 def _compare(results: Path) -> int:
     """Every programmable experiment beside its variants on that arm, where tables of any are."""
+    from pa_ros.arena import PRESETS
     from pa_ros.evaluation.results import write_variants
     from pa_ros.evaluation.scoring.tables import TableError
+    from pa_ros.evaluation.studies.experiments import experiment_named
 
-    missing = 0
-    experiments = ("programmable-2L", "programmable-3D")
-    names = [f"{name}{arm}" for name in experiments for arm in ("", ".paper-arm")]
-    for name in names:
+    written, missing = 0, []
+    for name, preset in itertools.product(("programmable-2L", "programmable-3D"), PRESETS):
         try:
-            print(write_variants(name, results))
+            label = replace(experiment_named(name), preset=preset).label
+            print(write_variants(label, results))
+            written += 1
         except TableError as error:
-            print(error)
-            missing += 1
-    return int(missing == len(names))
+            missing.append(str(error))
+    if not written:
+        print("\n".join(missing))
+    return int(not written)
 
 
 def _experiment(options: argparse.Namespace) -> Experiment:

@@ -56,7 +56,6 @@ class TrainingScores:
     def __call__(self, actor: Acts) -> dict[str, float]:
         """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
         row: dict[str, float] = {}
-        references = self._references
         for condition in self._conditions:
             scores = list(
                 run_episodes(
@@ -67,7 +66,7 @@ class TrainingScores:
                 )
             )
             raw = float(rewards(scores).mean())
-            scripted, random = references[condition]
+            scripted, random = self._references[condition]
             row[f"{condition}_greedy.reward_per_step"] = raw
             row[f"{condition}_greedy.normalized"] = normalized(raw, random, scripted)
             row[f"{condition}_greedy.success_rate"] = float(np.mean([s.success for s in scores]))
