@@ -48,6 +48,7 @@ class Actor:
     ) -> None:
         self.network, self.logic = network, logic
         self._noise = noise
+        self._shapes = actor_shapes(network)
         self._make_inference = inference_for(network, inference)
         self.backend = "torch" if _why_torch(network, inference) else "fused"
         self._inference: Inference | None = None
@@ -85,14 +86,17 @@ class Actor:
         if snapshot.world_digest != digest:
             raise PolicyError(f"policy: expected world {digest}, got {snapshot.world_digest}")
         try:
-            check_tensors(snapshot.tensors, actor_shapes(self.network), "actor")
+            check_tensors(snapshot.tensors, self._shapes, "actor")
         except TensorError as error:
             raise PolicyError(f"policy version {snapshot.version}: {error}") from error
 
     def load(self, snapshot: PolicySnapshot) -> None:
         """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
         self.check(snapshot)
-        self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
+        if self._inference is None:
+            self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
+        else:
+            self._inference.load(snapshot.tensors)
         self._tensors, self._version = snapshot.tensors, snapshot.version
 
     def act(self, observation: Observation, program: Program) -> Float32:

@@ -22,6 +22,7 @@ from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import not_finite
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.relations.frames import POSE
@@ -147,9 +148,9 @@ class Learner:
 
     def _check_finite(self, newest: PolicySnapshot, kept: _Kept | None) -> None:
         """Raise DivergedError unless the latest update and the actor are made of finite numbers."""
-        figures, actor = self.engine.metrics(), newest.tensors.items()
+        figures = self.engine.metrics()
         wrong = [name for name, value in figures.items() if not math.isfinite(value)]
-        wrong += [f"actor.{name}" for name, value in actor if not np.isfinite(value).all()]
+        wrong += [f"actor.{name}" for name in not_finite(newest.tensors)]
         if kept is not None and not wrong:  # a sum of finite float32 is a finite float64
             sums = {k: v.sum(dtype=np.float64) for k, v in self.engine.tensors().items()}
             wrong = [name for name, total in sums.items() if not np.isfinite(total)]

@@ -20,7 +20,7 @@ from pa_ros.native import _fused
 from pa_ros.native.errors import FusedError
 from pa_ros.native.families import FUSED
 from pa_ros.native.library import why_not_network
-from pa_ros.native.tensors import FlatNetwork
+from pa_ros.native.tensors import FlatTensors
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.parameters import (
@@ -42,30 +42,22 @@ class _Trained:
     """One network's flat buffers, which the library owns, and how many updates they had."""
 
     def __init__(
-        self,
-        flat: FlatNetwork,
-        buffers: _fused.Trained,
-        tensors: Tensors,
+        self, name: str, network: _fused.Network, buffers: _fused.Trained, tensors: Tensors
     ) -> None:
-        self.flat = flat
-        self.parameters, self.target = buffers.parameters, buffers.target
-        self.gradient = buffers.gradient
-        self.moments = buffers.first_moment, buffers.second_moment
-        self.step = 0
-        flat.write(self.parameters, tensors)
+        self._buffers, self.step = buffers, 0
+        self.parameters = FlatTensors(network, buffers.parameters)
+        self.gradient = FlatTensors(network, buffers.gradient)
+        self.named = {
+            f"{name}.": self.parameters,
+            f"target_{name}.": FlatTensors(network, buffers.target),
+            f"adam.{name}.m.": FlatTensors(network, buffers.first_moment),
+            f"adam.{name}.v.": FlatTensors(network, buffers.second_moment),
+        }  # by the prefixes of `Engine.tensors`
+        self.parameters.write(tensors)
         self.copy_target()
 
     def copy_target(self) -> None:
-        self.target[:] = self.parameters
-
-    def named_buffers(self, name: str) -> dict[str, Float32]:
-        """Buffers by the prefixes of `Engine.tensors`."""
-        return {
-            f"{name}.": self.parameters,
-            f"target_{name}.": self.target,
-            f"adam.{name}.m.": self.moments[0],
-            f"adam.{name}.v.": self.moments[1],
-        }
+        self._buffers.target[:] = self._buffers.parameters
 
 
 class FusedEngine:
@@ -107,8 +99,8 @@ class FusedEngine:
         )
         self._betas = config.optimizer.beta1, config.optimizer.beta2
         self._trained = {
-            "actor": _Trained(FlatNetwork(actor_network), self._engine.actor, actor),
-            "critic": _Trained(FlatNetwork(critic_network), self._engine.critic, critic),
+            "actor": _Trained("actor", actor_network, self._engine.actor, actor),
+            "critic": _Trained("critic", critic_network, self._engine.critic, critic),
         }
         self._programs = _Programs(network, table, self._engine)
         self._metrics: _fused.Metrics | None = None
@@ -143,8 +135,7 @@ class FusedEngine:
 
     def actor_tensors(self) -> Tensors:
         """The actor's weights now, float32, owned by the caller."""
-        actor = self._trained["actor"]
-        return actor.flat.read(actor.parameters)
+        return self._trained["actor"].parameters.read()
 
     def metrics(self) -> dict[str, float]:
         """Of the latest update: `critic_loss`, `mean_q`, `actor_gradient_norm`; {} before it."""
@@ -161,15 +152,15 @@ class FusedEngine:
         return {
             f"{name}.{key}": value
             for name, trained in self._trained.items()
-            for key, value in trained.flat.read(trained.gradient).items()
+            for key, value in trained.gradient.read().items()
         }
 
     def tensors(self) -> Arrays:
         """Everything an update depends on; see `Engine.tensors` for the names."""
         tensors: Arrays = {}
         for name, trained in self._trained.items():
-            for prefix, buffer in trained.named_buffers(name).items():
-                tensors |= {prefix + k: v for k, v in trained.flat.read(buffer).items()}
+            for prefix, flat in trained.named.items():
+                tensors |= {prefix + k: v for k, v in flat.read().items()}
             tensors[f"adam.{name}.step"] = np.array(trained.step, np.int64)
         return tensors
 
@@ -178,11 +169,11 @@ class FusedEngine:
         expected: Shapes = {name: value.shape for name, value in self.tensors().items()}
         check_shapes(tensors, expected, "engine")
         for name, trained in self._trained.items():
-            for prefix, buffer in trained.named_buffers(name).items():
+            for prefix, flat in trained.named.items():
                 own = {
                     k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)
                 }
-                trained.flat.write(buffer, cast(Tensors, own))
+                flat.write(cast(Tensors, own))
             trained.step = int(tensors[f"adam.{name}.step"])
 
     def _warn_if_clamped(self, largest: float) -> None:
@@ -202,13 +193,18 @@ class FusedActor:
     def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
         if reason := why_not_network(config):
             raise FusedError(f"fused actor: {reason}")
-        check_tensors(tensors, actor_shapes(config), "actor")
-        self._config = config
+        self._config, self._logic, self._shapes = config, logic, actor_shapes(config)
         self._family = FUSED[type(config.family)]
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
+        self._flat = FlatTensors(described, self._actor.parameters)
         self._told: tuple[Program, tuple[Int32, ...]] | None = None  # the newest, and its codes
-        FlatNetwork(described).write(self._actor.parameters, sharpened(tensors, logic))
+        self.load(tensors)
+
+    def load(self, tensors: Tensors) -> None:
+        """Act with these weights from now on; TensorError, and no change, if they do not fit."""
+        check_tensors(tensors, self._shapes, "actor")
+        self._flat.write(sharpened(tensors, self._logic))
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""

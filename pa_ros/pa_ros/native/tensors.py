@@ -9,21 +9,25 @@ from pa_ros.native import _fused
 from pa_ros.networks.parameters import Tensors
 
 
-class FlatNetwork:
-    """Named tensors stored in the library's layout: `read` and `write` by state-dict names."""
+class FlatTensors:
+    """Named tensors in a flat buffer of the library's: `read` and `write` by state-dict names."""
 
-    def __init__(self, network: _fused.Network) -> None:
+    def __init__(self, network: _fused.Network, buffer: Float32) -> None:
+        """`buffer`: of `network`, in the library's layout."""
         self.network = network
         self._layout = _fused.layout_of(network)
+        self._parts = self._views(buffer)
 
-    def read(self, buffer: Float32) -> Tensors:
-        """Copies of the tensors in a buffer."""
-        parts = self._views(buffer).items()
-        return {name: np.concatenate(views, axis=-1, dtype=np.float32) for name, views in parts}
+    def read(self) -> Tensors:
+        """Copies."""
+        return {
+            name: views[0].copy() if len(views) == 1 else np.concatenate(views, axis=-1)
+            for name, views in self._parts.items()
+        }
 
-    def write(self, buffer: Float32, tensors: Tensors) -> None:
-        """Overwrite the tensors in a buffer; names and shapes have been checked."""
-        for name, views in self._views(buffer).items():
+    def write(self, tensors: Tensors) -> None:
+        """Overwrite them; names and shapes have been checked."""
+        for name, views in self._parts.items():
             start = 0
             for view in views:
                 view[:] = tensors[name][..., start : start + view.shape[-1]]

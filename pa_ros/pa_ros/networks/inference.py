@@ -17,7 +17,10 @@ from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
 
 class Inference(Protocol):
-    """Actions of one set of weights."""
+    """Actions of one set of weights at a time."""
+
+    def load(self, tensors: Tensors) -> None:
+        """Act with these weights from now on; TensorError, and no change, if they do not fit."""
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
@@ -30,13 +33,15 @@ class TorchActor:
     """
 
     def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
-        check_tensors(tensors, actor_shapes(config), "actor")
-        self._config = config
+        self._config, self._shapes = config, actor_shapes(config)
         self._module = config.family.modules()[0](config).eval().requires_grad_(False)
         self._module.logic = logic
-        self._module.load_state_dict(
-            {k: torch.from_numpy(v) for k, v in sharpened(tensors, logic).items()}
-        )
+        self.load(tensors)
+
+    def load(self, tensors: Tensors) -> None:
+        check_tensors(tensors, self._shapes, "actor")
+        sharp = sharpened(tensors, self._module.logic)
+        self._module.load_state_dict({k: torch.from_numpy(v) for k, v in sharp.items()})
 
     @torch.inference_mode()
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:

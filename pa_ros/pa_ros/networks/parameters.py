@@ -63,8 +63,16 @@ def check_tensors(tensors: Tensors, shapes: Shapes, whose: str) -> None:
     for name, tensor in tensors.items():
         if tensor.dtype not in (np.float32, np.float64):
             raise TensorError(f"{whose}: {name}: expected a float tensor, got {tensor.dtype}")
-        if not np.isfinite(tensor).all():
-            raise TensorError(f"{whose}: {name}: expected finite numbers")
+    if wrong := not_finite(tensors):
+        raise TensorError(f"{whose}: {', '.join(wrong)}: expected finite numbers")
+
+
+def not_finite(tensors: Tensors) -> list[str]:
+    """Names of those with numbers that are not finite."""
+    everything = np.concatenate([tensor.ravel() for tensor in tensors.values()])  # once is quicker
+    if np.isfinite(everything).all():
+        return []
+    return [name for name, tensor in tensors.items() if not np.isfinite(tensor).all()]
 
 
 def check_shapes(tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, whose: str) -> None:
