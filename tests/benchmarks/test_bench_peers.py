@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from pa_ros.benchmarks import peers
-from pa_ros.benchmarks.peers import OURS, PEERS, Score, report, run_contender
+from pa_ros.benchmarks.peers import OURS, PACKAGES, PEERS, Score, report, run_contender
 from pa_ros.benchmarks.peers_figure import draw_peers
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.tables import write_rows
@@ -18,12 +19,15 @@ FRAMES, EVERY, EPISODES = 1200, 600, 2
 
 
 def score(name: str, frames: float, seconds: float, train: float) -> Score:
-    return Score(name, 0, frames, seconds, train, train, train / 2, train / 2)
+    return Score(name, "a-library 1.2", 0, frames, seconds, train, train, train / 2, train / 2)
 
 
 def test_ours_is_scored_on_the_way_without_the_time_that_it_takes() -> None:
     rows = run_contender(OURS, 0, FRAMES, EVERY, EPISODES)
     assert [row.frames for row in rows] == [600, 1200]
+    assert {row.library for row in rows} == {
+        f"programmable-agents {version('programmable-agents')}"
+    }
     assert 0 < rows[0].seconds < rows[1].seconds
     assert all(0 <= row.train_success <= 1 for row in rows)
 
@@ -35,6 +39,7 @@ def test_each_peer_learns_and_is_scored(name: str) -> None:
     rows = run_contender(name, 0, 200, 100, 1)
     assert [row.frames for row in rows] == [100, 200]
     assert {row.contender for row in rows} == {name}
+    assert rows[0].library == f"{PACKAGES[PEERS[name][0]]} {version(PACKAGES[PEERS[name][0]])}"
     assert 0 < rows[0].seconds < rows[1].seconds
 
 
@@ -46,6 +51,7 @@ def test_the_report_compares_at_equal_frames_and_in_equal_time() -> None:
     assert found["peers.TD3.at_15000.held_out_success"] == 0.1
     assert found["peers.TD3.in_time.frames"] == 5000  # the next was after 30 s
     assert found["peers.ours.in_time.frames"] == 15_000
+    assert found["peers.TD3.library"] == "a-library 1.2"
 
 
 def test_what_is_there_is_not_trained_again_and_what_cannot_be_is_said(

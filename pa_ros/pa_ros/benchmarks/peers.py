@@ -13,6 +13,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -37,6 +38,12 @@ PEERS = {  # library and class
     "SBX TQC": ("sbx", "TQC"),
     "SBX CrossQ": ("sbx", "CrossQ"),
 }
+PACKAGES = {
+    "pa_ros": "programmable-agents",
+    "stable_baselines3": "stable-baselines3",
+    "sb3_contrib": "sb3-contrib",
+    "sbx": "sbx-rl",
+}
 GAMMA = 0.95  # as `ours`
 TD3_NOISE = 0.1  # deviation of its exploration (Fujimoto et al. 2018)
 FRAMES = 60_000
@@ -51,6 +58,7 @@ class Score:
     """One evaluation of one contender."""
 
     contender: str
+    library: str  # package and version
     seed: int
     frames: float
     seconds: float  # of a processor, for training alone
@@ -101,6 +109,8 @@ def report(scores: Sequence[Score]) -> Report:
     within = float(np.mean([row.seconds for row in ours])) if ours else 0.0
     for name, by_seed in by_name.items():
         curves = list(by_seed.values())
+        libraries = {row.library for curve in curves for row in curve}
+        found[f"peers.{name}.library"] = ", ".join(sorted(libraries))
         found[f"peers.{name}.seeds"] = len(curves)
         found |= _figures(f"peers.{name}", [curve[-1] for curve in curves])
         equal = [row for curve in curves for row in curve if row.frames == EQUAL_FRAMES]
@@ -161,6 +171,8 @@ class _Run:
 
     def __init__(self, name: str, seed: int, experiment: Experiment) -> None:
         self._name, self._seed, self._experiment = name, seed, experiment
+        package = PACKAGES["pa_ros" if name == OURS else PEERS[name][0]]
+        self._library = f"{package} {version(package)}"
         arena, design = preset_named(experiment.preset), design_named(experiment.design)
         self._scores = TrainingScores(arena, design, experiment.evaluation_episodes)
         self._not_training_s = time.process_time()
@@ -222,7 +234,8 @@ class _Run:
             for condition in ("train", "eval")
             for figure in ("success_rate", "normalized")
         ]
-        self.rows.append(Score(self._name, self._seed, frames, seconds, *figures))
+        who = self._name, self._library, self._seed
+        self.rows.append(Score(*who, frames, seconds, *figures))
 
 
 class _Greedy:

@@ -38,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="fleet: how many, at ten times real time (%(default)s)",
     )  # fmt: skip
     parser.add_argument(
+        "--contenders", nargs="+", default=[], metavar="NAME", help="peers: these alone (every one)"
+    )
+    parser.add_argument(
         "--growth", action="store_true",
         help="learner: time of an update against blocks, batch and programs; "
         "with --json a picture beside it",
@@ -123,9 +126,9 @@ def _peers(options: argparse.Namespace) -> Report:
 
     if options.json is None:
         with tempfile.TemporaryDirectory() as name:
-            return bench_peers(Path(name), options.seeds)
+            return bench_peers(Path(name), options.seeds, options.contenders)
     folder = options.json.with_suffix(".runs")
-    found = bench_peers(folder, options.seeds)
+    found = bench_peers(folder, options.seeds, options.contenders)
     draw_peers(options.json.with_suffix(".png"), scores_in(folder))
     return found
 
