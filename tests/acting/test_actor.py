@@ -12,7 +12,7 @@ from worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
-from pa_ros.language import MIN_MAX, ProgramError, Vocabulary, parse
+from pa_ros.language import MIN_MAX, PRODUCT, ProgramError, Vocabulary, parse
 from pa_ros.learning.learner import Learner
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
@@ -71,6 +71,23 @@ def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message)
         actor.load(replace(good, **change))
     assert actor.version == 0
     np.testing.assert_array_equal(actor.act(observation, PROGRAMS[0]), before)
+
+
+@pytest.mark.parametrize("inference", ["auto", "torch"])
+@pytest.mark.parametrize("kind", ["programmable", "canonical"])
+@pytest.mark.parametrize("logic", [MIN_MAX, PRODUCT])
+def test_newer_weights_act_as_they_do_in_an_actor_of_their_own(inference, kind, logic) -> None:
+    network = NETWORK.changed(kind=kind)
+    older, newer = (Learner(network, SETTINGS, PROGRAMS, seed).snapshot() for seed in (0, 1))
+    observation, _ = PointWorld().reset(0)
+    actions = []
+    for given in ([older], [older, newer], [newer]):
+        actor = Actor(network, inference, logic=logic)
+        for weights in given:
+            actor.load(weights)
+        actions.append(actor.act(observation, PROGRAMS[0]))
+    np.testing.assert_array_equal(actions[1], actions[2])
+    assert not np.array_equal(actions[0], actions[2])
 
 
 def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
