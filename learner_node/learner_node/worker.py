@@ -56,7 +56,7 @@ class LearnerWorker:
         self._learner = _make_learner(config, arena)
         self._folder = self._claimed()
         extra = self._resumed() if config.resume else {}
-        self.run = LearningRun(self._learner, arena.control_period, str(extra.get("run_id", "")))
+        self.run = LearningRun(self._learner, arena.control_period, extra)
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self.metrics = self._learner.metrics()
         self._frames_at_start = self.metrics["frames"]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.software import device
 from pa_ros.evaluation.studies import experiments
 from pa_ros.evaluation.studies.experiments import (
     EXPERIMENTS,
@@ -20,6 +21,7 @@ from pa_ros.evaluation.studies.experiments import (
     under_protocol,
     write_table,
 )
+from pa_ros.evaluation.studies.seeds import tabulate
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.loop import train
 
@@ -73,6 +75,17 @@ SMALL = replace(
     evaluate_every_frames=300,
     evaluation_episodes=2,
 )
+
+
+def test_a_table_says_on_what_machine_each_seed_was_trained(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("pa_ros.learning.run.here", lambda: "there")
+    run_seed(SMALL, 0, tmp_path / "seed-0")
+    monkeypatch.setattr("pa_ros.evaluation.studies.seeds.final_scores", lambda *_: (0.95, 0.97))
+    made = tabulate(SMALL, [0, 1], tmp_path, tmp_path / "tables", tmp_path / "scores")
+    assert made is not None and [seed.final_train for seed in made.summaries] == [0.97]
+    setting = json.loads(made.table.with_suffix(".json").read_text())
+    assert setting["seeds"] == [0] and setting["made_on"] == {"0": "there"}
+    assert setting["device"] == device()
 
 
 def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_path):

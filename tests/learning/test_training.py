@@ -1,63 +1,34 @@
-"""The loop: lag, order, resuming, checkpoints, and a problem that DPG must solve."""
+"""The loop: lag, order, resuming, and a problem that DPG must solve."""
 
 from __future__ import annotations
 
 import csv
-import json
-import os
 import shutil
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, SCORING, WORLD, PointWorld, dpg, random_trajectory
+from point_runs import NETWORK, SETTINGS, run
+from worlds import PROGRAMS, SCORING, WORLD, PointWorld, dpg
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.checkpoints import (
-    find_checkpoint,
-    load_policy,
-    read_metadata,
-    restore,
-    save_checkpoint,
-)
+from pa_ros.learning.checkpoints import load_policy, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import ConsumeReport, Learner
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.loop import TrainConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory
 
-NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
-SETTINGS = dpg(
-    replay__batch_size=4,
-    replay__capacity_frames=500,
-    replay__warmup_frames=30,
-    schedule__trajectory_steps=20,
-    relabeling__rule="all-goals",
-)
 CHANGING: dict[str, Any] = {
     "detectors__sparsity": 0.5,
     "relabeling__property_dropout": 0.5,
 }
-SPEED = np.ones(6)
-
-
-def run(
-    out: Path,
-    frames: int,
-    settings: DPGConfig = SETTINGS,
-    resume: bool = False,
-    network: NetworkConfig = NETWORK,
-    **fields: object,
-) -> Learner:
-    config = TrainConfig(out=out, seed=3, frames=frames, **fields)  # type: ignore[arg-type]
-    return train(config, network, settings, PointWorld(3), SPEED, PROGRAMS, None, resume)
 
 
 def assert_same(one: Learner, two: Learner) -> None:
@@ -227,170 +198,6 @@ def test_checkpoints_are_written_on_the_way(tmp_path, monkeypatch) -> None:
     assert versions == [3, 6, 9, 10]
     directories = [p.name for p in (tmp_path / "checkpoint").iterdir()]
     assert sorted(directories) == ["LATEST", "version-000000009", "version-000000010"]
-
-
-@pytest.fixture
-def saved(tmp_path) -> Path:
-    run(tmp_path / "run", 100)
-    return tmp_path / "run" / "checkpoint"
-
-
-@pytest.fixture
-def edited(saved) -> Path:
-    """A checkpoint that may be edited: without checksums, as earlier versions wrote them."""
-    (find_checkpoint(saved) / "SHA256SUMS").unlink()
-    return saved
-
-
-def test_a_checkpoint_is_plain_and_acts(saved) -> None:
-    values = read_metadata(saved)
-    assert values["counters"]["frames"] == 100
-    assert values["extra"]["design"] == "2-L" and values["extra"]["seed"] == 3
-    assert NetworkConfig.from_json(values["network"]) == NETWORK
-    assert DPGConfig.from_json(values["learner"]) == SETTINGS
-    snapshot = load_policy(saved)
-    assert snapshot.version == 5
-    actor = Actor.of(snapshot)
-    observation, _ = PointWorld().reset(0)
-    assert actor.act(observation, PROGRAMS[0]).shape == (6,)
-    files = {p.suffix for p in find_checkpoint(saved).iterdir()}
-    assert files == {".json", ".safetensors", ""}
-
-
-@pytest.mark.parametrize(
-    ("network", "settings", "message"),
-    [
-        (NETWORK.changed(hidden=7), SETTINGS, "hidden: checkpoint 6, here 7"),
-        (NETWORK.changed(kind="distilled-critic"), SETTINGS, "checkpoint 'programmable', here"),
-        (
-            NETWORK,
-            dpg(SETTINGS, optimizer__critic_rate=1e-3),
-            "critic_rate: checkpoint 0.0003, here",
-        ),
-    ],
-)
-def test_another_learners_checkpoint_is_refused(saved, network, settings, message) -> None:
-    with pytest.raises(CheckpointError, match=message):
-        restore(saved, Learner(network, settings, PROGRAMS, 3, SCORING))
-
-
-@pytest.mark.parametrize("room", ["learner", "network"])
-def test_an_option_that_is_younger_than_the_checkpoint_had_its_default(edited, room) -> None:
-    path = find_checkpoint(edited) / "metadata.json"
-    values = json.loads(path.read_text())
-    option = {"learner": "detectors.sparsity", "network": "self_weight"}[room]
-    kept = json.loads(values[room])
-    part, _, name = option.rpartition(".")
-    del (kept[part] if part else kept)[name]
-    path.write_text(json.dumps(values | {room: json.dumps(kept)}))
-    restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
-    changed = {
-        "learner": (NETWORK, dpg(SETTINGS, detectors__sparsity=0.5)),
-        "network": (NETWORK.changed(self_weight=0.5), SETTINGS),
-    }[room]
-    with pytest.raises(CheckpointError, match=f"{option}: checkpoint .*, here 0.5"):
-        restore(edited, Learner(*changed, PROGRAMS, 3, SCORING))
-
-
-def test_other_training_programs_are_refused(saved) -> None:
-    with pytest.raises(CheckpointError, match="expected programs"):
-        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS[::-1], 3, SCORING))
-
-
-@pytest.mark.parametrize(
-    "name", ["metadata.json", "engine.safetensors", "replay.safetensors", "policies.safetensors"]
-)
-@pytest.mark.parametrize("damage", ["missing", "truncated", "empty"])
-def test_a_damaged_checkpoint_is_refused(edited, name, damage) -> None:
-    path = find_checkpoint(edited) / name
-    content = path.read_bytes()
-    if damage == "missing":
-        path.unlink()
-    else:
-        path.write_bytes(content[: len(content) // 2] if damage == "truncated" else b"")
-    with pytest.raises(CheckpointError):
-        restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
-
-
-@pytest.mark.parametrize("latest", [b"\xff\xfe", b"version\0", b"", b"../elsewhere", b"x" * 4000])
-def test_an_edited_latest_is_refused(saved, latest) -> None:
-    (saved / "LATEST").write_bytes(latest)
-    with pytest.raises(CheckpointError, match="expected one at"):
-        load_policy(saved)
-
-
-@pytest.mark.parametrize("value", [None, 7, "x", [], {}, [1], {"x": 1}, [None], 1e300])
-@pytest.mark.parametrize(
-    "name", ["rng", "counters", "replay", "network", "learner", "published", "programs", "format"]
-)
-def test_metadata_that_was_edited_is_refused_by_type(edited, name, value) -> None:
-    path = find_checkpoint(edited) / "metadata.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {name: value}))
-    with pytest.raises(CheckpointError):
-        restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
-
-
-@pytest.mark.parametrize("missing", ["rng", "counters", "replay", "network", "published", "extra"])
-def test_metadata_that_lacks_something_is_refused(edited, missing) -> None:
-    path = find_checkpoint(edited) / "metadata.json"
-    values = json.loads(path.read_text())
-    del values[missing]
-    path.write_text(json.dumps(values))
-    with pytest.raises(CheckpointError):
-        restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
-
-
-def test_no_checkpoint_and_another_format(edited, tmp_path) -> None:
-    with pytest.raises(CheckpointError, match="found none"):
-        load_policy(tmp_path / "nowhere")
-    with pytest.raises(CheckpointError, match="found none"):
-        run(tmp_path / "nowhere", 20, resume=True)
-    path = find_checkpoint(edited) / "metadata.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"format": 99}))
-    with pytest.raises(CheckpointError, match="expected format 1 to 3, got 99"):
-        load_policy(edited)
-
-
-def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch) -> None:
-
-    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
-    restore(saved, learner)
-    before = load_policy(saved)
-    learner.consume(random_trajectory(np.random.default_rng(0), agent_id="other"))
-    for step in ("rename", "replace"):
-        with monkeypatch.context() as patch:
-
-            def crash(*_: object) -> None:
-                raise OSError("the disk is full")
-
-            patch.setattr(os, step, crash)
-            with pytest.raises(CheckpointError, match="the disk is full"):
-                save_checkpoint(saved, learner)
-        assert load_policy(saved).version == before.version
-        assert "6" not in "".join(path.name for path in saved.iterdir()), "it would fill the disk"
-    save_checkpoint(saved, learner)
-    assert load_policy(saved).version == before.version + 1
-    assert sorted(p.name for p in saved.iterdir()) == [
-        "LATEST",
-        "version-000000005",
-        "version-000000006",
-    ]
-
-
-@pytest.mark.parametrize("name", ["actor.output.bias", "target_critic.output.bias",
-                                  "adam.critic.v.output.bias"])  # fmt: skip
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_checkpoint_is_never_written_of_numbers_that_are_not_finite(saved, name, value) -> None:
-    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
-    restore(saved, learner)
-    before = {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()}
-    tensors = learner.engine.tensors()
-    tensors[name][...] = value
-    learner.engine.load_tensors(tensors)
-    learner.counters.version += 1
-    with pytest.raises(DivergedError, match=f"got others in 1 of .*{name}"):
-        save_checkpoint(saved, learner)
-    assert {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()} == before
 
 
 def test_learning_that_diverges_stops_and_the_last_two_good_checkpoints_stay(tmp_path) -> None:

@@ -14,10 +14,10 @@ from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reenact import Reenactment
 from pa_ros.core.errors import PaError
+from pa_ros.core.software import here
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.provenance.software import device, versions
 from pa_ros.wire import codec
 from pa_ros.wire.records import Origin
 from pa_ros.world import Trajectory
@@ -175,7 +175,6 @@ def _asked(origins: Iterable[Origin], arena_id: str) -> tuple[str, int | None]:
 
 
 def _software(origin: Origin) -> str:
-    here = f"{versions()}, on {device()}"
-    if origin.versions == here:
-        return f"the same software as recorded: {here}"
-    return f"recorded with {origin.versions}; here {here}: the last bits may differ"
+    if origin.versions == here():
+        return f"the same software as recorded: {here()}"
+    return f"recorded with {origin.versions}; here {here()}: the last bits may differ"

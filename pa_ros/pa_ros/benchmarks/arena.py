@@ -12,7 +12,7 @@ from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import design_named
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
-from pa_ros.provenance.software import device, versions
+from pa_ros.core.software import device, versions
 
 
 def bench_sim(

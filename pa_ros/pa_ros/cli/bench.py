@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pa_ros.cli.options import file_to_write
 from pa_ros.core.report import Report, write_report
-from pa_ros.provenance.software import device, versions
+from pa_ros.core.software import device, versions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from pa_ros.arena import ArenaConfig, Design
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, write_report
+from pa_ros.core.software import device, versions
 from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.evaluate import (
@@ -28,7 +29,6 @@ from pa_ros.evaluation.studies.generalization import (
     summarize,
 )
 from pa_ros.language import MIN_MAX, logic_named
-from pa_ros.provenance.software import device, versions
 
 ALL = "all"
 ITS_OWN = "the design's"

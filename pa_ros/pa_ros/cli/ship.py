@@ -15,8 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_card(run: Path, cache: Path) -> dict[str, object]:
     """Scores on fresh episodes and versions, for the policy's metadata."""
+    from pa_ros.core.software import device, versions
     from pa_ros.evaluation.studies.experiments import FINAL_EPISODES, final_scores
-    from pa_ros.provenance.software import device, versions
 
     held_out, trained = final_scores(run, cache)
     return {

@@ -147,8 +147,7 @@ def train(
             network, learner_config, training_programs, config.seed, environment.scoring
         )
         extra = _resume(config, learner) if resume else {}
-        period_s, run_id = environment.control_period_s, str(extra.get("run_id", ""))
-        learning = LearningRun(learner, period_s, run_id)
+        learning = LearningRun(learner, environment.control_period_s, extra)
         if run_log is not None:
             run_log.begin(learning)
         wall_s = float(extra.get("wall_s", 0.0))

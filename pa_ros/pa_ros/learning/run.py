@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from typing import Any
 from uuid import uuid4
 
 from pa_ros import __version__
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.software import here
 from pa_ros.learning.errors import AheadError, DivergedError, TooOldError, TrajectorySizeError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
 AHEAD = 100  # trajectories that an agent may be ahead of its account, beside policy_lag
-
+MADE_ON, AND_ON = "made_on", "; then "  # `here` of all machines that a run was on, in order
 
 Facts = dict[str, float | int | str]
 
@@ -22,10 +25,15 @@ Facts = dict[str, float | int | str]
 class LearningRun:
     """Announces what is asked of agents, and answers each trajectory with weights."""
 
-    def __init__(self, learner: Learner, control_period_s: float, run_id: str = "") -> None:
-        """`control_period_s`: of the arena. `run_id`: of the run that goes on; empty: another."""
-        self.learner = learner
-        self.info = _announcement(learner, control_period_s, run_id or uuid4().hex)
+    def __init__(
+        self, learner: Learner, control_period_s: float, before: Mapping[str, Any] | None = None
+    ) -> None:
+        """`control_period_s`: of the arena. `before`: `facts` of the run that goes on."""
+        self.learner, before = learner, before or {}
+        run_id = str(before.get("run_id", "")) or uuid4().hex
+        self.info = _announcement(learner, control_period_s, run_id)
+        places = [place for place in str(before.get(MADE_ON, "")).split(AND_ON) if place]
+        self._made_on = AND_ON.join(dict.fromkeys([*places, here()]))
         self._schedule = learner.config.schedule
         self._latest: TrajectoryKey | None = None  # that led to the newest version
 
@@ -40,7 +48,7 @@ class LearningRun:
         """What a checkpoint says beside the learner; `started_s`: of the steady clock."""
         wall_s, run_id = time.monotonic() - started_s, self.info.run_id
         return {"wall_s": wall_s, "seed": seed, "design": design, "preset": preset, "arm": arm,
-                "run_id": run_id}  # fmt: skip
+                "run_id": run_id, MADE_ON: self._made_on}  # fmt: skip
 
     def consume(self, trajectory: Trajectory) -> None:
         """Learn from a trajectory; a duplicate changes nothing.

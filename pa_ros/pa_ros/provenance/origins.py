@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pa_ros import __version__
 from pa_ros.arena import ARMS, ArenaConfig, Design, scoring_of, world_of
 from pa_ros.arena.features import HAND_INDEX
+from pa_ros.core.software import here
 from pa_ros.language import Program
-from pa_ros.provenance.software import device, versions
 from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
 from pa_ros.world import Reward, Sparse
 
@@ -27,7 +27,7 @@ def origin(node: str, instance: str, seed: int, **of_process: Any) -> Origin:
         instance=instance,
         seed=seed,
         software_version=__version__,
-        versions=f"{versions()}, on {device()}",
+        versions=here(),
         stamp_ns=time.time_ns(),
         **{"parameters": {}, **of_process},
     )

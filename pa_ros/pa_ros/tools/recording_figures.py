@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from pa_ros.core.report import Report
-from pa_ros.provenance.software import device, versions
+from pa_ros.core.software import device, versions
 
 
 class RecordingFigures:

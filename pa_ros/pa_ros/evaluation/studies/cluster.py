@@ -18,7 +18,7 @@ from typing import Any, Protocol
 
 from pa_ros.core import extensions
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.provenance.software import versions
+from pa_ros.core.software import versions
 
 Files = Mapping[str, bytes]
 """Contents by the path within a folder."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import numpy as np
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report
+from pa_ros.core.software import device, versions
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
@@ -24,7 +25,6 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import holds_checkpoint
 from pa_ros.learning.loop import Evaluate, TrainConfig, train
 from pa_ros.learning.protocols import Protocol, protocol_named
-from pa_ros.provenance.software import device, versions
 
 SOLVED = 0.9  # held-out normalized score
 FINAL_EPISODES = 100
@@ -273,8 +273,12 @@ def write_table(
     experiment: Experiment,
     curves: dict[int, list[dict[str, float]]],
     summaries: Sequence[SeedSummary],
+    made_on: Mapping[int, str] | None = None,
 ) -> Path:
-    """All curves as one CSV with a `seed` column; beside it a row per seed, and the setting."""
+    """All curves as one CSV with a `seed` column; beside it a row per seed, and the setting.
+
+    `made_on`: on what software and machines a seed was trained, as far as its checkpoint says.
+    """
     path = folder / f"{experiment.label}.csv"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
@@ -294,6 +298,7 @@ def write_table(
         "network_options": protocol.of("network"),
         "words": design.vocabulary.by_group,
         "seeds": sorted(curves),
+        "made_on": made_on or {},
         "device": device(),
         "versions": versions(),
     }

@@ -25,7 +25,9 @@ from pa_ros.evaluation.studies.experiments import (
     summarize,
     write_table,
 )
-from pa_ros.learning.folder import holds_checkpoint
+from pa_ros.learning.checkpoints import read_metadata
+from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
+from pa_ros.learning.run import MADE_ON
 
 REFRESH_S = 1.0
 
@@ -143,4 +145,10 @@ def tabulate(
         else summarize(seed, rows)
         for seed, rows in curves.items()
     ]
-    return Tabulated(write_table(results, experiment, curves, summaries), summaries)
+    made_on = {seed: _made_on(run) for seed, run in done.items() if scored[seed]}
+    return Tabulated(write_table(results, experiment, curves, summaries, made_on), summaries)
+
+
+def _made_on(run: Path) -> str:
+    """Software and machines of a seed; empty: of 0.2, which didn't say."""
+    return str(read_metadata(checkpoint_of(run))["extra"].get(MADE_ON, ""))

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pa_ros.acting.execution import Execution
+from pa_ros.core.software import device, versions
 from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
-from pa_ros.provenance.software import device, versions
 from pa_ros.tools.demo.config import DemoConfig
 from pa_ros.tools.demo.scenes import DemoProgram, Scene
 

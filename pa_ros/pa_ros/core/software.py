@@ -20,6 +20,11 @@ def versions() -> str:
     return ", ".join(found)
 
 
+def here() -> str:
+    """This machine, and what is installed on it."""
+    return f"{versions()}, on {device()}"
+
+
 def device() -> str:
     """The processor's name."""
     try:
