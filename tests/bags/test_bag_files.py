@@ -14,17 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from program_bags import START, TOPIC, identifiers, payload, storage_file, written
 from recorded_runs import train
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from pa_ros.bags.contents import RESERVE, reliable_qos, topic
+from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import (
     BagError,
     BagFullError,
-    DamagedBagError,
     ForeignBagError,
-    UnfinishedBagError,
 )
 from pa_ros.bags.losses import Losses
 from pa_ros.bags.reader import Bag
@@ -32,40 +31,6 @@ from pa_ros.bags.repair import repair
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
-from pa_ros.wire import codec
-from pa_ros.wire.definitions import installed_types, to_cdr
-from pa_ros.wire.records import ProgramRequest
-
-STORE = installed_types()
-TOPIC = topic(STORE, "/program", "msgs_schema/msg/Program", [reliable_qos(1, latched=True)])
-START = 1_700_000_000_000_000_000
-
-
-def payload(i: int, size: int = 10) -> bytes:
-    return to_cdr(STORE, codec.encode_program(ProgramRequest(str(i), "X" * size)))
-
-
-def written(folder: Path, count: int, size: int = 10, close: bool = True, **options) -> BagWriter:
-    """A bag of `count` programs, one a second; left as a SIGKILL would, if not closed."""
-    bag = BagWriter(folder, BagOptions(**options))
-    bag.add(TOPIC)
-    for i in range(count):
-        bag.write("/program", payload(i, size), START + i * 10**9, START + i * 10**9 - 5, i + 1)
-        bag.flush()
-    if close:
-        bag.close({"pa_ros.test": "yes"})
-    return bag
-
-
-def identifiers(path: Path) -> list[int]:
-    with Bag(path) as bag:
-        programs = [codec.decode_program(bag.deserialize(recorded)) for recorded in bag.messages()]
-    return [int(program.program_id) for program in programs]
-
-
-def storage_file(folder: Path) -> Path:
-    (file,) = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
-    return file
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
@@ -131,107 +96,6 @@ def test_a_bag_is_split_by_time_and_size(tmp_path, storage, limits):
     (tmp_path / "bag" / "metadata.yaml").unlink()
     assert repair(tmp_path / "bag").messages == 10
     assert identifiers(tmp_path / "bag") == list(range(10))
-
-
-def test_repair_puts_part_10_after_part_2(tmp_path):
-    written(tmp_path / "bag", 12, split_s=1.0)
-    metadata = tmp_path / "bag" / "metadata.yaml"
-    before = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
-    metadata.unlink()
-    assert repair(tmp_path / "bag").files == 12
-    after = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
-    assert after["relative_file_paths"] == before["relative_file_paths"]
-    assert after["relative_file_paths"][10] == "bag_10.mcap"
-    assert identifiers(tmp_path / "bag") == list(range(12))
-
-
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
-    bag = tmp_path / "bag"
-    killed = written(tmp_path / "live", 7, close=False, storage=storage)
-    shutil.copytree(tmp_path / "live", bag)
-    killed.close()
-    with pytest.raises(UnfinishedBagError, match="record --repair"):
-        Bag(bag)
-    assert main(["record", "--repair", str(bag)]) == 0
-    assert not (bag / RESERVE).exists()
-    assert "7 messages in 1 file(s) can be read" in capsys.readouterr().out
-    assert identifiers(bag) == list(range(7))
-    before = storage_file(bag).read_bytes()
-    assert repair(bag).messages == 7 and storage_file(bag).read_bytes() == before
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory) -> tuple[Path, bytes]:
-    folder = tmp_path_factory.mktemp("whole") / "bag"
-    written(folder, 12, 200)
-    return folder, storage_file(folder).read_bytes()
-
-
-@settings(max_examples=40, deadline=None)
-@given(cut=st.integers(0, 8000))
-def test_wherever_a_file_is_cut_repair_keeps_what_is_complete(tmp_path_factory, whole, cut):
-    content = whole[1]
-    folder = tmp_path_factory.mktemp("cut")
-    (folder / "bag.mcap").write_bytes(content[:cut])
-    try:
-        done = repair(folder)
-    except DamagedBagError:
-        assert cut < 35  # not even the format's own first record
-        return
-    found = identifiers(folder)
-    assert found == list(range(len(found))) and len(found) == done.messages
-    if cut >= len(content):
-        assert done.messages == 12
-    with (folder / "bag.mcap").open("rb") as stream:
-        read = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-        assert [int(message.program_id) for *_, message in read] == found
-
-
-def test_a_damaged_chunk_is_passed_over_and_said(whole, tmp_path, capsys):
-    folder, content = tmp_path / "bag", bytearray(whole[1])
-    folder.mkdir()
-    content[content.index(b"X" * 200, content.index(b"X" * 200) + 300) + 50] ^= 1
-    (folder / "bag.mcap").write_bytes(content)
-    done = repair(folder)
-    assert done.notes == ("bag.mcap: 1 damaged chunks were passed over",)
-    assert len(identifiers(folder)) == 11
-    assert main(["bag", "info", str(folder)]) == 1
-    assert "NOT SEEN: bag.mcap: 1 damaged chunks" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("killed", [False, True])
-@pytest.mark.parametrize("where", ["message", "definition"])
-def test_a_hit_first_chunk_costs_its_own_messages_alone(whole, tmp_path, killed, where):
-    """Though it is where the file says what its topics are."""
-    folder, content = tmp_path / "bag", bytearray(whole[1])
-    folder.mkdir()
-    text = b"X" * 200 if where == "message" else b"string text"
-    content[content.index(text) + 3] ^= 1
-    if killed:
-        del content[-30:]
-    (folder / "bag.mcap").write_bytes(content)
-    done = repair(folder)
-    assert "bag.mcap: 1 damaged chunks were passed over" in done.notes
-    assert identifiers(folder) == list(range(1, 12))
-    assert (folder / "bag.mcap.original").read_bytes() == content
-    again = (folder / "bag.mcap").read_bytes()
-    repair(folder)
-    assert (folder / "bag.mcap").read_bytes() == again
-    assert (folder / "bag.mcap.original").read_bytes() == content
-
-
-def test_a_repair_without_room_for_a_copy_changes_nothing(whole, tmp_path, monkeypatch):
-    (tmp_path / "bag.mcap").write_bytes(whole[1][:-30])
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("pa_ros.bags.tail.os.fsync", full)
-    with pytest.raises(DamagedBagError, match="needs room for a copy"):
-        repair(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["bag.mcap"]
-    assert (tmp_path / "bag.mcap").read_bytes() == whole[1][:-30]
 
 
 @settings(max_examples=40, deadline=None)

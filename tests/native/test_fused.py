@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,37 +22,18 @@ from worlds import dpg
 
 from pa_ros.benchmarks.straightforward import Scenes, parameters
 from pa_ros.benchmarks.straightforward import actor as formulas
-from pa_ros.core.errors import ConfigError
 from pa_ros.language import LOGICS, MIN_MAX, Logic, parse
 from pa_ros.language.vocabulary import Vocabulary, WordGroup
-from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
 from pa_ros.native.errors import FusedError
 from pa_ros.native.families import FUSED
-from pa_ros.native.library import level, why_not_network
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import TensorError
-from pa_ros.world.programs import ProgramTable
 from pa_ros.world.relations import RELATIONS
-from pa_ros.world.schema import PAPER, ObjectSchema, OneHot, PropertyGroup, Real
-from pa_ros.world.world import World
-
-
-def test_the_library_was_built() -> None:
-    made = setting()
-    assert why_not_fused(made.network, made.config) == why_not_network(made.network) == ""
-
-
-def test_a_missing_library_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = setting()
-    monkeypatch.setitem(sys.modules, "pa_ros.native._fused", None)
-    monkeypatch.delattr("pa_ros.native._fused")
-    assert "_fused" in why_not_fused(made.network, made.config)
-    with pytest.raises(FusedError, match="expected its library: .*_fused"):
-        made.engine()
+from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 
 
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
@@ -377,78 +354,6 @@ def test_refuses_batches_that_do_not_fit(change: dict[str, np.ndarray], message:
     batch = replace(make_batch(np.random.default_rng(0), 8, 5, 1, 6), **change)
     with pytest.raises(FusedError, match=message):
         setting().engine().update(batch)
-
-
-def test_is_chosen_where_it_applies() -> None:
-    made = setting()
-    for choice, name in (("auto", "fused"), ("fused", "fused"), ("torch", "torch")):
-        config = dpg(made.config, engine__name=choice)
-        assert make_engine(made.network, config, made.table, np.random.default_rng()).name == name
-
-
-def test_says_why_it_does_not_apply() -> None:
-    config, network = DPGConfig(), setting().network
-    assert why_not_fused(network, config) == ""
-    assert why_not_fused(network.changed(kind="canonical"), config) == ""
-    many = tuple(f"COLOR{i}" for i in range(_fused.MAX_SLOTS + 1))
-    color = PropertyGroup("color", many, OneHot(many))
-    world = World(ObjectSchema((color,)), Vocabulary.of(color=many), joints=6)
-    assert "slots" in why_not_fused(network.changed(world=world, kind="canonical"), config)
-    assert why_not_fused(network.changed(world=world), config) == ""
-    assert "float64" in why_not_fused(network, dpg(config, engine__dtype="float64"))
-    assert "cuda" in why_not_fused(network, dpg(config, engine__device="cuda"))
-    with pytest.raises(ConfigError, match="got 'fused': .*cuda"):
-        there = dpg(config, engine__name="fused", engine__device="cuda")
-        make_engine(network, there, ProgramTable(network.vocabulary), np.random.default_rng())
-    assert not isinstance(FusedError("x"), ConfigError)
-
-
-def run_at(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Python in a process that is told which instructions to use."""
-    environment = os.environ | {"PA_ROS_FUSED_LEVEL": name}
-    command = [sys.executable, *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True)
-
-
-NARROWER = [name for name, available in _fused.levels() if available and name != level()]
-
-
-@pytest.mark.parametrize("name", NARROWER)
-def test_narrower_instruction_sets_agree(name: str) -> None:
-    """The same gradient tests in a process that uses fewer instructions."""
-    probe = "from pa_ros.native.library import level; print(level())"
-    assert run_at(name, "-c", probe).stdout.strip() == name
-    chosen = "number_of_programs or number_of_objects or unusual_sizes or saturate or actor_equals"
-    canonical = str(Path(__file__).with_name("test_fused_canonical.py"))
-    selection = ("-k", f"{chosen} or canonical and gradients")
-    result = run_at(
-        name,
-        *("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", __file__, canonical, *selection),
-    )
-    assert result.returncode == 0, result.stdout[-3000:]
-
-
-def test_a_misspelt_instruction_set_is_an_error_and_not_a_reason() -> None:
-    """Nobody is given torch, or other instructions, without a word."""
-    probe = """
-from fused_settings import setting
-from pa_ros.core.errors import PaError
-from pa_ros.native.library import level, why_not_network
-for attempt in (level, lambda: why_not_network(setting().network), lambda: setting().engine()):
-    try:
-        attempt()
-    except PaError as error:
-        print(error.code, error)
-"""
-    folder = str(Path(__file__).parents[1])
-    result = run_at("x86_64-v3", "-c", f"import sys; sys.path.insert(0, {folder!r})\n" + probe)
-    known = ", ".join(name for name, _ in _fused.levels())
-    lines = result.stdout.splitlines()
-    assert len(lines) == 3, result.stderr[-3000:]
-    for line in lines:
-        assert line.startswith("learning.fused")
-        assert f"PA_ROS_FUSED_LEVEL: expected one of {known} (this machine has" in line
-        assert line.endswith("got 'x86_64-v3'")
 
 
 SIZE = PropertyGroup(
