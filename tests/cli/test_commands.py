@@ -94,6 +94,24 @@ def test_train_then_eval(tmp_path, capsys):
             "--logic with one of generalization, detectors, equalities alone",
         ),
         (["experiment", "detectors", "--conditions", "eval"], "of generalization alone"),
+        (["experiment", "programmable-2L", "--json", "x.json"], "--json of summary alone"),
+        (["experiment", "summary"], "expected tables of programmable-2L or programmable-3D in "),
+        (
+            ["experiment", "programmable-2L", "--tag", "../x", "--set", "learner.detectors.gain=2"],
+            "tag: expected letters, digits, '-' and '_', also with dots between, got '../x'",
+        ),
+        (
+            ["experiment", "programmable-2L", "--tag", "paper-arm", "--set", "network.hidden=9"],
+            "tag: expected another word than 'paper-arm', which names of tables have already, got",
+        ),
+        (
+            ["experiment", "programmable-2L", "--tag", "x", "--set", "learner.detectors.gain=abc"],
+            "learner.detectors.gain: expected a positive number, got 'abc'",
+        ),
+        (["bench", "peers", "--seeds", "0"], "--seeds: expected an integer of at least 1, got 0"),
+        (["bench", "fleet", "--seeds", "-1"], "--seeds: expected an integer of at least 1, got -1"),
+        (["bench", "console", "--minutes", "-3"], "--minutes: expected a number of at least 0"),
+        (["bench", "endurance", "--minutes", "nan"], "--minutes: expected a number of at least 0"),
         (["eval", "--policy", "scripted", "--logic", "product"], "expected --checkpoint, got"),
     ],
 )

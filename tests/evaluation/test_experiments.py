@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import pytest
 
+from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device
 from pa_ros.evaluation.studies import experiments
 from pa_ros.evaluation.studies.experiments import (
     EXPERIMENTS,
+    check_run,
     experiment_named,
     final_scores,
     headline,
@@ -86,6 +88,53 @@ def test_a_table_says_on_what_machine_each_seed_was_trained(tmp_path, monkeypatc
     setting = json.loads(made.table.with_suffix(".json").read_text())
     assert setting["seeds"] == [0] and setting["made_on"] == {"0": "there"}
     assert setting["device"] == device()
+
+
+NOTHING = {"train_greedy.normalized": 0.0, "eval_greedy.normalized": 0.0}
+
+
+def test_a_run_is_no_other_experiments_though_it_lies_where_that_would(tmp_path) -> None:
+    """Else a table would say of it what it was not trained with."""
+    folder = tmp_path / "seed-0"
+    run_seed(SMALL, 0, folder, scores=lambda _: NOTHING)
+    check_run(SMALL, 0, folder)
+    check_run(replace(SMALL, frames=900), 0, folder)
+    check_run(SMALL, 1, tmp_path / "seed-1")  # there is none as yet
+    for other, said in (
+        (replace(SMALL, options=("learner.detectors.gain=5",)), "gain: checkpoint 3.0, here 5.0"),
+        (replace(SMALL, protocol="paper"), "differs in .*discount: checkpoint 0.95, here 0.99"),
+        (replace(SMALL, algorithm="td3"), "algorithm: checkpoint 'dpg', here 'td3'"),
+        (replace(SMALL, network="canonical"), "kind: checkpoint 'programmable', here 'canonical'"),
+        (replace(SMALL, design="3-D"), "design: expected '3-D', got '2-L'"),
+        (replace(SMALL, preset="paper"), "preset: expected 'paper', got 'fast'"),
+        (replace(SMALL, frames=500, evaluate_every_frames=100), "500 frames, got 600"),
+    ):
+        with pytest.raises(CheckpointError, match=said):
+            check_run(other, 0, folder)
+    with pytest.raises(CheckpointError, match="seed: expected 1, got 0"):
+        check_run(SMALL, 1, folder)
+    with pytest.raises(CheckpointError, match="expected 900 frames, got 600"):
+        check_run(replace(SMALL, frames=900), 0, folder, ended=True)
+
+
+def test_the_command_states_no_run_under_settings_that_are_not_its_own(
+    tmp_path, capsys, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    experiment = replace(
+        experiment_named("programmable-2L"), frames=2500, options=("learner.detectors.gain=2",)
+    )
+    folder = tmp_path / "runs/experiments/programmable-2L.a/seed-0"
+    run_seed(experiment, 0, folder, scores=lambda _: NOTHING)
+    asked = ["experiment", "programmable-2L", "--seeds", "1", "--frames", "2500", "--tag", "a"]
+    assert main([*asked, "--set", "learner.detectors.gain=5"]) == 2
+    assert "detectors.gain: checkpoint 2.0, here 5.0" in capsys.readouterr().err
+    assert not (tmp_path / "runs/experiments/results").exists()
+    folder = tmp_path / "runs/experiments/programmable-3D/seed-0"
+    run_seed(replace(experiment, name="programmable-3D", design="3-D"), 0, folder,
+             scores=lambda _: NOTHING)  # fmt: skip
+    assert main(["experiment", "detectors", "--seeds", "1", "--frames", "2500"]) == 2
+    assert "detectors.gain: checkpoint 2.0, here 3.0" in capsys.readouterr().err
 
 
 def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_path):

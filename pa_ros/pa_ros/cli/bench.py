@@ -6,10 +6,26 @@ import argparse
 import os
 import tempfile
 from pathlib import Path
+from typing import ClassVar
 
-from pa_ros.cli.options import file_to_write
+from pydantic import Field
+
+from pa_ros.cli.options import add_setting, file_to_write
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report, write_report
+from pa_ros.core.settings import Settings
 from pa_ros.core.software import device, versions
+
+
+class BenchConfig(Settings):
+    """What some benchmarks ask for."""
+
+    SECTION: ClassVar[str] = "bench"
+
+    minutes: float = Field(
+        0.0, ge=0, description="endurance: how long; console: for how long a page is open besides"
+    )
+    seeds: int = Field(3, ge=1, description="fleet: of each size; peers: of each contender")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,17 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--graph", action="store_true", help="train: the three nodes as processes instead"
     )
-    parser.add_argument(
-        "--minutes", type=float, metavar="X",
-        help="endurance: how long (60); console: for how long a page is open besides (0)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--seeds",
-        type=int,
-        default=3,
-        metavar="N",
-        help="fleet: of each size; peers: of each contender (%(default)s)",
-    )
+    add_setting(parser, BenchConfig, "minutes", otherwise="60; 0")
+    add_setting(parser, BenchConfig, "seeds")
     parser.add_argument(
         "--arenas", type=int, nargs="+", default=[1, 2, 4, 8], metavar="N",
         help="fleet: how many, at ten times real time (%(default)s)",
@@ -57,7 +64,10 @@ def _endurance(options: argparse.Namespace) -> Report:
     from pa_ros.benchmarks.endurance import CAPACITY, bench_endurance
     from pa_ros.benchmarks.endurance_figure import draw_endurance
 
-    report, samples = bench_endurance(60.0 if options.minutes is None else options.minutes)
+    minutes = 60.0 if options.minutes is None else options.minutes
+    if not minutes:
+        raise ConfigError("--minutes: expected a positive number for endurance, got 0")
+    report, samples = bench_endurance(minutes)
     if options.json is not None:
         draw_endurance(options.json.with_suffix(".png"), samples, CAPACITY)
     return report

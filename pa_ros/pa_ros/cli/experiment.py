@@ -88,11 +88,10 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"experiment: expected one of {names}, got {options.name!r}")
     if options.cluster is not None and options.name in OF_TABLES:
         raise ConfigError(f"experiment {options.name}: expected no --cluster: it reads tables")
+    if options.json is not None and options.name != "summary":
+        raise ConfigError(f"experiment {options.name}: expected --json of summary alone")
     if options.name == "summary":
-        from pa_ros.evaluation.studies.experiments import headline
-
-        write_report(options.json, headline(options.results))
-        return 0
+        return _summarize(options)
     if options.name == "variants":
         return _compare(options.results)
     if options.name == "algorithms":
@@ -115,10 +114,13 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.name in STUDIES:
         return _study(options, seeds)
-    from pa_ros.evaluation.studies.seeds import tabulate
+    from pa_ros.evaluation.studies.experiments import check_run
+    from pa_ros.evaluation.studies.seeds import folder_of, tabulate
 
     experiment = _experiment(options)
     folder = options.runs / experiment.label
+    for seed in seeds:  # first, since the table is made whatever becomes of the others
+        check_run(experiment, seed, folder_of(folder, seed))
     try:
         _train(options, experiment, seeds, folder)
     finally:
@@ -142,6 +144,18 @@ def _train(
 
     with Cluster(options.cluster, options.extension) as cluster:
         train_seeds_on(cluster, experiment, seeds, folder)
+
+
+def _summarize(options: argparse.Namespace) -> int:
+    from pa_ros.evaluation.studies.experiments import headline
+
+    if not (found := headline(options.results)):
+        raise ConfigError(
+            "experiment summary: expected tables of programmable-2L or programmable-3D in "
+            f"{options.results}, found none"
+        )
+    write_report(options.json, found)
+    return 0
 
 
 def _compare(results: Path) -> int:
@@ -201,11 +215,14 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Evaluate the trained seeds of programmable-3D."""
     from pa_ros.evaluation import results
     from pa_ros.evaluation.scoring.agents import load_agent
+    from pa_ros.evaluation.studies.experiments import check_run
+    from pa_ros.evaluation.studies.seeds import folder_of
     from pa_ros.learning.folder import holds_checkpoint
 
     chosen = argparse.Namespace(**{**vars(options), "name": "programmable-3D"})
-    label = _experiment(chosen).label
-    runs = {seed: options.runs / label / f"seed-{seed}" for seed in seeds}
+    experiment = _experiment(chosen)
+    label = experiment.label
+    runs = {seed: folder_of(options.runs / label, seed) for seed in seeds}
     untrained = [seed for seed, run in runs.items() if not holds_checkpoint(run)]
     if untrained:
         raise ConfigError(
@@ -213,6 +230,8 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
             f"none of seeds {untrained}: first `pa_ros experiment programmable-3D` with the same "
             "options"
         )
+    for seed, run in runs.items():
+        check_run(experiment, seed, run, ended=True)
     if options.cluster is not None:
         _score_on_cluster(options, runs)
     logic = logic_named(options.logic)

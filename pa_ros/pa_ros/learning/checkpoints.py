@@ -25,10 +25,12 @@ from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.settings import read_json
 from pa_ros.language import parse
 from pa_ros.learning.checksums import SUMS, check_files, checksums
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.edition2 import scoring_of
 from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.learner import Counters, Learner
 from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.world import Scoring
 
 FORMAT = 3
 OLDER = (1, 2)  # of 0.1 and 0.2, which knew the paper's world alone
@@ -120,7 +122,7 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
     directory, values = find_checkpoint(path), read_metadata(path)
     check_files(directory)
     try:
-        _check_same(directory, values, learner)
+        _check_same(directory, values, learner.network, learner.config, learner.scoring)
         for text in values["programs"]:
             learner.table.add(parse(text, learner.network.vocabulary))
         if list(learner.table.texts) != values["programs"]:
@@ -141,6 +143,29 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
         raise
     except (PaError, ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
+
+
+def check_trained_with(
+    path: Path, network: NetworkConfig, config: LearnerConfig, scoring: Scoring, **facts: object
+) -> dict[str, Any]:
+    """metadata.json of a checkpoint of these networks, settings, rewards and facts.
+
+    Raises CheckpointError, naming both sides, if it is of others.
+    """
+    values = read_metadata(path)
+    check_facts(path, values["extra"], **facts)
+    _check_same(find_checkpoint(path), values, network, config, scoring)
+    return values
+
+
+def check_facts(path: Path, extra: Mapping[str, Any], **expected: object) -> None:
+    """Raise CheckpointError unless what a checkpoint's run said of itself is this."""
+    facts = {"arm": "jaco", **extra}  # 0.2 had no other
+    for name, value in expected.items():
+        if facts.get(name) != value:
+            raise CheckpointError(
+                f"checkpoint: {path}: {name}: expected {value!r}, got {facts.get(name)!r}"
+            )
 
 
 def find_checkpoint(path: Path) -> Path:
@@ -221,8 +246,14 @@ def _check_finite(arrays: Mapping[str, NDArray[Any]]) -> None:
         )
 
 
-def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> None:
-    algorithm, here = values.get("algorithm", DPG), learner.config.ALGORITHM
+def _check_same(
+    directory: Path,
+    values: dict[str, Any],
+    ours_network: NetworkConfig,
+    ours_config: LearnerConfig,
+    scoring: Scoring,
+) -> None:
+    algorithm, here = values.get("algorithm", DPG), ours_config.ALGORITHM
     if algorithm != here:
         raise CheckpointError(
             f"checkpoint: {directory}: differs in algorithm: checkpoint {algorithm!r}, "
@@ -231,15 +262,15 @@ def _check_same(directory: Path, values: dict[str, Any], learner: Learner) -> No
     # A setting that is younger than the checkpoint had what is its default now.
     try:
         network = NetworkConfig.from_json(values["network"])
-        config = type(learner.config).from_json(values["learner"])
+        config = type(ours_config).from_json(values["learner"])
     except ConfigError as error:
         raise CheckpointError(
             f"checkpoint: {directory}: expected settings that are known here, got others: its "
             f"agents act, its learner does not go on ({error})"
         ) from error
     theirs = network.flat() | config.flat()
-    ours = learner.network.flat() | learner.config.flat()
-    theirs["scoring"], ours["scoring"] = scoring_of(values), repr(learner.scoring)
+    ours = ours_network.flat() | ours_config.flat()
+    theirs["scoring"], ours["scoring"] = scoring_of(values), repr(scoring)
     differing = [
         f"{name}: checkpoint {theirs[name]!r}, here {ours[name]!r}"
         for name in sorted(ours)

@@ -27,9 +27,9 @@ from pa_ros.core.experience import AgentKey, Float64, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.core.settings import Settings
 from pa_ros.language import PRODUCT, Program
-from pa_ros.learning.checkpoints import restore, save_checkpoint
+from pa_ros.learning.checkpoints import check_facts, restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.errors import CheckpointError, DivergedError
+from pa_ros.learning.errors import DivergedError
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
@@ -164,13 +164,8 @@ def _resume(config: TrainConfig, learner: Learner) -> dict[str, Any]:
         log.warning(passed_over)
         make_latest(path)
     extra = restore(path, learner)
-    facts = {"arm": "jaco", **extra}  # 0.2 had no other
-    for name in ("seed", "design", "preset", "arm"):
-        if facts.get(name) != getattr(config, name):
-            raise CheckpointError(
-                f"checkpoint: {path}: {name}: expected {getattr(config, name)!r}, "
-                f"got {facts.get(name)!r}"
-            )
+    facts = {name: getattr(config, name) for name in ("seed", "design", "preset", "arm")}
+    check_facts(path, extra, **facts)
     return extra
 
 

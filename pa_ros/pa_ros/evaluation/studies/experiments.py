@@ -5,13 +5,23 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
+from pa_ros.arena import (
+    ARMS,
+    PRESETS,
+    ReachTask,
+    design_named,
+    preset_named,
+    scoring_of,
+    training_programs,
+    world_of,
+)
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import Report
 from pa_ros.core.software import device, versions
@@ -20,11 +30,13 @@ from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import TrainingScores
-from pa_ros.language import PRODUCT
+from pa_ros.language import LOGICS, PRODUCT
+from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.checkpoints import check_trained_with
 from pa_ros.learning.errors import CheckpointError
-from pa_ros.learning.folder import holds_checkpoint
+from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.loop import Evaluate, TrainConfig, train
-from pa_ros.learning.protocols import Protocol, protocol_named
+from pa_ros.learning.protocols import PROTOCOLS, Protocol, protocol_named
 
 SOLVED = 0.9  # held-out normalized score
 FINAL_EPISODES = 100
@@ -76,10 +88,28 @@ class Experiment:
         return min(50_000, max(self.frames // 4, 1))
 
     def __post_init__(self) -> None:
+        _check_tag(self.tag)
         if self.frames < self.evaluate_every_frames:
             raise ConfigError(
                 f"experiment frames: expected at least {self.evaluate_every_frames}, "
                 f"one evaluation, got {self.frames}"
+            )
+
+
+def _check_tag(tag: str) -> None:
+    """It becomes part of the names of files, beside words that say what isn't usual."""
+    if tag and not re.fullmatch(r"[\w-]+(\.[\w-]+)*", tag, re.ASCII):
+        raise ConfigError(
+            f"experiment tag: expected letters, digits, '-' and '_', also with dots between, "
+            f"got {tag!r}"
+        )
+    taken = {*ALGORITHMS, *ARMS, *LOGICS, *(f"{name}-arm" for name in PRESETS)}
+    taken |= {f"{name}-protocol" for name in PROTOCOLS}
+    for word in tag.split("."):
+        if word in taken or word.endswith("-seeds"):
+            raise ConfigError(
+                f"experiment tag: expected another word than {word!r}, which names of tables "
+                f"have already, got {tag!r}"
             )
 
 
@@ -129,6 +159,27 @@ def experiment_named(name: str) -> Experiment:
     if name not in EXPERIMENTS:
         raise ConfigError(f"expected one of {', '.join(EXPERIMENTS)}, got {name!r}")
     return EXPERIMENTS[name]
+
+
+def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = False) -> None:
+    """Raise CheckpointError if a run in `folder` is of another setting or seed, or is longer.
+
+    `ended`: also if it is shorter. Of a run without a checkpoint nothing is known.
+    """
+    if not holds_checkpoint(folder):
+        return
+    arena = preset_named(experiment.preset, experiment.arm)
+    design, protocol = design_named(experiment.design), experiment.settings
+    values = check_trained_with(
+        checkpoint_of(folder),
+        protocol.network_config(world_of(arena, design), experiment.network),
+        protocol.learner,
+        scoring_of(arena, design),
+        **{"seed": seed, "design": design.name, "preset": arena.preset, "arm": arena.arm},
+    )
+    reached, asked = int(values["counters"]["frames"]), experiment.frames
+    if reached >= asked + arena.episode_steps or (ended and reached < asked):
+        raise CheckpointError(f"checkpoint: {folder}: expected {asked} frames, got {reached}")
 
 
 def run_seed(
