@@ -95,6 +95,8 @@ def test_train_then_eval(tmp_path, capsys):
         ),
         (["experiment", "detectors", "--conditions", "eval"], "of generalization alone"),
         (["experiment", "programmable-2L", "--json", "x.json"], "--json of summary alone"),
+        (["ship", "unused", "../evil"], "name: expected letters, digits, '-' and '_', got"),
+        (["ship", "unused", "3-D"], "expected another than '3-D', which is there (--replace)"),
         (["experiment", "summary"], "expected tables of programmable-2L or programmable-3D in "),
         (
             ["experiment", "programmable-2L", "--tag", "../x", "--set", "learner.detectors.gain=2"],

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import rewards
@@ -31,9 +32,16 @@ def test_an_unknown_one_is_refused_with_the_names():
 
 def test_shipping_keeps_the_policy_and_little_else(tmp_path):
     source = Path("shipped:2-L")
-    out = ship(source, "again", {"note": 1}, tmp_path)
+    out = ship(source, "again", {"note": 1}, folder=tmp_path)
     first, second = load_policy(source), load_policy(out)
     assert first.version == second.version
     assert all(np.array_equal(first.tensors[k], second.tensors[k]) for k in first.tensors)
     assert read_metadata(out)["extra"]["note"] == 1
+    with pytest.raises(ConfigError, match="expected another than 'again', which is there"):
+        ship(source, "again", {"note": 2}, folder=tmp_path)
+    assert read_metadata(out)["extra"]["note"] == 1
+    assert ship(source, "again", {"note": 2}, replaces=True, folder=tmp_path) == out
+    assert read_metadata(out)["extra"]["note"] == 2
+    with pytest.raises(ConfigError, match="expected letters, digits"):
+        ship(source, "../out", {}, folder=tmp_path / "in")
     assert sum(file.stat().st_size for file in SHIPPED.rglob("*")) < 5_000_000

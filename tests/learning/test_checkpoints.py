@@ -142,6 +142,16 @@ def test_metadata_that_was_edited_is_refused_by_type(edited, name, value) -> Non
         restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
+@pytest.mark.parametrize("value", [None, 7, "x", [1]])
+def test_facts_that_were_edited_are_refused_by_type(edited, value) -> None:
+    path = find_checkpoint(edited) / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"extra": value}))
+    with pytest.raises(CheckpointError, match="extra: expected facts by name, got"):
+        load_policy(edited)
+    with pytest.raises(CheckpointError, match="extra: expected facts by name, got"):
+        run(edited.parent, 120, resume=True)
+
+
 @pytest.mark.parametrize("missing", ["rng", "counters", "replay", "network", "published", "extra"])
 def test_metadata_that_lacks_something_is_refused(edited, missing) -> None:
     path = find_checkpoint(edited) / "metadata.json"

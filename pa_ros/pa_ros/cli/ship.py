@@ -10,6 +10,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros ship`."""
     parser.add_argument("run", type=Path, help="folder that a training run left")
     parser.add_argument("name", help="shipped:NAME is what it will be called")
+    parser.add_argument(
+        "--replace", action="store_true", help="the policy of that name, if there is one"
+    )
     parser.add_argument("--scores", type=Path, default=Path("runs/experiments/scores"))
 
 
@@ -31,8 +34,9 @@ def run_card(run: Path, cache: Path) -> dict[str, object]:
 def run(options: argparse.Namespace) -> int:
     """Score the policy, then write it with its card; prints the folder."""
     from pa_ros.evaluation.scoring.agents import trained
-    from pa_ros.learning.checkpoints import ship
+    from pa_ros.learning.checkpoints import check_ship_name, ship
 
+    check_ship_name(options.name, options.replace)  # before it is scored
     card = run_card(options.run, options.scores)
-    print(ship(trained(options.run), options.name, card))
+    print(ship(trained(options.run), options.name, card, options.replace))
     return 0

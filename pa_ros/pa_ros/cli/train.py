@@ -91,6 +91,8 @@ def run(options: argparse.Namespace) -> int:
     if learner.counters.frames < config.frames:
         print(f"stopped after {learner.counters.frames:,} frames, saved: --resume goes on")
         return EXIT_INTERRUPTED
+    if learner.counters.frames >= config.frames + arena.episode_steps:
+        print(f"there were {learner.counters.frames:,} frames already: nothing was learned")
     print(f"checkpoint and curve in {config.out}; next: pa_ros eval --checkpoint {config.out}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0
 

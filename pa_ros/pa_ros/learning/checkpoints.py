@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -100,6 +101,10 @@ def read_metadata(path: Path) -> dict[str, Any]:
                 f"checkpoint: {directory}: expected format {OLDER[0]} to {FORMAT}, "
                 f"got {values['format']!r}"
             )
+        if not isinstance(values["extra"], dict):
+            raise CheckpointError(
+                f"checkpoint: {directory}: extra: expected facts by name, got {values['extra']!r}"
+            )
     except (OSError, ConfigError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {METADATA}: {error!r}") from error
     return dict(values)
@@ -153,14 +158,14 @@ def check_trained_with(
     Raises CheckpointError, naming both sides, if it is of others.
     """
     values = read_metadata(path)
-    check_facts(path, values["extra"], **facts)
+    check_facts(path, values, **facts)
     _check_same(find_checkpoint(path), values, network, config, scoring)
     return values
 
 
-def check_facts(path: Path, extra: Mapping[str, Any], **expected: object) -> None:
-    """Raise CheckpointError unless what a checkpoint's run said of itself is this."""
-    facts = {"arm": "jaco", **extra}  # 0.2 had no other
+def check_facts(path: Path, values: Mapping[str, Any], **expected: object) -> None:
+    """Raise CheckpointError unless a checkpoint's run said this of itself in metadata.json."""
+    facts = {"arm": "jaco", **values["extra"]}  # 0.2 had no other
     for name, value in expected.items():
         if facts.get(name) != value:
             raise CheckpointError(
@@ -190,11 +195,23 @@ def _shipped(name: str) -> Path:
     return SHIPPED / name
 
 
-def ship(run: Path, name: str, card: dict[str, Any], folder: Path = SHIPPED) -> Path:
+def check_ship_name(name: str, replaces: bool = False, folder: Path = SHIPPED) -> None:
+    """Raise ConfigError unless a policy can be shipped under this name."""
+    if not re.fullmatch(r"[\w-]+", name, re.ASCII):
+        raise ConfigError(f"ship: name: expected letters, digits, '-' and '_', got {name!r}")
+    if (folder / name).exists() and not replaces:
+        raise ConfigError(f"ship: name: expected another than {name!r}, which is there (--replace)")
+
+
+def ship(
+    run: Path, name: str, card: dict[str, Any], replaces: bool = False, folder: Path = SHIPPED
+) -> Path:
     """Keep what acting needs of a checkpoint as the shipped policy `name`; its directory.
 
-    `card` joins the metadata's `extra`: where the policy comes from and how it scores.
+    `card` joins the metadata's `extra`: where the policy comes from and how it scores. Raises
+    ConfigError for a name that is none, or is taken and not to be replaced.
     """
+    check_ship_name(name, replaces, folder)
     directory, values = find_checkpoint(run), read_metadata(run)
     policy = _load_policies(directory, values)[-1]
     values["published"] = [policy.version]

@@ -27,7 +27,7 @@ from pa_ros.core.experience import AgentKey, Float64, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.core.settings import Settings
 from pa_ros.language import PRODUCT, Program
-from pa_ros.learning.checkpoints import check_facts, restore, save_checkpoint
+from pa_ros.learning.checkpoints import check_facts, read_metadata, restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import DivergedError
 from pa_ros.learning.folder import checkpoint_of, claim
@@ -163,10 +163,9 @@ def _resume(config: TrainConfig, learner: Learner) -> dict[str, Any]:
     if passed_over:
         log.warning(passed_over)
         make_latest(path)
-    extra = restore(path, learner)
     facts = {name: getattr(config, name) for name in ("seed", "design", "preset", "arm")}
-    check_facts(path, extra, **facts)
-    return extra
+    check_facts(path, read_metadata(path), **facts)
+    return restore(path, learner)
 
 
 class _Transport:
