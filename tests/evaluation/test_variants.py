@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pa_ros.cli.main import main
 from pa_ros.evaluation.pictures.variants import in_words
 from pa_ros.evaluation.results import write_algorithms, write_variants
 from pa_ros.evaluation.scoring.tables import TableError, read_rows
@@ -112,3 +113,24 @@ def test_nothing_to_compare_is_refused(tmp_path: Path) -> None:
 )
 def test_a_variant_is_called_what_it_changes(changed: str, words: str) -> None:
     assert in_words(changed) == words
+
+
+@pytest.mark.parametrize("said", ["{", "[]", "{}", '{"preset": "fast"}'])
+def test_a_damaged_setting_is_refused_and_not_passed_over(tmp_path, said, capsys) -> None:
+    for experiment in (BASE, replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))):
+        table(tmp_path, experiment, {0: [0.1, 0.95]})
+    (tmp_path / "programmable-2L.free.json").write_text(said)
+    for command in (["experiment", "variants"], ["figures", "programmable-2L.free"]):
+        assert main([*command, "--results", str(tmp_path)]) == 2
+        error = capsys.readouterr().err
+        assert "programmable-2L.free.json: " in error and error.count("\n") == 1
+
+
+def test_a_seed_without_its_summary_is_refused(tmp_path) -> None:
+    for experiment in (BASE, replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))):
+        table(tmp_path, experiment, {0: [0.1, 0.95]})
+    other = tmp_path / "other"
+    table(other, replace(BASE, tag="free"), {3: [0.1]})
+    (other / "programmable-2L.free-seeds.csv").rename(tmp_path / "programmable-2L.free-seeds.csv")
+    with pytest.raises(TableError, match=r"free-seeds.csv: expected seeds \[0\], found none"):
+        write_variants("programmable-2L", tmp_path)

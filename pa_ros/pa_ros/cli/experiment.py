@@ -162,8 +162,8 @@ def _compare(results: Path) -> int:
     """Every programmable experiment beside its variants on that arm, where tables of any are."""
     from pa_ros.arena import PRESETS
     from pa_ros.evaluation.results import write_variants
-    from pa_ros.evaluation.scoring.tables import TableError
     from pa_ros.evaluation.studies.experiments import experiment_named
+    from pa_ros.evaluation.studies.variants import NoVariantsError
 
     written, missing = 0, []
     for name, preset in itertools.product(("programmable-2L", "programmable-3D"), PRESETS):
@@ -171,7 +171,7 @@ def _compare(results: Path) -> int:
             label = replace(experiment_named(name), preset=preset).label
             print(write_variants(label, results))
             written += 1
-        except TableError as error:
+        except NoVariantsError as error:
             missing.append(str(error))
     if not written:
         print("\n".join(missing))

@@ -11,7 +11,7 @@ from pa_ros.evaluation.pictures.generalization import detector_figure, generaliz
 from pa_ros.evaluation.pictures.learning import algorithms_figure
 from pa_ros.evaluation.pictures.variants import variants_figure
 from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+from pa_ros.evaluation.scoring.tables import read_rows, read_setting, write_rows
 from pa_ros.evaluation.studies.detectors import Accuracy, detector_table
 from pa_ros.evaluation.studies.equalities import Difference, difference_table
 from pa_ros.evaluation.studies.generalization import (
@@ -54,7 +54,7 @@ def generalization(
 def redraw_generalization(table: Path) -> Path:
     """The picture of a table that `generalization` wrote, beside it; its path."""
     rows = read_rows(table, Row)
-    facts = json.loads(table.with_suffix(".json").read_text())
+    facts = read_setting(table, "design", "preset", "agents", "episodes")
     picture = table.with_suffix(".png")
     generalization_figure(
         picture,

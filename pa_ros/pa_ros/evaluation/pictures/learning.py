@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from pa_ros.evaluation.pictures.drawing import save
 from pa_ros.evaluation.scoring.intervals import Interval, mean_interval
-from pa_ros.evaluation.scoring.tables import TableError
+from pa_ros.evaluation.scoring.tables import TableError, read_setting
 from pa_ros.evaluation.studies.experiments import SOLVED
 
 Float = NDArray[np.float64]
@@ -128,6 +127,9 @@ def _finish(figure: Figure, axes: Axes, title: str, drawn: Sequence[Scores]) -> 
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8)
 
 
+_SHOWN = ("design", "network", "protocol", "preset", "switch_frames", "learner")
+
+
 def is_curves(table: Path) -> bool:
     """Whether a CSV holds learning curves, and its setting is beside it."""
     with table.open() as file:
@@ -138,9 +140,8 @@ def _read(table: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
     try:
         with table.open(newline="") as file:
             rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
-        setting = json.loads(table.with_suffix(".json").read_text())
         if rows and {"seed", "frames"} <= rows[0].keys():
-            return rows, setting
+            return rows, read_setting(table, *_SHOWN)
         raise ValueError("expected columns seed and frames, and at least one row")
     except (OSError, ValueError, TypeError) as error:
         raise TableError(f"{table}: {error}") from error

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 from pa_ros.core.errors import PaError
+from pa_ros.core.settings import read_json
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -57,6 +58,19 @@ def read_rows(path: Path, kind: type[RowT]) -> list[RowT]:
             ]
     except (OSError, ValueError, TypeError) as error:
         raise TableError(f"{path}: {error!r}") from error
+
+
+def read_setting(table: Path, *needed: str) -> dict[str, Any]:
+    """What a table was made of: the JSON beside it. TableError unless it says all that is `needed`."""
+    path = table.with_suffix(".json")
+    try:
+        setting = read_json(path.read_text())
+    except (OSError, ValueError) as error:
+        raise TableError(f"{path}: {error!r}") from error
+    if not isinstance(setting, dict) or not setting.keys() >= set(needed):
+        got = sorted(setting) if isinstance(setting, dict) else type(setting).__name__
+        raise TableError(f"{path}: expected JSON with {sorted(needed)}, got {got}")
+    return setting
 
 
 def _cell(value: object) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pa_ros.evaluation.scoring.intervals import mean_interval
-from pa_ros.evaluation.scoring.tables import TableError, read_rows
+from pa_ros.evaluation.scoring.tables import TableError, read_rows, read_setting
 from pa_ros.evaluation.studies.experiments import (
     DPG,
     SeedSummary,
@@ -21,6 +20,12 @@ from pa_ros.evaluation.studies.experiments import (
 )
 
 _SAME = ("arm", "preset", "protocol", "algorithm")  # of what is compared
+
+
+class NoVariantsError(TableError):
+    """Nothing to compare."""
+
+    code = "evaluation.no_variants"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +51,8 @@ def compare(
 
     `name` is an experiment's label, which says its arm: `programmable-3D.paper-arm`. `by` is
     "options", those with a tag behind the name, or "algorithm". Also each one's seeds. Raises
-    TableError where there is no table of that name or no variant.
+    NoVariantsError where there is no table of that name or no variant, TableError for files that
+    are damaged.
     """
     tables = sorted(
         table
@@ -55,7 +61,7 @@ def compare(
     )
     settings = {
         table: {"arm": "jaco", "algorithm": DPG}
-        | dict(json.loads(table.with_suffix(".json").read_text()))
+        | read_setting(table, "preset", "protocol", "options")
         for table in tables
     }
     own = settings.get(results / f"{name}.csv", {})
@@ -66,12 +72,14 @@ def compare(
         and (by == "options" or setting["options"] == own.get("options"))
     ]
     if len(chosen) < 2:
-        raise TableError(f"variants: expected {name} and a variant of it in {results}")
+        raise NoVariantsError(f"variants: expected {name} and a variant of it in {results}")
     curves = {table: _curves(table) for table in chosen}
     frames = min(min(rows[-1]["frames"] for rows in seeds.values()) for seeds in curves.values())
     rows, seeds_of = [], {}
     for table in chosen:
         final = {row.seed: row for row in read_rows(seeds_table(table), SeedSummary)}
+        if missing := sorted(curves[table].keys() - final.keys()):
+            raise TableError(f"{seeds_table(table)}: expected seeds {missing}, found none")
         seeds = [_until(frames, curve, final[seed]) for seed, curve in curves[table].items()]
         seeds_of[table.stem] = seeds
         changed = settings[table][by]
