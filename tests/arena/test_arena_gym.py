@@ -9,8 +9,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from pa_ros.arena import ENV_ID, ReachEnv, conditions_for, design_named
+from pa_ros.arena.errors import CommandError
 from pa_ros.arena.references import scripted_action
 from pa_ros.core.errors import ConfigError
+from pa_ros.language import ProgramError
+from pa_ros.language.errors import NamesNothingError
 
 UNBOUNDED = "ignore:.*Box observation space (min|max)imum value is .*infinity"
 
@@ -149,3 +152,42 @@ def test_bad_options_are_refused() -> None:
         ReachEnv().step(np.zeros(6, dtype=np.float32))
     with pytest.raises(ConfigError, match="eval"):
         ReachEnv(design="2-C", condition="eval").reset()
+
+
+@pytest.mark.parametrize("action", [np.zeros(5), np.zeros(1), 0.5, "x", None, np.full(6, np.nan)])
+def test_an_action_that_is_none_is_refused_and_nothing_moves(action: Any) -> None:
+    env = ReachEnv()
+    env.reset(seed=0)
+    before = env.task.simulation.joint_position.copy()
+    with pytest.raises(CommandError, match="expected"):
+        env.step(action)
+    np.testing.assert_array_equal(env.task.simulation.joint_position, before)
+    assert env.step(np.zeros(6, np.float32))[0].shape == env.observation_space.shape
+
+
+def test_a_reward_may_be_named() -> None:
+    env = gymnasium.make(ENV_ID, reward='{"name": "sparse", "satisfied": 3.0, "otherwise": -2.0}')
+    env.reset(seed=0)
+    assert env.step(np.zeros(6, np.float32))[1] in (3.0, -2.0)
+    with pytest.raises(ConfigError, match=r"expected one of \['sparse'.*'dense'"):
+        gymnasium.make(ENV_ID, reward="dense")
+
+
+def test_an_episodes_program_may_be_asked_for() -> None:
+    env = ReachEnv(design="3-D", observation="structured")
+    env.reset(seed=0)
+    named = [block.kind.words for block in env.task.episode.blocks]
+    word = next(iter(sorted(named[0])))
+    seen, info = env.reset(seed=0, options={"program": f"NEAR(HAND, NOT({word}))"})
+    assert info["program"] == f"NEAR(HAND, NOT({word}))"
+    other, _ = env.reset(seed=0, options={"program": f"NEAR(HAND, {word})"})
+    np.testing.assert_array_equal(seen["objects"], other["objects"])
+    assert not np.array_equal(seen["program"], other["program"])
+    for options, error, said in (
+        ({"program": "NEAR(HAND"}, ProgramError, "expected"),
+        ({"program": "NEAR(HAND, A)"}, NamesNothingError, "A"),
+        ({"programme": "x"}, ConfigError, r"expected 'program' alone, got \['programme'\]"),
+    ):
+        with pytest.raises(error, match=said):
+            env.reset(seed=0, options=options)
+    assert env.step(np.zeros(6, np.float32))[4]["program"]

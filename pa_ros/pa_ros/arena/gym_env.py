@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import Design, design_named
+from pa_ros.arena.errors import CommandError
 from pa_ros.arena.flat import FlatObservation
 from pa_ros.arena.render import top_view
 from pa_ros.arena.structured import PROGRAM_ROWS, StructuredObservation
 from pa_ros.arena.task import ReachTask, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, Verdict
+from pa_ros.language import parse
 from pa_ros.world import Reward
+from pa_ros.world.reward import reward_from
 
 ENV_ID = "pa_ros/Reach-v0"
 SEED_RANGE = 2**31 - 1
@@ -33,8 +36,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
     Observation: a vector (`pa_ros.arena.flat`). Action, [J] in [-1, 1]:
     parts of the joint speed limits. With `observation="structured"` a `Dict` of objects, arm and
     program (`pa_ros.arena.structured`), for programs of any kind. Reward ±1, or as `reward` has
-    it. Episodes are truncated, never terminated. `info` has the program, the distance (m) and
-    whether it is satisfied.
+    it: one of `pa_ros.world`'s, its name, or its JSON. Episodes are truncated, never terminated.
+    `info` has the program, the distance (m) and whether it is satisfied.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -45,7 +48,7 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         design: str | Design = "2-C",
         condition: str = "train",
         render_mode: str | None = None,
-        reward: Reward | None = None,
+        reward: Reward | str | None = None,
         arm: str = "jaco",
         observation: Literal["flat", "structured"] = "flat",
         program_rows: int = PROGRAM_ROWS,
@@ -57,6 +60,7 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
             raise ConfigError(f"gym: render_mode: expected None or rgb_array, got {render_mode!r}")
         self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm)
         self.design = design if isinstance(design, Design) else design_named(design)
+        reward = reward_from(reward) if isinstance(reward, str) else reward
         self.condition, self.render_mode, self._reward = condition, render_mode, reward
         self.world = world_of(self.config, self.design)
         self.flat = FlatObservation(self.world, self.design, condition)
@@ -75,18 +79,37 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Next episode; with a seed, episode 0 of that seed."""
+        """Next episode; with a seed, episode 0 of that seed.
+
+        `options`: {"program": its text} in place of the episode's own. Raises ConfigError for other
+        options, ProgramError for a text that is none, and NamesNothingError for one that names none
+        of the blocks of that episode, which begins all the same.
+        """
+        asked = dict(options or {})
+        program = asked.pop("program", None)
+        if asked:
+            raise ConfigError(f"gym: options: expected 'program' alone, got {sorted(asked)}")
+        parsed = None if program is None else parse(str(program), self.world.vocabulary)
         super().reset(seed=seed)
         if seed is not None or self._task is None:
             drawn = int(self.np_random.integers(SEED_RANGE))
             self._task, self._next_episode = self._new_task(drawn), 0
         observation, verdict = self._task.reset(self._next_episode, self.condition)
         self._next_episode += 1
+        if parsed is not None:
+            observation, verdict = self._task.set_program(parsed)
         return self._observed(observation), self._info(verdict)
 
     def step(self, action: Float32) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        command = np.asarray(action, dtype=np.float64) * self._limits
-        observation, verdict = self.task.step(command)
+        """Raises CommandError for an action that is not [J] finite numbers; then nothing moves."""
+        expected = f"gym: action: expected [{len(self._limits)}] numbers in [-1, 1], got"
+        try:
+            parts = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise CommandError(f"{expected} {action!r}") from error
+        if parts.shape != self._limits.shape:
+            raise CommandError(f"{expected} {list(parts.shape)}")
+        observation, verdict = self.task.step(parts * self._limits)
         seen, info = self._observed(observation), self._info(verdict)
         return seen, verdict.reward, False, verdict.truncated, info
 

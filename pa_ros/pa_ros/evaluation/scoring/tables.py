@@ -61,7 +61,10 @@ def read_rows(path: Path, kind: type[RowT]) -> list[RowT]:
 
 
 def read_setting(table: Path, *needed: str) -> dict[str, Any]:
-    """What a table was made of: the JSON beside it. TableError unless it says all that is `needed`."""
+    """What a table was made of, by the JSON beside it.
+
+    TableError unless that says all that is `needed`.
+    """
     path = table.with_suffix(".json")
     try:
         setting = read_json(path.read_text())
