@@ -171,6 +171,8 @@ def test_a_reward_may_be_named() -> None:
     assert env.step(np.zeros(6, np.float32))[1] in (3.0, -2.0)
     with pytest.raises(ConfigError, match=r"expected one of \['sparse'.*'dense'"):
         gymnasium.make(ENV_ID, reward="dense")
+    with pytest.raises(ConfigError, match="expected a Reward or a name of one, got 2"):
+        gymnasium.make(ENV_ID, reward=2)
 
 
 def test_an_episodes_program_may_be_asked_for() -> None:

@@ -61,6 +61,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm)
         self.design = design if isinstance(design, Design) else design_named(design)
         reward = reward_from(reward) if isinstance(reward, str) else reward
+        if not isinstance(reward, (Reward, type(None))):
+            raise ConfigError(f"gym: reward: expected a Reward or a name of one, got {reward!r}")
         self.condition, self.render_mode, self._reward = condition, render_mode, reward
         self.world = world_of(self.config, self.design)
         self.flat = FlatObservation(self.world, self.design, condition)
