@@ -60,6 +60,14 @@ def test_a_table_without_rows_is_refused(tmp_path):
         learning_figure(table)
 
 
+def test_what_is_no_table_is_passed_over(tmp_path, capsys):
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "binary.json").write_text("{}")
+    (tmp_path / "folder.csv").mkdir()
+    assert main(["figures", "--results", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == ""
+
+
 def drawn(monkeypatch, tmp_path, count, lengths):
     """Figure of a table of so many seeds."""
     figures = []

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from pa_ros.cli.options import add_settings, settings_from
+from pa_ros.cli.options import add_settings, file_to_write, folder_to_write, settings_from
 from pa_ros.core.report import write_report
 from pa_ros.tools.chaos.campaign import ChaosConfig, campaign
 from pa_ros.tools.chaos.report import report, write_table
@@ -17,9 +16,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros chaos`."""
     add_settings(parser, ChaosConfig, "cycles", "minutes", "only")
     parser.add_argument("--short", action="store_true", help="a minute: three rows of processes")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="keep the logs and bags there")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="write the rows as FAULTS.md")
+    parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
+    parser.add_argument(
+        "--out", type=folder_to_write, metavar="DIR", help="keep the logs and bags there"
+    )
+    parser.add_argument(
+        "--table", type=file_to_write, metavar="FILE", help="write the rows as FAULTS.md"
+    )
     parser.epilog = "exit status 1 if a row failed"
 
 

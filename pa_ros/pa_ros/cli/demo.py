@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pa_ros.arena import ArenaChoice, design_named, preset_named
-from pa_ros.cli.options import add_setting, add_settings, settings_from
+from pa_ros.cli.options import add_settings, folder_to_write, settings_from
 from pa_ros.console.address import TOKEN, free_port, sending
 from pa_ros.core.errors import PaError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
@@ -38,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-console", dest="console", action="store_false",
         help="don't serve the page of `pa_ros console` meanwhile, which is done where its extra is",
     )  # fmt: skip
-    add_setting(parser, DemoConfig, "folder", "--out", "runs/demo-<time>", "DIR")
+    parser.add_argument(
+        "--out", dest="folder", type=folder_to_write, metavar="DIR",
+        help=f"{DemoConfig.leaf('folder').description} (runs/demo-<time>)",
+    )  # fmt: skip
     parser.add_argument(
         "--domain-id", type=int, metavar="N", help="ROS domain (default: an unused one)"
     )

@@ -7,7 +7,7 @@ import itertools
 import logging
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -114,13 +114,12 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.name in STUDIES:
         return _study(options, seeds)
-    from pa_ros.evaluation.studies.experiments import check_run
     from pa_ros.evaluation.studies.seeds import folder_of, tabulate
 
     experiment = _experiment(options)
     folder = options.runs / experiment.label
-    for seed in seeds:  # first, since the table is made whatever becomes of the others
-        check_run(experiment, seed, folder_of(folder, seed))
+    runs = {seed: folder_of(folder, seed) for seed in seeds}
+    _check_runs(experiment, runs)  # first, since the table is made whatever becomes of the others
     try:
         _train(options, experiment, seeds, folder)
     finally:
@@ -128,6 +127,20 @@ def run(options: argparse.Namespace) -> int:
             print_summaries(done.summaries)
             print(done.table)
     return 0
+
+
+def _check_runs(experiment: Experiment, runs: Mapping[int, Path], ended: bool = False) -> None:
+    """Raise ConfigError if one of them, by seed, is of another setting, seed or length."""
+    from pa_ros.evaluation.studies.experiments import check_run
+    from pa_ros.learning.errors import CheckpointError
+
+    for seed, run in runs.items():
+        try:
+            check_run(experiment, seed, run, ended)
+        except CheckpointError as error:
+            raise ConfigError(
+                f"{error}: the same options, or another --runs, are needed"
+            ) from error
 
 
 def _train(
@@ -215,7 +228,6 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Evaluate the trained seeds of programmable-3D."""
     from pa_ros.evaluation import results
     from pa_ros.evaluation.scoring.agents import load_agent
-    from pa_ros.evaluation.studies.experiments import check_run
     from pa_ros.evaluation.studies.seeds import folder_of
     from pa_ros.learning.folder import holds_checkpoint
 
@@ -230,8 +242,7 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
             f"none of seeds {untrained}: first `pa_ros experiment programmable-3D` with the same "
             "options"
         )
-    for seed, run in runs.items():
-        check_run(experiment, seed, run, ended=True)
+    _check_runs(experiment, runs, ended=True)
     if options.cluster is not None:
         _score_on_cluster(options, runs)
     logic = logic_named(options.logic)

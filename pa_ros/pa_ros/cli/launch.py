@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import get_args
 
 from pa_ros.acting.config import Schedule
 from pa_ros.cli.console import page_beside
+from pa_ros.cli.options import folder_to_write
 from pa_ros.core.signals import signals_noted
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import claimed, start_nodes, watch
@@ -51,11 +51,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="who waits for whom: the learner's schedule.in_step (default: the file's)",
     )  # fmt: skip
     parser.add_argument(
-        "--out", type=Path, metavar="DIR",
+        "--out", type=folder_to_write, metavar="DIR",
         help="where parameters, logs and, if the file names no place, what is learned go "
         "(default: a new runs/launch-<time>)",
     )  # fmt: skip
-    parser.add_argument("--record", type=Path, metavar="BAG", help="record the graph into a bag")
+    parser.add_argument(
+        "--record", type=folder_to_write, metavar="BAG", help="record the graph into a bag"
+    )
     parser.add_argument(
         "--console", action="store_true",
         help="serve the page of `pa_ros console`, on a port that is free",

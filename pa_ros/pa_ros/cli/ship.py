@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pa_ros.cli.options import folder_to_write
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros ship`."""
@@ -13,7 +15,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replace", action="store_true", help="the policy of that name, if there is one"
     )
-    parser.add_argument("--scores", type=Path, default=Path("runs/experiments/scores"))
+    parser.add_argument(
+        "--scores",
+        type=folder_to_write,
+        default=Path("runs/experiments/scores"),
+        metavar="DIR",
+        help="where what was scored is kept (%(default)s)",
+    )
 
 
 def run_card(run: Path, cache: Path) -> dict[str, object]:

@@ -132,8 +132,10 @@ _SHOWN = ("design", "network", "protocol", "preset", "switch_frames", "learner")
 
 def is_curves(table: Path) -> bool:
     """Whether a CSV holds learning curves, and its setting is beside it."""
-    with table.open() as file:
-        return file.readline().startswith("seed,frames,") and table.with_suffix(".json").exists()
+    if not (table.is_file() and table.with_suffix(".json").exists()):
+        return False
+    with table.open("rb") as file:
+        return file.readline().startswith(b"seed,frames,")
 
 
 def _read(table: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
