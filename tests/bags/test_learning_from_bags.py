@@ -56,6 +56,17 @@ def test_learning_from_the_bag_ends_in_the_live_learners_checkpoint(recorded, tm
         assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
 
 
+@pytest.mark.parametrize("option", ["--algorithm=td3", "--design=3-D", "--protocol=paper",
+                                    "--reward=sparse ", "--network=canonical"])  # fmt: skip
+def test_what_the_recording_says_is_not_asked_for_in_vain(recorded, tmp_path, option, capsys):
+    out = tmp_path / "out"
+    option = option.replace("sparse ", '{"name": "sparse", "satisfied": 2.0}')
+    assert main(["train", "--from-bag", str(recorded / "bag"), "--out", str(out), option]) == 2
+    name = option.partition("=")[0][2:]
+    assert f"expected the recording's own {name}, which" in capsys.readouterr().err
+    assert not out.exists() or not [path for path in out.iterdir() if path.name != ".lock"]
+
+
 def test_verify_finds_every_version_equal(recorded, capsys):
     assert main(["verify", str(recorded / "bag")]) == 0
     out = capsys.readouterr().out

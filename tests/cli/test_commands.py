@@ -95,6 +95,11 @@ def test_train_then_eval(tmp_path, capsys):
         ),
         (["experiment", "detectors", "--conditions", "eval"], "of generalization alone"),
         (["experiment", "programmable-2L", "--json", "x.json"], "--json of summary alone"),
+        (["train", "--out", "unused", "--namespace", "/a"], "--namespace: expected --from-bag"),
+        (
+            ["train", "--out", "unused", "--from-bag", "nowhere", "--frames", "5"],
+            "expected the recording's own frames, which --set and --seed alone may change",
+        ),
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["launch", "--record", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["demo", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),

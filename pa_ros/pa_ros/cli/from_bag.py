@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import time
+from collections.abc import Set
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -13,13 +14,14 @@ from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.offline import Lessons, learn
 from pa_ros.bags.reader import Bag
-from pa_ros.cli.options import settings_from
+from pa_ros.cli.options import asked, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import Protocol, protocol_named
+from pa_ros.learning.loop import TrainConfig
+from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.codec import weights_checksum
 from pa_ros.world import Scoring, reward_from
@@ -27,12 +29,14 @@ from pa_ros.world import Scoring, reward_from
 log = logging.getLogger(__name__)
 REPORT_S = 5.0
 EXIT_INCOMPLETE = 1
+USED = {"out", "seed", "design", "preset", "arm", "reward"}  # of a run's settings, here too
 
 
 def run(options: argparse.Namespace) -> int:
     """Learn from the bags in order and leave a checkpoint; settings are the first bag's own."""
     if options.resume or options.record:
         raise ConfigError("--from-bag: expected neither --resume nor --record with it")
+    _refuse(set(asked(options, TrainConfig)) - USED)
     with ExitStack() as stack:
         stack.enter_context(claim(options.out))
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
@@ -54,6 +58,8 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         log.warning("%s; learning with --design, --protocol and --seed", error)
         return _learner_asked(options)
     assert origin.learner is not None
+    _refuse({*asked(options, ArenaChoice), *asked(options, LearningChoice)})
+    _refuse({"reward"} & set(asked(options, TrainConfig)))
     network = NetworkConfig.from_json(origin.learner.network)
     algorithm = origin.learner.algorithm
     config = ALGORITHMS[algorithm].config.from_json(origin.learner.learner)
@@ -85,6 +91,15 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
     )
     about = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
     return learner, {"seed": seed, **about}
+
+
+def _refuse(names: Set[str]) -> None:
+    """Raise ConfigError for options that would mean nothing."""
+    if names:
+        raise ConfigError(
+            f"--from-bag: expected the recording's own {', '.join(sorted(names))}, which --set and "
+            "--seed alone may change, got another"
+        )
 
 
 class _Progress:

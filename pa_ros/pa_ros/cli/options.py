@@ -59,6 +59,12 @@ def settings_from(options: argparse.Namespace, kind: type[Kind], **values: Any) 
     return kind(**{name: value for name, value in asked.items() if value is not None} | values)
 
 
+def asked(options: argparse.Namespace, kind: type[Settings]) -> list[str]:
+    """Which of these settings have another value than their default."""
+    names = [name for name in kind.model_fields if hasattr(options, name)]
+    return [name for name in names if getattr(options, name) not in (kind.leaf(name).default, None)]
+
+
 def file_to_write(text: str) -> Path:
     """An option's file. ConfigError, before any work is done for it, if it can't be written."""
     path = Path(text)

@@ -22,6 +22,7 @@ from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.cli.training_view import TrainingView
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.language import Program
@@ -64,6 +65,8 @@ def run(options: argparse.Namespace) -> int:
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     if options.from_bag:
         return from_bag.run(options)
+    if options.namespace is not None:
+        raise ConfigError("--namespace: expected --from-bag with it")
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
     protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
