@@ -100,6 +100,13 @@ def test_train_then_eval(tmp_path, capsys):
             ["train", "--out", "unused", "--from-bag", "nowhere", "--frames", "5"],
             "expected the recording's own frames, which --set and --seed alone may change",
         ),
+        (["experiment", "variants", "--seeds", "4"], "variants: expected no --seeds: it reads"),
+        (
+            ["experiment", "summary", "--preset", "paper", "--first-seed", "3", "--cluster", "x:1"],
+            "summary: expected no --cluster, --first-seed, --preset: it reads tables",
+        ),
+        (["bench", "codec", "--seeds", "4"], "bench codec: expected no --seeds"),
+        (["bench", "sim", "--graph", "--arenas", "2"], "bench sim: expected no --arenas, --graph"),
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["launch", "--record", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["demo", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),

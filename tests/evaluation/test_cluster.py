@@ -108,7 +108,7 @@ def refused(capsys: pytest.CaptureFixture[str], address: str, name: str = "progr
 
 def test_a_cluster_that_cannot_be_used_is_one_line(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    assert "no --cluster: it reads tables" in refused(capsys, "x:1", "variants")
+    assert "no --cluster, --seeds: it reads tables" in refused(capsys, "x:1", "variants")
     monkeypatch.setattr(cluster, "_ray", lambda: None)
     assert "expected HOST:PORT of Ray's head, got 'ray://x'" in refused(capsys, "ray://x")
     with socket.create_server(("127.0.0.1", 0)) as nobody:

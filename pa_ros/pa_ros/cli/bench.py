@@ -6,7 +6,7 @@ import argparse
 import os
 import tempfile
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -28,30 +28,40 @@ class BenchConfig(Settings):
     seeds: int = Field(3, ge=1, description="fleet: of each size; peers: of each contender")
 
 
+USUAL: dict[str, Any] = {
+    "network": "programmable",
+    "graph": False,
+    "growth": False,
+    "arenas": [1, 2, 4, 8],
+    "contenders": [],
+    "seeds": BenchConfig.leaf("seeds").default,
+    "minutes": None,
+}
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros bench`."""
     parser.add_argument("what", choices=sorted(BENCHMARKS))
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
-    parser.add_argument(
-        "--network", default="programmable", help="learner, train: kind of networks (%(default)s)"
-    )
+    parser.add_argument("--network", help="learner, train: kind of networks (%(default)s)")
     parser.add_argument(
         "--graph", action="store_true", help="train: the three nodes as processes instead"
     )
     add_setting(parser, BenchConfig, "minutes", otherwise="60; 0")
     add_setting(parser, BenchConfig, "seeds")
     parser.add_argument(
-        "--arenas", type=int, nargs="+", default=[1, 2, 4, 8], metavar="N",
+        "--arenas", type=int, nargs="+", metavar="N",
         help="fleet: how many, at ten times real time (%(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--contenders", nargs="+", default=[], metavar="NAME", help="peers: these alone (every one)"
+        "--contenders", nargs="+", metavar="NAME", help="peers: these alone (every one)"
     )
     parser.add_argument(
         "--growth", action="store_true",
         help="learner: time of an update against blocks, batch and programs; "
         "with --json a picture beside it",
     )  # fmt: skip
+    parser.set_defaults(**USUAL)
 
 
 def _codec(_: argparse.Namespace) -> Report:
@@ -165,8 +175,21 @@ BENCHMARKS = {
 }
 
 
+USED = {  # options by benchmark; the others have none but --json
+    "console": {"minutes"},
+    "endurance": {"minutes"},
+    "fleet": {"seeds", "arenas"},
+    "learner": {"network", "growth"},
+    "peers": {"seeds", "contenders"},
+    "train": {"network", "graph"},
+}
+
+
 def run(options: argparse.Namespace) -> int:
     """Measure, print, and write."""
+    unused = {name for name, usual in USUAL.items() if getattr(options, name) != usual}
+    if unused := unused - USED.get(options.what, set()):
+        raise ConfigError(f"bench {options.what}: expected no --{', --'.join(sorted(unused))}")
     threads = os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch or MuJoCo load
     report = BENCHMARKS[options.what](options)
     write_report(

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pa_ros.cli.options import add_setting, add_settings, file_to_write, folder_to_write
+from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, folder_to_write
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import write_report
 from pa_ros.language import MIN_MAX, Logic, logic_named
@@ -86,8 +86,8 @@ def run(options: argparse.Namespace) -> int:
     if options.name not in options.names:
         names = ", ".join(options.names)
         raise ConfigError(f"experiment: expected one of {names}, got {options.name!r}")
-    if options.cluster is not None and options.name in OF_TABLES:
-        raise ConfigError(f"experiment {options.name}: expected no --cluster: it reads tables")
+    if options.name in OF_TABLES:
+        _refuse_unused(options)
     if options.json is not None and options.name != "summary":
         raise ConfigError(f"experiment {options.name}: expected --json of summary alone")
     if options.name == "summary":
@@ -157,6 +157,24 @@ def _train(
 
     with Cluster(options.cluster, options.extension) as cluster:
         train_seeds_on(cluster, experiment, seeds, folder)
+
+
+def _refuse_unused(options: argparse.Namespace) -> None:
+    """Raise ConfigError for what a look at tables would pass over."""
+    from pa_ros.arena import ArenaChoice
+    from pa_ros.evaluation.scoring.evaluate import EvaluationConfig
+    from pa_ros.evaluation.studies.seeds import SeedsConfig
+    from pa_ros.learning.loop import TrainConfig
+    from pa_ros.learning.protocols import LearningChoice
+
+    kinds = (ArenaChoice, EvaluationConfig, SeedsConfig, TrainConfig, LearningChoice)
+    unused = {name for kind in kinds for name in asked(options, kind)}
+    unused |= {name for name in ("conditions", "cluster", "tag") if getattr(options, name)}
+    if options.options:
+        unused.add("set")
+    if unused:
+        names = ", --".join(sorted(unused)).replace("_", "-")
+        raise ConfigError(f"experiment {options.name}: expected no --{names}: it reads tables")
 
 
 def _summarize(options: argparse.Namespace) -> int:
