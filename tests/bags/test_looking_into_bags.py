@@ -177,6 +177,19 @@ def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
     assert "exists already" in capsys.readouterr().err
 
 
+def test_episodes_that_are_not_there_are_said(stepped, tmp_path, capsys):
+    chosen = ["bag", "export", str(stepped), "--episodes", "7", "9"]
+    assert main([*chosen, "--out", str(tmp_path / "out")]) == 2
+    said = "expected episodes that the bag has, got [9], too; 2 others are there"
+    assert said in capsys.readouterr().err
+    assert (tmp_path / "out" / "eval-000007.npz").exists()
+    pytest.importorskip("rerun")
+    assert main([*chosen, "--rerun", str(tmp_path / "out.rrd")]) == 2
+    assert "got [9], too" in capsys.readouterr().err and not (tmp_path / "out.rrd").exists()
+    assert main([*chosen, "--rerun", str(tmp_path / "out.rrd"), "--format", "npz"]) == 2
+    assert "expected --out with --format" in capsys.readouterr().err
+
+
 def test_parquet_holds_the_same_numbers_a_row_for_each_step(stepped, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     for kind in ("npz", "parquet"):

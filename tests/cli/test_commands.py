@@ -107,6 +107,13 @@ def test_train_then_eval(tmp_path, capsys):
         ),
         (["bench", "codec", "--seeds", "4"], "bench codec: expected no --seeds"),
         (["bench", "sim", "--graph", "--arenas", "2"], "bench sim: expected no --arenas, --graph"),
+        (
+            ["eval", "--checkpoint", "shipped:2-L", "--relations", "NEAR"],
+            "--relations: expected --policy with it: a checkpoint has its own",
+        ),
+        (["send", "NEAR(HAND, RED)", "--hold", "2"], "--hold: expected --wait with it"),
+        (["send", "--wait"], "--wait: expected a program with it"),
+        (["record", "--repair", "x", "--storage", "sqlite3"], "expected it alone, got storage"),
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["launch", "--record", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["demo", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),

@@ -31,10 +31,11 @@ def export(
     """Write `episode-<n>.<kind>` (`eval-<n>.<kind>`) and episodes.csv; how many.
 
     An episode that was recorded more than once gets `-2`, `-3`, … behind its number. BagError if
-    refused, ConfigError if the kind is none of KINDS or lacks its extra.
+    refused, or, with the others written, if the bag has not all of `numbers`; ConfigError if the
+    kind is none of KINDS or lacks its extra.
     """
     write = _writer(kind)
-    written: dict[str, int] = {}
+    written, missing = dict[str, int](), set(numbers or ())
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "episodes.csv").open("x", newline="") as file:
@@ -45,10 +46,16 @@ def export(
                     name = _name(episode, written, kind)
                     write(folder / name, episode.arrays())
                     table.writerow(_line(name, episode))
+                    missing.discard(episode.number)
     except FileExistsError as error:
         raise BagError(f"export: {error.filename} exists already, not overwriting") from None
     except OSError as error:
         raise BagError(f"export: {error}") from error
+    if missing:
+        raise BagError(
+            f"export: {folder}: expected episodes that the bag has, got {sorted(missing)}, too; "
+            f"{sum(written.values())} others are there"
+        )
     return sum(written.values())
 
 

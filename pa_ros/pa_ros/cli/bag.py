@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export.add_argument(
         "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
     )
-    export.add_argument("--format", default="npz", help="npz or parquet (%(default)s)")
+    export.add_argument("--format", help="npz or parquet (npz)")
     film = actions.add_parser("film", help="an episode as a GIF or MP4, from what was recorded")
     film.add_argument("--out", type=Path, required=True, metavar="FILE.gif|FILE.mp4")
     film.add_argument("--episode", type=int, required=True, metavar="N")
@@ -60,9 +60,13 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
 
     if (options.out is None) == (options.rerun is None):
         raise ConfigError("export: expected one of --out DIR and --rerun FILE.rrd")
+    if options.rerun is not None and options.format is not None:
+        raise ConfigError("export: expected --out with --format")
     if options.rerun is not None:
         return _export_rerun(bag, options)
-    count = export(episodes(bag, options.namespace), options.out, options.episodes, options.format)
+    count = export(
+        episodes(bag, options.namespace), options.out, options.episodes, options.format or "npz"
+    )
     print(f"{count} episodes in {options.out}, described in docs/bags.md")
     return 0
 

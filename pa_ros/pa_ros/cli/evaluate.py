@@ -58,6 +58,8 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
     if options.policy and options.logic != MIN_MAX.name:
         raise ConfigError(f"eval --logic: expected --checkpoint, got --policy {options.policy}")
+    if options.checkpoint and options.relations:
+        raise ConfigError("eval --relations: expected --policy with it: a checkpoint has its own")
     if options.checkpoint:
         logic = logic_named(options.logic)
         agent = load_agent(options.checkpoint, options.design, options.preset, options.arm, logic)

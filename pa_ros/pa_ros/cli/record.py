@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 
 from pa_ros.bags.repair import repair
-from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
+from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, settings_from
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import write_report
 from pa_ros.tools.record import Recorder, RecordingOptions, topics_named, topics_of
 
@@ -33,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Record until a signal comes, the time is up, or the disk is full."""
     if options.repair:
+        if unused := asked(options, RecordingOptions):
+            raise ConfigError(f"record --repair: expected it alone, got {', '.join(unused)}, too")
         return _repair(options.out)
     return _record(options, settings_from(options, RecordingOptions))
 

@@ -11,7 +11,7 @@ import sys
 import time
 
 from pa_ros.acting.execution import Execution
-from pa_ros.cli.options import add_setting, settings_from
+from pa_ros.cli.options import add_setting, asked, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.arena_client import ArenaClient
@@ -50,6 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Send, or have it pursued as a goal; print what is said to it and what becomes of it."""
     how = settings_from(options, SendOptions)
+    of_goals = {"time_limit_s": "--time-limit", "hold_s": "--hold"}
+    limits = [of_goals[name] for name in asked(options, SendOptions) if name in of_goals]
+    if limits and not how.wait:
+        raise ConfigError(f"{', '.join(limits)}: expected --wait with it: a goal has such limits")
+    if how.wait and options.text is None:
+        raise ConfigError("--wait: expected a program with it")
     with client_node("send", options.namespace) as node:
         try:
             if options.scene is not None:
@@ -59,6 +65,11 @@ def run(options: argparse.Namespace) -> int:
             if options.text is None:
                 return _describe(node, scene, how.timeout_s)
             status = _pursue(node, options.text, how) if how.wait else None
+            if status is None and limits:
+                raise ConfigError(
+                    f"{', '.join(limits)}: expected an agent that takes goals, found none (agents "
+                    "that learn take programs alone)"
+                )
             status = _send(node, options.text, how) if status is None else status
             if status == EXIT_REFUSED and spin_until(node, lambda: scene.known, SUGGEST_S):
                 print(_suggested(scene), file=sys.stderr)

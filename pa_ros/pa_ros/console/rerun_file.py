@@ -38,9 +38,12 @@ def check_rerun(path: Path) -> None:
 def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = None) -> int:
     """Write episodes, all or those of some numbers, onto one simulation time; how many.
 
-    Raises BagError if the file can't be written, or the joints' positions aren't recorded.
+    Raises BagError if the file can't be written, the bag has not all of `numbers`, or the joints'
+    positions aren't recorded.
     """
     rerun = _rerun()
+    if missing := sorted(set(numbers or ()) - {episode.number for episode in replay.episodes}):
+        raise BagError(f"export: {path}: expected episodes that the bag has, got {missing}, too")
     try:
         path.open("xb").close()
     except OSError as error:
