@@ -17,11 +17,13 @@ from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT
+from pa_ros.learning import loop
 from pa_ros.learning.checkpoints import load_policy, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import ConsumeReport, Learner
 from pa_ros.learning.loop import TrainConfig
+from pa_ros.learning.progress import Progress
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory
 
@@ -187,8 +189,6 @@ def test_a_run_cut_off_before_its_first_checkpoint_starts_its_curve_anew(tmp_pat
 
 
 def test_checkpoints_are_written_on_the_way(tmp_path, monkeypatch) -> None:
-    from pa_ros.learning import loop
-
     versions: list[int] = []
 
     def save(root: Path, learner: Learner, extra: dict) -> Path:
@@ -224,6 +224,71 @@ def test_of_learning_that_diverges_the_state_before_is_saved(tmp_path, monkeypat
     learner = Learner(NETWORK, wild, PROGRAMS, 3, SCORING)
     restore(kept, learner)
     assert all(np.isfinite(tensor).all() for tensor in learner.engine.tensors().values())
+
+
+def without_room(monkeypatch, name: str, times: int) -> None:
+    """The disk is full for so many checkpoints, or rows of the curve."""
+    kind: Any = {"save_checkpoint": loop, "replace": Path}[name]
+    original, left = getattr(kind, name), [times]
+
+    def full(path: Path, *arguments: Any) -> Any:
+        if name == "replace" and path.name != "progress.csv.part":
+            return original(path, *arguments)
+        left[0] -= 1
+        if left[0] >= 0:
+            raise CheckpointError("full") if kind is loop else OSError(28, "full")
+        return original(path, *arguments)
+
+    monkeypatch.setattr(kind, name, full)
+
+
+OFTEN: dict[str, Any] = {"evaluate_every_frames": 40, "checkpoint_every_frames": 60}
+
+
+def test_a_full_disk_costs_checkpoints_on_the_way_and_not_the_run(
+    tmp_path, monkeypatch, caplog
+) -> None:
+    unbroken = run(tmp_path / "a", 200, **OFTEN)
+    without_room(monkeypatch, "save_checkpoint", 2)
+    assert_same(unbroken, run(tmp_path / "b", 200, **OFTEN))
+    said = [record.message for record in caplog.records if "full" in record.message]
+    assert said == ["full: learning goes on, and is saved when there is room"] * 2
+    assert load_policy(tmp_path / "b/checkpoint").version == unbroken.counters.version
+
+
+def test_what_can_not_be_saved_at_the_end_is_an_error(tmp_path, monkeypatch) -> None:
+    without_room(monkeypatch, "save_checkpoint", 9)
+    with pytest.raises(CheckpointError, match="full"):
+        run(tmp_path, 200, **OFTEN)
+
+
+def test_rows_that_had_no_room_are_written_with_the_next(tmp_path, monkeypatch, caplog) -> None:
+    run(tmp_path / "a", 200, **OFTEN)
+    (tmp_path / "b").mkdir()
+    run(tmp_path / "b", 80, **OFTEN)
+    without_room(monkeypatch, "replace", 1)
+    kept = (tmp_path / "b/progress.csv").read_bytes()
+    with pytest.raises(CheckpointError, match="progress.csv.*full"):
+        run(tmp_path / "b", 200, resume=True, **OFTEN)
+    assert (tmp_path / "b/progress.csv").read_bytes() == kept, "it was whole before"
+    monkeypatch.undo()
+    original = Progress.add
+
+    def add(self: Progress, row: dict[str, float]) -> None:
+        with monkeypatch.context() as patch:
+            if row["frames"] == 120:
+                without_room(patch, "replace", 1)
+            original(self, row)
+
+    monkeypatch.setattr(Progress, "add", add)
+    run(tmp_path / "b", 200, resume=True, **OFTEN)
+    assert "full" in caplog.text and "is written with the next row" in caplog.text
+
+    def rows(name: str) -> list[str]:
+        with (tmp_path / name / "progress.csv").open(newline="") as file:
+            return [row["frames"] + row["critic_loss"] for row in csv.DictReader(file)]
+
+    assert rows("a") == rows("b") and len(rows("a")) == 5
 
 
 def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> None:

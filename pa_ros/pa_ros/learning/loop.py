@@ -29,7 +29,7 @@ from pa_ros.core.settings import Settings
 from pa_ros.language import PRODUCT, Program
 from pa_ros.learning.checkpoints import check_facts, read_metadata, restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.errors import DivergedError
+from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
@@ -251,7 +251,7 @@ class _Run:
             if _crossed(before, self._frames, self._config.evaluate_every_frames):
                 self._report()
             if _crossed(before, self._frames, self._config.checkpoint_every_frames):
-                self._save()
+                self._save_if_there_is_room()
         self._save()
 
     def _episode(self, index: int) -> None:
@@ -296,9 +296,19 @@ class _Run:
             actor.load(learner.snapshot())
             row |= self._evaluate(actor)
         self._rewards = []
-        self._progress.add(row)
+        try:
+            self._progress.add(row)
+        except OSError as error:
+            log.warning("progress: %s: this row is written with the next row", error)
         if self._watcher is not None:
             self._watcher.row(row)
+
+    def _save_if_there_is_room(self) -> None:
+        """On the way: hours are not given up for what the checkpoint before can make again."""
+        try:
+            self._save()
+        except CheckpointError as error:
+            log.warning("%s: learning goes on, and is saved when there is room", error)
 
     def _save(self) -> None:
         self._transport.drain()

@@ -3,44 +3,56 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
 
 from pa_ros.learning.errors import CheckpointError
 
+Row = Mapping[str, float] | Mapping[str, str]
+
 
 class Progress:
-    """Appends rows to a CSV file; the first row fixes the columns.
+    """Rows in a CSV file, which is whole at any moment; the first row fixes the columns.
 
     When resuming, rows after `frames` are dropped: that part of the run is repeated.
     """
 
     def __init__(self, path: Path, resume_frames: int | None = None) -> None:
+        """CheckpointError, with the file as it was, if it can't be read or written."""
         self._path = path
-        self._columns: list[str] | None = None
-        kept = self._rows_until(resume_frames) if resume_frames is not None else []
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("")
-        for row in kept:
-            self.add(row)
+        self._rows: list[Row] = [] if resume_frames is None else self._rows_until(resume_frames)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._write()
+        except OSError as error:
+            raise CheckpointError(f"progress: {path}: {error}") from error
 
-    def add(self, row: dict[str, float] | dict[str, str]) -> None:
-        """Write one row; CheckpointError if its columns are not the first row's."""
-        if self._columns is not None and self._columns != list(row):
+    def add(self, row: Row) -> None:
+        """One row more; CheckpointError if its columns are not the first row's.
+
+        OSError if there is no room for it: it is then written with the next.
+        """
+        if self._rows and list(self._rows[0]) != list(row):
             raise CheckpointError(
-                f"progress: {self._path}: expected columns {self._columns}, got {list(row)}"
+                f"progress: {self._path}: expected columns {list(self._rows[0])}, got {list(row)}"
             )
-        with self._path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, self._columns or list(row))
-            if self._columns is None:
-                self._columns = list(row)
-                writer.writeheader()
-            writer.writerow(row)
+        self._rows.append(row)
+        self._write()
 
-    def _rows_until(self, frames: int) -> list[dict[str, str]]:
+    def _write(self) -> None:
+        unfinished = self._path.with_name(f"{self._path.name}.part")
+        with unfinished.open("w", newline="") as file:
+            if self._rows:
+                writer = csv.DictWriter(file, list(self._rows[0]))
+                writer.writeheader()
+                writer.writerows(self._rows)
+        unfinished.replace(self._path)
+
+    def _rows_until(self, frames: int) -> list[Row]:
         if not self._path.exists():
             return []
         try:
             with self._path.open(newline="") as file:
                 return [row for row in csv.DictReader(file) if float(row["frames"]) <= frames]
-        except (KeyError, ValueError, TypeError) as error:
+        except (OSError, KeyError, ValueError, TypeError) as error:
             raise CheckpointError(f"progress: {self._path}: {error!r}") from error
