@@ -8,7 +8,11 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hosts import Hosts, hosts, why_not
@@ -16,14 +20,16 @@ from seeds_on_cluster import CONDITIONS, EPISODES, SEEDS, SMALL
 from waiting import wait_for
 
 from pa_ros.cli.main import main
+from pa_ros.core.errors import PaError
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.studies import cluster
-from pa_ros.evaluation.studies.cluster import ClusterError, write_files
-from pa_ros.evaluation.studies.experiments import CURVE, read_curve, run_seed
+from pa_ros.evaluation.studies.cluster import ClusterError, FailedError, write_files
+from pa_ros.evaluation.studies.cluster_jobs import SeedJob
+from pa_ros.evaluation.studies.experiments import CURVE, frames_done, read_curve, run_seed
 from pa_ros.evaluation.studies.generalization import generalize
-from pa_ros.evaluation.studies.seeds import folder_of
+from pa_ros.evaluation.studies.seeds import folder_of, train_seeds
 from pa_ros.learning.checkpoints import LATEST
-from pa_ros.learning.folder import checkpoint_of
+from pa_ros.learning.folder import checkpoint_of, claim
 
 DRIVER = Path(__file__).parents[1] / "seeds_on_cluster.py"
 RAY = Path(sys.executable).with_name("ray")
@@ -127,6 +133,62 @@ def test_a_cluster_that_cannot_be_used_is_one_line(capsys, monkeypatch, tmp_path
         taken = "{}:{}".format(*server.getsockname())
         assert f"Ray's head at {taken}, got another server" in refused(capsys, taken)
         thread.join()
+
+
+class LocalRay:
+    """Ray as far as `Cluster.run` needs it, at once and in this process; node 0 dies once."""
+
+    class exceptions:
+        class RayError(Exception):
+            pass
+
+        class RayTaskError(RayError):
+            cause: Exception
+
+    def __init__(self) -> None:
+        self.died = False
+
+    def remote(self, **_: Any) -> Any:
+        return lambda work: SimpleNamespace(remote=lambda *given: partial(work, *given))
+
+    def wait(self, running: list[Any], timeout: float) -> tuple[list[Any], list[Any]]:
+        return running[:1], running[1:]
+
+    def cluster_resources(self) -> dict[str, float]:
+        return {"CPU": 2.0}
+
+    def get(self, task: Any) -> Any:
+        if not self.died:
+            self.died = True
+            raise self.exceptions.RayError
+        try:
+            return task()
+        except PaError as error:
+            failed = self.exceptions.RayTaskError()
+            failed.cause = error
+            raise failed from error
+
+
+def test_a_seed_that_is_refused_leaves_the_others_to_be_trained(tmp_path) -> None:
+    """Here and on a cluster: the same again would end at the same seed for ever."""
+    said: list[str] = []
+    there = object.__new__(cluster.Cluster)
+    there._ray, there._extended = LocalRay(), ()
+    wrong = replace(SMALL, options=("learner.updates.discount=nan",))
+    jobs = [SeedJob(wrong if seed == 1 else SMALL, seed, tmp_path / f"seed-{seed}")
+            for seed in range(3)]  # fmt: skip
+    with pytest.raises(FailedError, match=r"but for seed 1: .*discount.*got 'nan'"):
+        there.run(jobs, lambda: None, said.append)
+    assert [line.partition(":")[0] for line in said] == ["seed 0", "seed 1 ended early"]
+    for seed in (0, 2):
+        assert frames_done(tmp_path / f"seed-{seed}" / CURVE) == SMALL.frames
+    short = replace(SMALL, frames=500)
+    with (
+        claim(folder_of(tmp_path / "here", 0)),
+        pytest.raises(FailedError, match="but for seed 0: .*another run writes into"),
+    ):
+        train_seeds(short, (0, 1), tmp_path / "here", jobs=1)
+    assert frames_done(folder_of(tmp_path / "here", 1) / CURVE) == 500
 
 
 def test_without_ray_its_extra_is_named(capsys, monkeypatch, tmp_path):

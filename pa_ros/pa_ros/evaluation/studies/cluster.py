@@ -36,6 +36,19 @@ class ClusterError(ConfigError):
     code = "config.cluster"
 
 
+class FailedError(PaError):
+    """Some of what was to be done was refused, or diverged; all the rest is done."""
+
+    code = "evaluation.failed"
+
+
+def check_failures(failures: Mapping[str, PaError]) -> None:
+    """Raise FailedError if there are any, by what was to be done."""
+    if failures:
+        what = "; ".join(f"{name}: {error}" for name, error in failures.items())
+        raise FailedError(f"expected all to end well, but for {what}")
+
+
 @dataclass(frozen=True)
 class Part:
     """What a node does: `work` in a folder that holds `files`; `keep` picks what comes back."""
@@ -121,10 +134,13 @@ class Cluster:
         """Do all jobs, as many at a time as the nodes have processors.
 
         `progress` is called about once a second, `tell` says which part was lost with its node and
-        is done again. An error of a part ends all; ClusterError if one is lost LOSSES times.
+        is done again, and which job was refused or diverged, after which the others go on:
+        FailedError, once they are through. ClusterError if a node cannot be used, or one part is
+        lost LOSSES times.
         """
         task = self._ray.remote(num_cpus=1, max_retries=0)(do_part)
         software, lost = versions(), dict[str, int]()
+        failures: dict[str, PaError] = {}
         running: dict[Any, Job] = {}
         waiting = deque(jobs)
         while waiting or running:
@@ -135,12 +151,21 @@ class Cluster:
             ended, _ = self._ray.wait(list(running), timeout=REFRESH_S) if running else ([], [])
             for reference in ended:
                 job = running.pop(reference)
-                if (why := self._take(reference, job)) is None:
+                try:
+                    why = self._take(reference, job)
+                except ClusterError:
+                    raise
+                except PaError as error:
+                    failures[job.name] = error
+                    tell(f"{job.name} ended early: {error}")
+                    continue
+                if why is None:
                     lost.pop(job.name, None)
                 else:
                     lost[job.name] = _lost_again(job.name, lost.get(job.name, 0), why, tell)
                 waiting.appendleft(job)
             progress()
+        check_failures(failures)
 
     def _take(self, reference: Any, job: Job) -> str | None:
         """Keep what came of a part; or why nothing came."""

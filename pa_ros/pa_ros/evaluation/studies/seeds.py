@@ -13,7 +13,9 @@ from pydantic import Field
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from pa_ros.core import extensions
+from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
+from pa_ros.evaluation.studies.cluster import check_failures
 from pa_ros.evaluation.studies.experiments import (
     CURVE,
     Experiment,
@@ -49,22 +51,29 @@ def train_seeds(
 ) -> None:
     """Each seed in a process, `jobs` at a time, with progress and time left.
 
-    `extended`: extensions that the processes import.
+    `extended`: extensions that the processes import. One that is refused or diverges is said and
+    the others go on; FailedError, once they are through.
     """
     folders = [folder_of(folder, seed) for seed in seeds]
     with (
         _processes(jobs, extended) as pool,
         SeedsProgress(experiment, folders) as progress,
     ):
-        pending: set[Future[Path]] = {
-            pool.submit(run_seed, experiment, seed, into)
+        seed_of: dict[Future[Path], int] = {
+            pool.submit(run_seed, experiment, seed, into): seed
             for seed, into in zip(seeds, folders, strict=True)
         }
+        pending, failures = set(seed_of), dict[str, PaError]()
         while pending:
             ended, pending = wait(pending, REFRESH_S, FIRST_COMPLETED)
             for future in ended:
-                future.result()
+                try:
+                    future.result()
+                except PaError as error:
+                    failures[f"seed {seed_of[future]}"] = error
+                    progress.tell(f"seed {seed_of[future]} ended early: {error}")
             progress.show()
+    check_failures(failures)
 
 
 def folder_of(folder: Path, seed: int) -> Path:
