@@ -55,8 +55,9 @@ $(VENV)/.installed-tensorboard: $(VENV)/.installed
 run: install-console
 	$(BIN)/pa_ros demo
 
+OUT ?= runs/train
 train: install
-	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out runs/train
+	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out $(OUT)
 
 # What a fleet on three hosts makes of a bad link and of a cut of half a minute; needs root.
 links: install-dev
