@@ -172,9 +172,9 @@ def sentences() -> dict[str, str]:
     slow, new = ".paper-arm", "reach-new-both"
     worst = [
         summary(f"{slow}.{tag}")[new]["worst_seed"]
-        for tag in ("relations-see-properties", "no-sparsity")
+        for tag in ("relations-see-properties", "no-sparsity", "biases")
     ]
-    found["worst new, slow"] = f"both new {worst[0]:.2f} and {worst[1]:.2f}"
+    found["worst new, slow"] = f"both new {worst[0]:.2f}, {worst[1]:.2f} and {worst[2]:.2f}"
     found["both new, slow"] = (
         f"after 100,000 frames, score {summary(slow)[new]['normalized']:.2f} in reaching blocks"
     )
