@@ -23,9 +23,10 @@ from pa_ros.cli.main import main
 from pa_ros.core.errors import PaError
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.studies import cluster
-from pa_ros.evaluation.studies.cluster import ClusterError, FailedError, write_files
+from pa_ros.evaluation.studies.cluster import ClusterError, write_files
 from pa_ros.evaluation.studies.cluster_jobs import SeedJob
 from pa_ros.evaluation.studies.experiments import CURVE, frames_done, read_curve, run_seed
+from pa_ros.evaluation.studies.failures import FailedError
 from pa_ros.evaluation.studies.generalization import generalize
 from pa_ros.evaluation.studies.seeds import folder_of, train_seeds
 from pa_ros.learning.checkpoints import LATEST

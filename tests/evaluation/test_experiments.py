@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
 import pytest
@@ -23,7 +24,8 @@ from pa_ros.evaluation.studies.experiments import (
     under_protocol,
     write_table,
 )
-from pa_ros.evaluation.studies.seeds import tabulate
+from pa_ros.evaluation.studies.failures import FailedError
+from pa_ros.evaluation.studies.seeds import tabulate, train_seeds
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.loop import train
 
@@ -135,6 +137,15 @@ def test_the_command_states_no_run_under_settings_that_are_not_its_own(
              scores=lambda _: NOTHING)  # fmt: skip
     assert main(["experiment", "detectors", "--seeds", "1", "--frames", "2500"]) == 2
     assert "detectors.gain: checkpoint 2.0, here 3.0" in capsys.readouterr().err
+
+
+def test_a_process_that_is_killed_is_one_line(tmp_path, monkeypatch) -> None:
+    def killed(*_: object) -> None:
+        raise BrokenProcessPool
+
+    monkeypatch.setattr("concurrent.futures.Future.result", killed)
+    with pytest.raises(FailedError, match="ended from outside"):
+        train_seeds(replace(SMALL, frames=300), [0], tmp_path, jobs=1)
 
 
 def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_path):

@@ -226,16 +226,16 @@ def test_of_learning_that_diverges_the_state_before_is_saved(tmp_path, monkeypat
     assert all(np.isfinite(tensor).all() for tensor in learner.engine.tensors().values())
 
 
-def without_room(monkeypatch, name: str, times: int) -> None:
-    """The disk is full for so many checkpoints, or rows of the curve."""
+def without_room(monkeypatch, name: str, times: int, after: int = 0) -> None:
+    """The disk is full for so many checkpoints, or rows of the curve, after some that had room."""
     kind: Any = {"save_checkpoint": loop, "replace": Path}[name]
-    original, left = getattr(kind, name), [times]
+    original, left = getattr(kind, name), [after + times]
 
     def full(path: Path, *arguments: Any) -> Any:
         if name == "replace" and path.name != "progress.csv.part":
             return original(path, *arguments)
         left[0] -= 1
-        if left[0] >= 0:
+        if 0 <= left[0] < times:
             raise CheckpointError("full") if kind is loop else OSError(28, "full")
         return original(path, *arguments)
 
@@ -271,6 +271,10 @@ def test_rows_that_had_no_room_are_written_with_the_next(tmp_path, monkeypatch, 
     with pytest.raises(CheckpointError, match="progress.csv.*full"):
         run(tmp_path / "b", 200, resume=True, **OFTEN)
     assert (tmp_path / "b/progress.csv").read_bytes() == kept, "it was whole before"
+    monkeypatch.undo()
+    without_room(monkeypatch, "replace", 99, after=2)  # the run's begin, and its first row
+    with pytest.raises(CheckpointError, match="progress.csv.*full"):
+        run(tmp_path / "c", 120, **OFTEN)
     monkeypatch.undo()
     original = Progress.add
 

@@ -253,6 +253,7 @@ class _Run:
             if _crossed(before, self._frames, self._config.checkpoint_every_frames):
                 self._save_if_there_is_room()
         self._save()
+        self._progress.write()
 
     def _episode(self, index: int) -> None:
         observation, verdict = self._environment.reset(index, self._config.condition)

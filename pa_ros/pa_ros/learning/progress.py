@@ -23,9 +23,9 @@ class Progress:
         self._rows: list[Row] = [] if resume_frames is None else self._rows_until(resume_frames)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._write()
         except OSError as error:
             raise CheckpointError(f"progress: {path}: {error}") from error
+        self.write()
 
     def add(self, row: Row) -> None:
         """One row more; CheckpointError if its columns are not the first row's.
@@ -38,6 +38,13 @@ class Progress:
             )
         self._rows.append(row)
         self._write()
+
+    def write(self) -> None:
+        """CheckpointError if there is no room for all rows."""
+        try:
+            self._write()
+        except OSError as error:
+            raise CheckpointError(f"progress: {self._path}: {error}") from error
 
     def _write(self) -> None:
         unfinished = self._path.with_name(f"{self._path.name}.part")

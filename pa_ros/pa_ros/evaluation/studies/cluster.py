@@ -19,6 +19,7 @@ from typing import Any, Protocol
 from pa_ros.core import extensions
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.software import versions
+from pa_ros.evaluation.studies.failures import check_failures
 
 Files = Mapping[str, bytes]
 """Contents by the path within a folder."""
@@ -34,19 +35,6 @@ class ClusterError(ConfigError):
     """A cluster that cannot be used, or that no longer works."""
 
     code = "config.cluster"
-
-
-class FailedError(PaError):
-    """Some of what was to be done was refused, or diverged; all the rest is done."""
-
-    code = "evaluation.failed"
-
-
-def check_failures(failures: Mapping[str, PaError]) -> None:
-    """Raise FailedError if there are any, by what was to be done."""
-    if failures:
-        what = "; ".join(f"{name}: {error}" for name, error in failures.items())
-        raise FailedError(f"expected all to end well, but for {what}")
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
-from pa_ros.evaluation.studies.cluster import check_failures
 from pa_ros.evaluation.studies.experiments import (
     CURVE,
     Experiment,
@@ -27,6 +27,7 @@ from pa_ros.evaluation.studies.experiments import (
     summarize,
     write_table,
 )
+from pa_ros.evaluation.studies.failures import FailedError, check_failures
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.run import MADE_ON
@@ -72,6 +73,11 @@ def train_seeds(
                 except PaError as error:
                     failures[f"seed {seed_of[future]}"] = error
                     progress.tell(f"seed {seed_of[future]} ended early: {error}")
+                except BrokenProcessPool as error:
+                    raise FailedError(
+                        "a process was ended from outside, for want of memory perhaps: the same "
+                        "command goes on from each seed's last checkpoint"
+                    ) from error
             progress.show()
     check_failures(failures)
 
