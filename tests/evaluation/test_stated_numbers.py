@@ -174,6 +174,10 @@ def sentences() -> dict[str, str]:
         summary(f"{slow}.{tag}")[new]["worst_seed"]
         for tag in ("relations-see-properties", "no-sparsity", "biases")
     ]
+    slept = column(f"{three}{slow}.self-weight-1-seeds", "final_held_out")
+    found["attention to itself, slow"] = (
+        f"after 60,000 frames 601 is at {slept[1]:.2f} and 602 at {slept[2]:.2f}, as if"
+    )
     found["worst new, slow"] = f"both new {worst[0]:.2f}, {worst[1]:.2f} and {worst[2]:.2f}"
     found["both new, slow"] = (
         f"after 100,000 frames, score {summary(slow)[new]['normalized']:.2f} in reaching blocks"
