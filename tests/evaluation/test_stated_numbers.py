@@ -178,11 +178,23 @@ def sentences() -> dict[str, str]:
     found["attention to itself, slow"] = (
         f"after 60,000 frames 601 is at {slept[1]:.2f} and 602 at {slept[2]:.2f}, as if"
     )
+    quiet = column(f"{three}{slow}.noise-0.3-seeds", "final_held_out")
+    found["noise, slow"] = f"601 and 602 are at {quiet[1]:.2f} and {quiet[2]:.2f}."
     found["worst new, slow"] = f"both new {worst[0]:.2f}, {worst[1]:.2f} and {worst[2]:.2f}"
     found["both new, slow"] = (
         f"after 100,000 frames, score {summary(slow)[new]['normalized']:.2f} in reaching blocks"
     )
-    long = rows("programmable-3D.paper-protocol-seeds")[0]
+    long, second = rows("programmable-3D.paper-protocol-seeds")
+    found["paper 3-D, second seed"] = (
+        f"Seed 1, to {float(second['frames']) / 1e6:.2f}M: train {float(second['final_train']):.2f}"
+        f", held out {float(second['final_held_out']):.2f}; first at 0.9, to stay, after "
+        f"{float(second['frames_to_solve']):,.0f} frames"
+    )
+    short = rows("canonical-2C.paper-protocol-seeds")[1]
+    found["paper 2-C, second seed"] = (
+        f"seed 1, to {float(short['frames']):,.0f} frames, where the hours ended, "
+        f"{float(short['final_held_out']):.2f} |"
+    )
     found["paper 3-D"] = (
         f"to {float(long['frames']) / 1e6:.2f}M of 5M frames, where the hours ended: train "
         f"{float(long['final_train']):.2f}, held out {float(long['final_held_out']):.2f}"
