@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -79,24 +80,26 @@ class Actor:
 
     def check(self, snapshot: PolicySnapshot) -> None:
         """Raise PolicyError unless these weights fit."""
+        self._check_kind(snapshot)
+        with _refused(snapshot):
+            check_tensors(snapshot.tensors, self._shapes, "actor")
+
+    def _check_kind(self, snapshot: PolicySnapshot) -> None:
         ours = self.network.architecture
         if snapshot.architecture != ours:
             raise PolicyError(f"policy: expected architecture {ours}, got {snapshot.architecture}")
         digest = self.network.world.digest
         if snapshot.world_digest != digest:
             raise PolicyError(f"policy: expected world {digest}, got {snapshot.world_digest}")
-        try:
-            check_tensors(snapshot.tensors, self._shapes, "actor")
-        except TensorError as error:
-            raise PolicyError(f"policy version {snapshot.version}: {error}") from error
 
     def load(self, snapshot: PolicySnapshot) -> None:
         """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
-        self.check(snapshot)
-        if self._inference is None:
-            self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
-        else:
-            self._inference.load(snapshot.tensors)
+        self._check_kind(snapshot)
+        with _refused(snapshot):  # what infers looks at tensors itself
+            if self._inference is None:
+                self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
+            else:
+                self._inference.load(snapshot.tensors)
         self._tensors, self._version = snapshot.tensors, snapshot.version
 
     def act(self, observation: Observation, program: Program) -> Float32:
@@ -127,6 +130,15 @@ class Actor:
             raise PolicyError("policy: expected exploration noise, got a greedy actor")
         noisy = self.act(observation, program) + self._noise.sample(observation.episode)
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
+
+
+@contextmanager
+def _refused(snapshot: PolicySnapshot) -> Iterator[None]:
+    """Tensors that do not fit are a policy that does not."""
+    try:
+        yield
+    except TensorError as error:
+        raise PolicyError(f"policy version {snapshot.version}: {error}") from error
 
 
 def _why_torch(network: NetworkConfig, inference: str) -> str:
