@@ -25,6 +25,7 @@ from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.learners import LEARNER_ID, Learners
 from pa_ros.ros.lifecycle import ManagedNode
+from pa_ros.ros.listening import listening_clock
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import JointCommand, Message
 from pa_ros.wire.records import ArenaDescription, Command, Health
@@ -46,8 +47,9 @@ class AgentNode(ManagedNode):
         self._authority = Authority(self, self.config)
         self.agent = agent_of(self.config, AgentKey(self.agent_id, time.time_ns()))
         self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
-        self._arenas = Arenas()
-        self._learners, self._followed = Learners(), ""
+        clock = listening_clock(self)
+        self._arenas = Arenas(clock)
+        self._learners, self._followed = Learners(clock), ""
         self._watch = Watch(self.config.stuck_after_s)
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in

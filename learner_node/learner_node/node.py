@@ -24,6 +24,7 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, PROGRESS_S, WARN
 from pa_ros.ros.learners import LEARNER_ID
 from pa_ros.ros.lifecycle import ManagedNode
+from pa_ros.ros.listening import listening_clock
 from pa_ros.wire import codec
 from pa_ros.wire.errors import ArenaFactError, RewardError, WireError, WorldError
 from pa_ros.wire.interfaces import Message
@@ -77,7 +78,8 @@ class LearnerNode(ManagedNode):
         self._scalars = Scalars(Path(folder)) if folder else None
         self._failure: PaError | None = None  # why it can't learn about the arena that it knows of
         self._failed_at = 0.0
-        self._arenas, self._steps = Arenas(), list[Any]()  # subscriptions, until it has learned
+        self._arenas = Arenas(listening_clock(self))
+        self._steps = list[Any]()  # subscriptions, until it has learned
         self._watch = Watch()
         self._early: list[Message] = []  # transitions that came before arena_info
         self._take = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)

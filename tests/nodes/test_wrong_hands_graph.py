@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -27,7 +28,9 @@ from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.ros import topics
+from pa_ros.ros.arenas import SILENT_S
 from pa_ros.ros.health import ERROR, OK, WARN
+from pa_ros.ros.rivals import GONE_S
 from pa_ros.wire import codec
 from pa_ros.wire.records import Command, ProgramRequest
 from sim_node.node import SimNode
@@ -121,6 +124,11 @@ def test_a_second_arena_is_an_alarm_and_its_steps_are_not_joined_with_the_firsts
             assert probe.until(lambda: "not alone on /arena_info" in probe.message("sim_node"))
             assert probe.until(lambda: "steps of other arenas" in probe.message("agent_node"))
             assert int(probe.value("agent_node", "refused.observation.arena")) > 0
+            time.sleep(SILENT_S + 1)  # this process stands still: its arena has not gone
+            then = probe.count(topics.TRAJECTORIES)
+            assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > then + 2)
+            arena_id = probe.nodes[0].session.arena_id
+            assert probe.nodes[1].arena.arena_id == arena_id
         assert not false_transitions(probe, witness)
         assert probe.until(lambda: probe.message("sim_node") == "running")
         assert probe.until(lambda: probe.message("agent_node") == "acting")
@@ -169,6 +177,7 @@ def test_two_learners_are_an_alarm_and_agents_follow_one() -> None:
             assert probe.until(lambda: "not alone on /policy_w" in probe.message("learner_node"))
             assert probe.health["/learner_node"].level == WARN
             assert probe.until(lambda: "other learners run, too" in probe.message("agent_node"))
+            time.sleep(GONE_S + 1)  # this process stands still: its learner has not gone
             then = probe.count(topics.TRAJECTORIES)
             assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > then + 10)
             probe.heard["trajectories"].clear()
