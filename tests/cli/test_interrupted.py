@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from waiting import DEADLINE_S, wait_for
 
 from pa_ros.cli.main import main
@@ -48,6 +49,18 @@ def test_ctrl_c_ends_an_experiment_with_the_seeds_that_were_to_follow(tmp_path):
         process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 130
     assert len(list(tmp_path.rglob("progress.csv"))) == 1
+
+
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGKILL, -9)]
+)
+def test_an_experiment_that_is_ended_alone_leaves_no_seed_behind(tmp_path, number, status):
+    with command("experiment", "programmable-2L", "--seeds", "2", "--runs", tmp_path) as process:
+        wait_for(lambda: list(tmp_path.rglob("progress.csv")), "a seed that learns")
+        process.send_signal(number)
+        assert process.wait(DEADLINE_S) == status
+        _, error = process.communicate(timeout=DEADLINE_S)
+    assert "Traceback" not in error
 
 
 def test_ctrl_c_ends_a_training_after_its_episode_and_what_it_learned_is_kept(tmp_path):

@@ -117,7 +117,10 @@ def test_what_a_large_message_took_is_given_back():
 
 
 @graph
-@pytest.mark.parametrize(("number", "autostart"), [(signal.SIGINT, True), (signal.SIGTERM, False)])
+@pytest.mark.parametrize(
+    ("number", "autostart"),
+    [(signal.SIGINT, True), (signal.SIGTERM, False), (signal.SIGHUP, True)],
+)
 def test_a_node_stops_cleanly_when_asked(number, autostart):
     process = start("sim_node", *ros_arguments({"autostart": autostart}))
     wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")

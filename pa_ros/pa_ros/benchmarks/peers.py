@@ -25,6 +25,7 @@ from pa_ros.arena import design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.report import Report
+from pa_ros.core.signals import end_with_parent
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import Acts, TrainingScores
 from pa_ros.evaluation.studies.experiments import Experiment, experiment_named, read_curve, run_seed
@@ -146,6 +147,7 @@ def _apart(name: str, seed: int) -> list[Score]:
 
 
 def _alone() -> None:
+    end_with_parent()
     os.environ["OMP_NUM_THREADS"] = "1"
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

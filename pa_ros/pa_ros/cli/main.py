@@ -12,7 +12,7 @@ from pa_ros import __version__
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.opengl import check_opengl
-from pa_ros.core.signals import EXIT_INTERRUPTED
+from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
 COMMANDS = {
@@ -78,12 +78,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         given = load_extensions(arguments)
         options = build_parser(chosen).parse_args(arguments)
         options.extension = given  # those before the command, too
-        status = int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+        run = importlib.import_module(COMMANDS[options.command][0]).run
+        with signals_interrupt():
+            status = int(run(options))
         sys.stdout.flush()
         return status
     except PaError as error:
         print(f"pa_ros {chosen}: {error}", file=sys.stderr)
         return EXIT_REFUSED
+    except Interrupted as interrupted:
+        return interrupted.status
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:  # `| head` has read enough; nothing is left to be flushed at the end

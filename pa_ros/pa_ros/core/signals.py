@@ -1,32 +1,83 @@
-"""Signals that ask a command to come to its end."""
+"""Signals that ask a process to come to its end."""
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 EXIT_INTERRUPTED = 130  # as a shell says of SIGINT
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+Handler = Callable[[int, FrameType | None], None]
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal asked for the end; `status`: what a shell says of it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.status = 128 + number
+
+
+@contextmanager
+def on_ending(handle: Handler) -> Iterator[None]:
+    """`handle` SIGINT, SIGTERM and SIGHUP. But what nohup has started stays deaf to the last."""
+    before = {
+        number: signal.signal(number, handle)
+        for number in ENDING
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
 def signals_noted() -> Iterator[Callable[[], bool]]:
-    """SIGINT, SIGTERM and SIGHUP make the function yielded true instead of ending the process.
+    """Signals make the function yielded true instead of ending the process.
 
-    The next one raises KeyboardInterrupt, so that impatience is heard while things are stopped.
+    The next one raises Interrupted, so that impatience is heard while things are stopped.
     """
     noted: list[int] = []
 
     def handle(number: int, _frame: FrameType | None) -> None:
         noted.append(number)
         if len(noted) > 1:
-            raise KeyboardInterrupt
+            raise Interrupted(number)
 
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, handle) for number in numbers}
-    try:
+    with on_ending(handle):
         yield lambda: bool(noted)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+
+
+@contextmanager
+def signals_interrupt() -> Iterator[None]:
+    """Signals raise Interrupted, so that whatever is under way is left in order."""
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        raise Interrupted(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's
+        return
+    with on_ending(handle):
+        yield
+
+
+def end_with_parent() -> None:
+    """In a process that `multiprocessing` started: end, as at SIGTERM, when whoever started it is
+    gone. Killed, it can't end its children itself."""
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def wait() -> None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()

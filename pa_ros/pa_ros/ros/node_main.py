@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import json
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -15,6 +14,7 @@ from typing import Protocol
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
+from pa_ros.core.signals import on_ending
 from pa_ros.ros.environment import check_domain, prepare_environment
 from pa_ros.ros.process import die_with_parent
 
@@ -39,7 +39,7 @@ def run_node(
     grace_s: float = 10.0,
     lingers_s: float = 0.0,
 ) -> int:
-    """Run the node called `name` until SIGINT or SIGTERM; the process's exit status.
+    """Run the node called `name` until SIGINT, SIGTERM or SIGHUP; the process's exit status.
 
     0: stopped as asked, or what the node's `close` says instead. 2: a parameter was refused, with
     the reason on standard error. Should closing hang for `grace_s`, the process ends all the same
@@ -114,7 +114,7 @@ def usage(name: str, settings: type[Settings] | None = None) -> str:
 
 @contextmanager
 def _stop_on_signal(grace_s: float) -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set, the process ending `grace_s` later come what may."""
+    """An event that a signal to end sets, the process ending `grace_s` later come what may."""
     stop = threading.Event()
 
     def handle(_number: int, _frame: FrameType | None) -> None:
@@ -124,9 +124,5 @@ def _stop_on_signal(grace_s: float) -> Iterator[threading.Event]:
             last_resort.start()
         stop.set()
 
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with on_ending(handle):
         yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
+from pa_ros.core.signals import end_with_parent
 from pa_ros.evaluation.studies.experiments import (
     CURVE,
     Experiment,
@@ -123,7 +124,7 @@ def _processes(count: int, extended: Sequence[str]) -> Iterator[ProcessPoolExecu
     """A pool that an exception, Ctrl-C's too, ends at once, with what it has yet to do: a seed goes
     on from its last checkpoint."""
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, context, extensions.load, (extended,)) as pool:
+    with ProcessPoolExecutor(count, context, _begin, (extended,)) as pool:
         try:
             yield pool
         except BaseException:
@@ -131,6 +132,11 @@ def _processes(count: int, extended: Sequence[str]) -> Iterator[ProcessPoolExecu
             for process in multiprocessing.active_children():
                 process.terminate()
             raise
+
+
+def _begin(extended: Sequence[str]) -> None:
+    end_with_parent()
+    extensions.load(extended)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,47 @@
+"""Signals that ask a command to come to its end."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from pa_ros.core.signals import Interrupted, signals_interrupt, signals_noted
+
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@pytest.fixture(autouse=True)
+def handlers() -> Iterator[None]:
+    """Those of a process that nohup hasn't started; afterwards what they were."""
+    before = {number: signal.signal(number, signal.default_int_handler) for number in ENDING}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_a_signal_is_noted_and_the_next_one_interrupts(number) -> None:
+    with signals_noted() as noted:
+        assert not noted()
+        os.kill(os.getpid(), number)
+        assert noted()
+        with pytest.raises(Interrupted) as interrupted:
+            os.kill(os.getpid(), number)
+    assert interrupted.value.status == 128 + number
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_a_signal_interrupts_what_notes_none(number) -> None:
+    with signals_interrupt(), pytest.raises(Interrupted) as interrupted:
+        os.kill(os.getpid(), number)
+    assert interrupted.value.status == 128 + number
+
+
+def test_who_logs_out_ends_nothing_that_nohup_has_started() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with signals_interrupt(), signals_noted() as noted:
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert not noted()
