@@ -80,7 +80,7 @@ test: lint
 
 # Every command that README and docs show in a block, run as it stands: half an hour. What
 # hasn't ended after half a minute is interrupted, as with Ctrl-C.
-docs-check: install-dev
+docs-check: install-dev install-peers
 	$(BIN)/python -m pytest -q -s -p no:xdist tests/cli/docs_check.py
 
 # Source archive and, from it, the wheel, into dist/; the wheel then has to do its work in an environment
