@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -180,3 +181,12 @@ def test_a_reader_that_has_read_enough_is_no_error():
         process.stdout.close()
         assert process.stderr.read() == b""
         assert process.wait(timeout=60) == 141
+
+
+def test_a_terminal_without_our_letters_gets_all_the_same_what_is_said():
+    command = [sys.executable, "-m", "pa_ros", "train", "--help"]
+    said = subprocess.run(
+        command, env={**os.environ, "PYTHONIOENCODING": "ascii"}, capture_output=True, timeout=60
+    )
+    assert said.returncode == 0 and said.stderr == b""
+    assert b"usage: pa_ros train" in said.stdout and b"\\u2026" in said.stdout

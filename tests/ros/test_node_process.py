@@ -81,6 +81,31 @@ def test_a_missing_parameters_file_is_refused():
 
 
 @graph
+def test_a_node_logs_elsewhere_where_its_user_has_no_home(tmp_path):
+    without = {"HOME": "/proc/none", "TMPDIR": str(tmp_path)}
+    process = start("sim_node", **without)
+    wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
+    process.terminate()
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 0, errors
+    assert list(tmp_path.glob(f"pa_ros-log-{os.getuid()}/*"))
+
+
+@graph
+@pytest.mark.parametrize("command", [["sim_node.main"], ["pa_ros", "send", "RED"]])
+def test_a_folder_for_logs_that_cannot_be_written_is_one_line(command):
+    process = subprocess.run(
+        [sys.executable, "-m", *command],
+        env={**os.environ, "ROS_LOG_DIR": "/proc/none"},
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+    assert process.returncode == 2
+    assert "/proc/none" in process.stderr and "Traceback" not in process.stderr
+
+
+@graph
 def test_a_node_listens_on_this_machine_alone_and_leaves_nothing_when_killed():
     process = start("sim_node")
     wait_for(lambda: len(sockets_of(process.pid)) > 1, "both kinds of sockets")

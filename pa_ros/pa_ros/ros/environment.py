@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from pa_ros.core.errors import ConfigError
@@ -30,14 +31,37 @@ def prepare_environment() -> None:
     not do, because it limits discovery alone: sockets still listen on every interface.
     """
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
-    if not any(name in os.environ for name in ("ROS_LOG_DIR", "ROS_HOME", "HOME")):
-        os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "pa_ros-log")
+    if "ROS_LOG_DIR" not in os.environ and not _has_log_folder():
+        os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"pa_ros-log-{os.getuid()}")
     if not any(os.environ.get(name) for name in NETWORK_CHOICES):
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)
         os.environ.setdefault("RMW_FASTRTPS_USE_QOS_FROM_XML", "1")  # its memory policy, too
 
 
-def check_domain() -> None:
+def _has_log_folder() -> bool:
+    """Whether ROS can make the one that it would log into; a container's user may have no home."""
+    home = os.environ.get("ROS_HOME") or os.environ.get("HOME", "/nowhere") + "/.ros"
+    try:
+        os.makedirs(f"{home}/log", exist_ok=True)
+    except OSError:
+        return False
+    return os.access(f"{home}/log", os.W_OK)
+
+
+def start_ros(arguments: Sequence[str]) -> None:
+    """`rclpy.init`, with signals left alone. ConfigError for what it refuses: an impossible domain,
+    an unreadable parameters file, a bad remap rule, a folder for logs that can't be written."""
+    _check_domain()
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    try:
+        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise ConfigError(f"ROS does not start: {error}") from error
+
+
+def _check_domain() -> None:
     """Raise ConfigError for a ROS_DOMAIN_ID that DDS has no ports for: rclpy would not say so."""
     text = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not (text.isascii() and text.isdecimal() and int(text) <= LAST_DOMAIN):

@@ -15,7 +15,7 @@ from typing import Protocol
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
 from pa_ros.core.signals import on_ending
-from pa_ros.ros.environment import check_domain, prepare_environment
+from pa_ros.ros.environment import prepare_environment, start_ros
 from pa_ros.ros.process import die_with_parent
 
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does
@@ -49,7 +49,6 @@ def run_node(
     prepare_environment()
     die_with_parent(grace_s, lingers_s)
     import rclpy
-    from rclpy.signals import SignalHandlerOptions
 
     from pa_ros.ros.executor import release, spin
 
@@ -62,11 +61,7 @@ def run_node(
         try:
             if own:
                 raise ConfigError(f"arguments: expected --ros-args or --help, got {own[0]!r}")
-            check_domain()
-            try:
-                rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
-            except RuntimeError as error:  # an unreadable --params-file, a bad remap rule
-                raise ConfigError(str(error)) from error
+            start_ros(given)
             node = make()
             gc.collect()
             gc.freeze()  # what is there now stays; a full collection would stall a control step

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from rclpy.node import Node
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.environment import check_domain, prepare_environment
+from pa_ros.ros.environment import prepare_environment, start_ros
 
 __all__ = ["Node", "client_node"]
 
@@ -18,17 +18,15 @@ __all__ = ["Node", "client_node"]
 def client_node(name: str, namespace: str = "") -> Iterator[Node]:
     """A node named `<name>_<pid>`, ROS being up for as long as it lives; signals are left alone.
 
-    One at a time in a process. Raises ConfigError for a namespace that ROS refuses.
+    One at a time in a process. Raises ConfigError for what ROS refuses.
     """
     prepare_environment()
-    check_domain()
     import rclpy
     from rclpy.exceptions import InvalidNamespaceException
-    from rclpy.signals import SignalHandlerOptions
 
     from pa_ros.ros.executor import release
 
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    start_ros([])
     try:
         try:
             node = rclpy.create_node(
