@@ -113,6 +113,7 @@ def test_train_then_eval(tmp_path, capsys):
             "--relations: expected --policy with it: a checkpoint has its own",
         ),
         (["send", "NEAR(HAND, RED)", "--hold", "2"], "--hold: expected --wait with it"),
+        (["send", "NEAR(HAND, RED)", "--wait", "--hold", "1e300"], "--hold: expected a number in"),
         (["send", "--wait"], "--wait: expected a program with it"),
         (["record", "--repair", "x", "--storage", "sqlite3"], "expected it alone, got storage"),
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),

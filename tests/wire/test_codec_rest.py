@@ -133,6 +133,14 @@ def test_reset_survives_the_wire(episode, program, evaluation):
     assert codec.decode_reset(codec.encode_reset(sent)) == sent
 
 
+@pytest.mark.parametrize("episode", [-1, 2**64 - 1, 10**30])
+def test_an_episode_that_no_message_holds_is_refused_and_no_other_begins(episode):
+    with pytest.raises(
+        errors.RangeError, match="reset.episode: expected 0 to 18446744073709551614"
+    ):
+        codec.encode_reset(ResetRequest(episode))
+
+
 def test_a_reset_without_arguments_asks_for_the_next_episode():
     assert codec.decode_reset(Reset.Request()) == ResetRequest()
 

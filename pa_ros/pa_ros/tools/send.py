@@ -17,6 +17,7 @@ from pa_ros.core.settings import Settings
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
 from pa_ros.wire import codec
+from pa_ros.wire.codec.goal import LONGEST_S
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import ProgramJudgement, ProgramRequest
 
@@ -34,10 +35,16 @@ class SendOptions(Settings):
     )
     wait: bool = Field(False, description="make it a goal of the agent's, and wait for the verdict")
     time_limit_s: float = Field(
-        WINDOW_S, ge=0, description="simulation time that a goal is given; 0: no limit"
+        WINDOW_S,
+        ge=0,
+        le=LONGEST_S,
+        description="simulation time that a goal is given; 0: no limit",
     )
     hold_s: float = Field(
-        HOLD_S, ge=0, description="simulation time for which a goal must stay satisfied"
+        HOLD_S,
+        ge=0,
+        le=LONGEST_S,
+        description="simulation time for which a goal must stay satisfied",
     )
 
 

@@ -13,6 +13,7 @@ from pa_ros.wire.interfaces import ExecuteProgram
 from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
 
 NEVER = -1.0
+LONGEST_S = 1e9
 
 
 def encode_goal(goal: ProgramGoal) -> ExecuteProgram.Goal:
@@ -26,8 +27,8 @@ def decode_goal(message: ExecuteProgram.Goal) -> ProgramGoal:
     """What is asked for; any text passes: the parser judges. Raises RangeError."""
     for field in ("time_limit_s", "hold_s"):
         value = getattr(message, field)
-        if not (isfinite(value) and 0.0 <= value <= 1e9):
-            raise errors.RangeError(f"execute_program.{field}", "0 to 1e9 s", value)
+        if not (isfinite(value) and 0.0 <= value <= LONGEST_S):
+            raise errors.RangeError(f"execute_program.{field}", f"0 to {LONGEST_S:g} s", value)
     return ProgramGoal(message.program[:MAX_TEXT], message.time_limit_s, message.hold_s)
 
 

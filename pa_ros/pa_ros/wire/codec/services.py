@@ -15,8 +15,12 @@ SPEEDS = (0.01, 100.0)
 
 
 def encode_reset(request: ResetRequest) -> Reset.Request:
-    """Ask for an episode."""
-    episode = Reset.Request.EPISODE_NEXT if request.episode is None else request.episode
+    """Ask for an episode. Raises RangeError for a number that no message holds."""
+    episode, following = request.episode, Reset.Request.EPISODE_NEXT
+    if episode is None:
+        episode = following
+    elif not 0 <= episode < following:
+        raise errors.RangeError("reset.episode", f"0 to {following - 1}", episode)
     return Reset.Request(episode=episode, program=request.program, evaluation=request.evaluation)
 
 
