@@ -76,7 +76,7 @@ lint: install-dev
 	$(BIN)/mypy --python-version 3.10 --no-warn-return-any
 
 test: lint
-	$(BIN)/python -m pytest -q -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -q -n 3 --dist loadgroup
 
 # Every command that README and docs show in a block, run as it stands: half an hour. What
 # hasn't ended after half a minute is interrupted, as with Ctrl-C.

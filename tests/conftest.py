@@ -15,6 +15,7 @@ from pa_ros.tools.domain import DomainClaim
 sys.path.insert(0, str(Path(__file__).parent))
 from waiting import Clock  # noqa: E402
 
+NICE = 10
 torch.set_num_threads(1)
 os.environ["OMP_NUM_THREADS"] = "1"  # of processes that tests start
 os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
@@ -22,12 +23,19 @@ os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of processes that share the tests (`-n 2`), one runs the graphs of tools and ROS, one at a
-    time, and one all other graphs, which take about as long."""
+    """Of processes that share the tests (`-n 3`), one runs the graphs of tools and ROS, one at a
+    time, and one all other graphs, which take about as long; the third, what needs none."""
     for item in items:
         if item.get_closest_marker("graph") is not None:
             of_tools = item.path.parent.name in ("tools", "ros")
             item.add_marker(pytest.mark.xdist_group("graph-tools" if of_tools else "graph-nodes"))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Graphs, with their deadlines, get a processor before what only computes beside them."""
+    beside_others = "PYTEST_XDIST_WORKER" in os.environ
+    if beside_others and item.get_closest_marker("graph") is None and os.nice(0) == 0:
+        os.nice(NICE)
 
 
 @pytest.fixture(autouse=True)

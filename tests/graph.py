@@ -95,8 +95,11 @@ def graph(*makers: Callable[[], Node], **parameters: object) -> Iterator[Probe]:
             probe.nodes.append(make())
         yield probe
     finally:
-        release(probe)
-        for node in probe.nodes:  # those that a test put in others' places, too
-            node.close()
-            node.destroy_node()
-        rclpy.shutdown()
+        try:
+            for node in probe.nodes:  # those that a test put in others' places, too
+                node.close()
+        finally:  # as a process of its own does: what a node says last needs the executor
+            release(probe)
+            for node in probe.nodes:
+                node.destroy_node()
+            rclpy.shutdown()

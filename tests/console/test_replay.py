@@ -85,7 +85,8 @@ def test_without_weights_it_says_so(recorded, tmp_path):
         assert moment.look is None and "no weights" in moment.why_blind
 
 
-def test_a_damaged_bag_is_one_line(recorded, tmp_path, capsys):
+def test_a_damaged_bag_is_one_line(recorded, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("os.nice", lambda _: 0)  # the page is polite for good
     (tmp_path / "bag").mkdir()
     for file in recorded.iterdir():
         (tmp_path / "bag" / file.name).write_bytes(file.read_bytes()[: file.stat().st_size // 3])

@@ -113,12 +113,13 @@ def test_overlap_changes_nothing(tmp_path, lag) -> None:
     assert_same(one, run(tmp_path / "b", 200, settings, overlap=False))
 
 
-@pytest.mark.parametrize(("engine", "lag"), [("auto", 0), ("auto", 1), ("torch", 1)])
-def test_resuming_is_not_stopping(tmp_path, engine, lag) -> None:
+@pytest.mark.parametrize(
+    ("engine", "lag", "per_frame"), [("auto", 0, 0.7), ("auto", 1, 0.7), ("torch", 1, 0.15)]
+)
+def test_resuming_is_not_stopping(tmp_path, engine, lag, per_frame) -> None:
     """Also across the replay's wrap, at 500 rows, and whatever changes with the updates."""
-    settings = dpg(
-        SETTINGS, engine__name=engine, schedule__policy_lag=lag, updates__per_frame=0.7, **CHANGING
-    )
+    schedule = {"schedule__policy_lag": lag, "updates__per_frame": per_frame}
+    settings = dpg(SETTINGS, engine__name=engine, **schedule, **CHANGING)
     unbroken = run(tmp_path / "a", 800, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 260, settings, evaluate_every_frames=40)
     run(tmp_path / "b", 600, settings, resume=True, evaluate_every_frames=40)
