@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pa_ros.core.signals import Interrupted, signals_interrupt, signals_noted
+from pa_ros.core.signals import Interrupted, interruption_held, signals_interrupt, signals_noted
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -45,3 +45,27 @@ def test_who_logs_out_ends_nothing_that_nohup_has_started() -> None:
     with signals_interrupt(), signals_noted() as noted:
         os.kill(os.getpid(), signal.SIGHUP)
         assert not noted()
+
+
+def test_what_is_under_way_comes_to_its_end_before_a_signal_interrupts() -> None:
+    done = []
+    with signals_interrupt(), pytest.raises(Interrupted):
+        with interruption_held() as outer:
+            with interruption_held() as inner:
+                os.kill(os.getpid(), signal.SIGTERM)
+                done.append("inner")
+                assert inner()
+            done.append("outer")
+            assert outer()
+        done.append("never")
+    assert done == ["inner", "outer"]
+    with interruption_held() as again:
+        assert not again()
+
+
+def test_an_error_under_way_is_not_hidden_by_a_signal() -> None:
+    with signals_interrupt(), pytest.raises(ValueError, match="its own"), interruption_held():
+        os.kill(os.getpid(), signal.SIGTERM)
+        raise ValueError("its own")
+    with pytest.raises(Interrupted), interruption_held():
+        pass

@@ -8,6 +8,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import FrameType
 
 EXIT_INTERRUPTED = 130  # as a shell says of SIGINT
@@ -49,7 +50,7 @@ def signals_noted() -> Iterator[Callable[[], bool]]:
     def handle(number: int, _frame: FrameType | None) -> None:
         noted.append(number)
         if len(noted) > 1:
-            raise Interrupted(number)
+            _interrupt(number)
 
     with on_ending(handle):
         yield lambda: bool(noted)
@@ -60,13 +61,49 @@ def signals_interrupt() -> Iterator[None]:
     """Signals raise Interrupted, so that whatever is under way is left in order."""
 
     def handle(number: int, _frame: FrameType | None) -> None:
-        raise Interrupted(number)
+        _interrupt(number)
 
-    if threading.current_thread() is not threading.main_thread():
+    if not _in_main_thread():
         yield  # signals are the main thread's
         return
     with on_ending(handle):
         yield
+
+
+@contextmanager
+def interruption_held() -> Iterator[Callable[[], bool]]:
+    """Interrupted is raised at the end of the block, and not in the midst of it, of C++ perhaps.
+    Yields whether it is to be raised, so that the block can come to its end."""
+    if not _in_main_thread():
+        yield lambda: False
+        return
+    _held.depth += 1
+    try:
+        yield lambda: _held.number is not None
+    finally:
+        _held.depth -= 1
+    if _held.depth == 0 and _held.number is not None:
+        number, _held.number = _held.number, None
+        raise Interrupted(number)
+
+
+@dataclass
+class _Held:
+    depth: int = 0  # blocks within each other
+    number: int | None = None  # of the signal that waits for their end
+
+
+_held = _Held()
+
+
+def _interrupt(number: int) -> None:
+    if not _held.depth:
+        raise Interrupted(number)
+    _held.number = number
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 def end_with_parent() -> None:

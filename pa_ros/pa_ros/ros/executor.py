@@ -12,6 +12,8 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 
+from pa_ros.core.signals import interruption_held
+
 POLL_S = 0.1
 
 
@@ -35,26 +37,29 @@ def spin_until(
 ) -> bool:
     """Serve callbacks until the condition holds or the time is up; whether it holds.
 
-    The condition is looked at every POLL_S. Callbacks of `others` are served too.
+    The condition is looked at every POLL_S. Callbacks of `others` are served too. Signals raise
+    Interrupted (`signals_interrupt`) between callbacks, never in one or in the executor's C++.
     """
     clock = Clock(clock_type=ClockType.STEADY_TIME)
     deadline = None if timeout_s is None else clock.now().nanoseconds + int(timeout_s * 1e9)
     finished: Future = Future()
 
-    def poll() -> None:
-        late = deadline is not None and clock.now().nanoseconds >= deadline
-        if (late or condition()) and not finished.done():
-            finished.set_result(None)
-
     executor = _executor_of(node, others)
-    timer = node.create_timer(POLL_S, poll, clock=clock)
-    _polls.add(timer)
-    try:
-        poll()
-        while not finished.done():
-            executor.spin_until_future_complete(finished, timeout_sec=1.0)
-    finally:
-        node.destroy_timer(timer)
+    with interruption_held() as interrupted:
+
+        def poll() -> None:
+            late = deadline is not None and clock.now().nanoseconds >= deadline
+            if (late or interrupted() or condition()) and not finished.done():
+                finished.set_result(None)
+
+        timer = node.create_timer(POLL_S, poll, clock=clock)
+        _polls.add(timer)
+        try:
+            poll()
+            while not finished.done():
+                executor.spin_until_future_complete(finished, timeout_sec=1.0)
+        finally:
+            node.destroy_timer(timer)
     return condition()
 
 
