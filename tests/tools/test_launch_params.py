@@ -7,6 +7,7 @@ from learner_node.config import LearnerNodeConfig
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.errors import FolderUsedError
+from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import (
     Parameters,
     chosen,
@@ -20,6 +21,7 @@ from pa_ros.tools.launch_params import (
     packaged_names,
     write_parameters,
 )
+from pa_ros.tools.launcher import Supervisor
 
 GOOD = """
 /**:
@@ -216,3 +218,19 @@ def test_what_would_mix_up_a_fleet_is_refused():
         LearnerNodeConfig(agents=("a", "a"))
     with pytest.raises(ConfigError, match="learner_node"):
         in_step({"sim_node": {}}, "exact")
+
+
+def test_what_an_earlier_start_used_stays_beside_what_the_next_one_uses(tmp_path):
+    class Idle(Supervisor):
+        """Starts nothing."""
+
+        def start(self, name, command):
+            return 0
+
+    used = [{"sim_node": {"seed": seed}} for seed in (3, 4, 4, 3)]
+    for parameters in used:
+        start_nodes(Idle(tmp_path), parameters, tmp_path)
+    kept = ["params-1.yaml", "params-2.yaml", "params.yaml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == kept
+    seeds = [load_parameters(tmp_path / name)["sim_node"]["seed"] for name in kept]
+    assert seeds == [3, 4, 3]

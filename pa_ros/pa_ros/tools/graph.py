@@ -7,6 +7,7 @@ import os
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
 
 from rclpy.node import Node
@@ -23,7 +24,8 @@ DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 
 def start_nodes(
     supervisor: Supervisor, parameters: Parameters, folder: Path, namespace: str = ""
 ) -> dict[str, int]:
-    """Write `folder`/params.yaml and start every node in it; one in a namespace of its own
+    """Write `folder`/params.yaml (what an earlier start wrote there, if it is another, is then in
+    params-1.yaml, or the first number that is free) and start every node in it; one in a namespace of its own
     (`arena1/agent_node`) as `arena1.agent_node`, and speaking with the learner of `namespace`.
 
     Agents come last, after those that they wait for; nobody waits for a process to be up. Process
@@ -33,7 +35,11 @@ def start_nodes(
     if "learner_node" in parameters:
         agents = [place for place in parameters if place.endswith("/agent_node")]
         parameters = merged(parameters, {place: {"learner": above} for place in agents})
+    earlier = path.read_bytes() if path.exists() else b""
     write_parameters(path, parameters, namespace)
+    if earlier and earlier != path.read_bytes():
+        numbered = (path.with_stem(f"{path.stem}-{number}") for number in count(1))
+        next(name for name in numbered if not name.exists()).write_bytes(earlier)
     for place in sorted(parameters, key=lambda place: NODES.index(place.rpartition("/")[2])):
         within, _, name = place.rpartition("/")
         command = node_command(name, path, f"{above}/{within}")
