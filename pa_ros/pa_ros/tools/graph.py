@@ -24,12 +24,12 @@ DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 
 def start_nodes(
     supervisor: Supervisor, parameters: Parameters, folder: Path, namespace: str = ""
 ) -> dict[str, int]:
-    """Write `folder`/params.yaml (what an earlier start wrote there, if it is another, is then in
-    params-1.yaml, or the first number that is free) and start every node in it; one in a namespace of its own
+    """Write `folder`/params.yaml and start every node in it; one in a namespace of its own
     (`arena1/agent_node`) as `arena1.agent_node`, and speaking with the learner of `namespace`.
 
-    Agents come last, after those that they wait for; nobody waits for a process to be up. Process
-    ids by node."""
+    What an earlier start wrote there, if it is another, stays as params-1.yaml and so on. Agents
+    come last, after those that they wait for; nobody waits for a process to be up. Process ids by
+    node."""
     path, processes = folder / "params.yaml", {}
     above = f"/{namespace.strip('/')}"
     if "learner_node" in parameters:
