@@ -1,9 +1,9 @@
 """Programs that mean the same: how differently does an agent relate to and act on them?
 
-Over soft sets some logical laws hold exactly (double negation, De Morgan, order, grouping), so
-the agent must act alike to float precision. Others (idempotence, distribution, absorption) hold
-only where the detectors say 0 or 1: x and x is x², so there the difference measures how crisp the
-grounding is (paper, eq. logic).
+Over soft sets double negation, De Morgan, order and grouping hold exactly: the agent must act alike
+to float precision. Idempotence, distribution and absorption do by the smaller and the greater of
+degrees; by products (x and x is x²) only where the detectors say 0 or 1, so there the difference
+measures how crisp the grounding is (paper, eq. logic). The excluded middle holds in neither.
 """
 
 from __future__ import annotations
