@@ -182,6 +182,8 @@ def sentences() -> dict[str, str]:
     found["noise, slow"] = f"601 and 602 are at {quiet[1]:.2f} and {quiet[2]:.2f}."
     told = column(f"{three}{slow}.no-relabel-seeds", "final_held_out")
     found["relabeling, slow"] = f"600 and 601 are at {told[0]:.2f} and {told[1]:.2f}, and new kinds"
+    far = column(f"{three}{slow}.discount-0.99-seeds", "final_held_out")
+    found["horizon, slow"] = f"of ten seconds none was ({min(far):.2f} to {max(far):.2f})"
     fast = summary(f"{slow}.full-rates")[new]["worst_seed"]
     found["rates, slow"] = f"reached less well by one agent of three ({fast:.2f})"
     found["worst new, slow"] = f"both new {worst[0]:.2f}, {worst[1]:.2f} and {worst[2]:.2f}"
