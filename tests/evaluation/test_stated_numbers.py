@@ -163,6 +163,13 @@ def sentences() -> dict[str, str]:
         f"{span(frames('distilled-3D'), ',.0f', ' to ')}; without distillation the medians of ten "
         f"seeds are {median(frames(two)):,.0f} and {median(frames(three)):,.0f}"
     )
+    later = [row for row in rows("forgetting") if float(row["frames"]) >= 100_000]
+    kept = [(float(r["frames"]), float(r["train_greedy.normalized"])) for r in later]
+    found["forgetting"] = (
+        f"training programs {span([v for at, v in kept if at == 100_000], '.2f')} at the switch "
+        f"and at least {min(v for _, v in kept):.2f} at any time after it, "
+        f"{span([v for at, v in kept if at == 200_000], '.2f')} at the end"
+    )
     table = f"{two}.panda"
     found["panda"] = (
         f"{solved(table)} of 3 seeds solved, after "
@@ -182,6 +189,8 @@ def sentences() -> dict[str, str]:
     found["noise, slow"] = f"601 and 602 are at {quiet[1]:.2f} and {quiet[2]:.2f}."
     told = column(f"{three}{slow}.no-relabel-seeds", "final_held_out")
     found["relabeling, slow"] = f"600 and 601 are at {told[0]:.2f} and {told[1]:.2f}, and new kinds"
+    dull = column(f"{three}.detector-gain-1-seeds", "final_held_out")
+    found["detectors' rate"] = f"almost all of the 30,000 frames, and 601 ends at {dull[1]:.2f}."
     far = column(f"{three}{slow}.discount-0.99-seeds", "final_held_out")
     found["horizon, slow"] = f"of ten seconds none was ({min(far):.2f} to {max(far):.2f})"
     fast = summary(f"{slow}.full-rates")[new]["worst_seed"]
