@@ -181,6 +181,21 @@ def test_without_a_choice_the_graph_stays_on_this_machine(monkeypatch):
     monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")
 
 
+def test_without_a_home_nothing_is_made_anywhere_else(monkeypatch, tmp_path):
+    for name in ("HOME", "ROS_HOME", "ROS_LOG_DIR"):
+        monkeypatch.setenv(name, "")  # noted, to be as it was afterwards
+        del os.environ[name]
+    made = []
+    monkeypatch.setattr("os.makedirs", lambda path, **_: made.append(path))
+    prepare_environment()
+    assert os.environ["ROS_LOG_DIR"].endswith(f"pa_ros-log-{os.getuid()}") and not made
+    del os.environ["ROS_LOG_DIR"]
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    (tmp_path / "log").mkdir()
+    prepare_environment()
+    assert "ROS_LOG_DIR" not in os.environ and made == [f"{tmp_path}/log"]
+
+
 def test_arguments_carry_parameters_names_and_remaps():
     arguments = ros_arguments(
         {"a": True, "b": 0.5, "c": ["x", "y=1"], "d": "3"},

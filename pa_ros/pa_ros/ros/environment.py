@@ -40,7 +40,11 @@ def prepare_environment() -> None:
 
 def _has_log_folder() -> bool:
     """Whether ROS can make the one that it would log into; a container's user may have no home."""
-    home = os.environ.get("ROS_HOME") or os.environ.get("HOME", "/nowhere") + "/.ros"
+    home = os.environ.get("ROS_HOME", "")
+    if not home and os.environ.get("HOME"):
+        home = f"{os.environ['HOME']}/.ros"
+    if not home:
+        return False
     try:
         os.makedirs(f"{home}/log", exist_ok=True)
     except OSError:
