@@ -60,7 +60,7 @@ def test_what_is_there_is_not_trained_again_and_what_cannot_be_is_said(
     for seed in range(2):
         rows = [replace(score(OURS, 15_000, 20.0, 1.0), seed=seed)]
         write_rows(tmp_path / f"{OURS}-{seed}.csv", rows)
-    found = peers.bench_peers(tmp_path, 2, [OURS])
+    found = peers.bench_peers(tmp_path, 2, [OURS], frames=15_000)
     assert (
         found["peers.ours.seeds"] == 2 and "ours, seed 1: 15000 frames" in capsys.readouterr().out
     )
@@ -70,6 +70,26 @@ def test_what_is_there_is_not_trained_again_and_what_cannot_be_is_said(
     with pytest.raises(ConfigError, match="TQC expects sb3_contrib .the extra `peers`"):
         peers.bench_peers(tmp_path, 1, ["TQC"])
     write_rows(tmp_path / "TQC-0.csv", [score("TQC", 15_000, 90.0, 0.1)])
-    assert peers.bench_peers(tmp_path, 1, ["TQC"])["peers.TQC.seeds"] == 1  # a run needs no library
+    found = peers.bench_peers(tmp_path, 1, ["TQC"], frames=15_000)
+    assert found["peers.TQC.seeds"] == 1  # a run needs no library
+    with pytest.raises(ConfigError, match="TQC expects sb3_contrib"):
+        peers.bench_peers(tmp_path, 1, ["TQC"], frames=17_500)  # it is too short
     with pytest.raises(ConfigError, match="expected of .*got 'PPO'"):
         peers.bench_peers(tmp_path, 1, ["PPO"])
+
+
+def test_a_run_is_as_long_as_asked_and_a_shorter_one_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+
+    def apart(name: str, seed: int, frames: int) -> list[Score]:
+        made.append(frames)
+        return [score(name, frame, frame / 500, 1.0) for frame in range(2500, frames + 1, 2500)]
+
+    monkeypatch.setattr(peers, "_apart", apart)
+    for frames in (5000, 10_000, 5000):
+        found = peers.bench_peers(tmp_path, 1, [OURS], frames)
+    assert made == [5000, 10_000] and found["peers.ours.frames"] == 10_000
+    with pytest.raises(ConfigError, match="expected a multiple of 2500, got 6000"):
+        peers.bench_peers(tmp_path, 1, [OURS], 6000)

@@ -69,22 +69,26 @@ class Score:
     held_out_normalized: float
 
 
-def bench_peers(folder: Path, seeds: int = 1, contenders: Sequence[str] = ()) -> Report:
+def bench_peers(
+    folder: Path, seeds: int = 1, contenders: Sequence[str] = (), frames: int = FRAMES
+) -> Report:
     """Train every contender (default: all) and score it on the way.
 
     `peers.NAME.…`: the last scores, those after EQUAL_FRAMES, and those of the last evaluation
-    within the time in which `ours` had made its EQUAL_FRAMES; means over the seeds. Runs that
-    `folder` holds are not made again. Raises ConfigError for a contender whose library isn't
-    installed.
+    within the time in which `ours` had made its EQUAL_FRAMES; means over the seeds. Runs of at
+    least as many frames that `folder` holds are not made again. Raises ConfigError for a contender
+    whose library isn't installed, and for frames that are not a multiple of EVERY.
     """
+    if frames % EVERY:
+        raise ConfigError(f"--frames: expected a multiple of {EVERY}, got {frames}")
     named = tuple(contenders) or (OURS, *PEERS)
     paths = {(name, seed): folder / f"{name}-{seed}.csv" for seed in range(seeds) for name in named}
-    for name in named:
-        if not all(paths[name, seed].exists() for seed in range(seeds)):
-            _require(name)
+    missing = [run for run, path in paths.items() if not _reaches(path, frames)]
+    for name, _seed in missing:
+        _require(name)
     for (name, seed), path in paths.items():
-        if not path.exists():
-            write_rows(path, _apart(name, seed))
+        if (name, seed) in missing:
+            write_rows(path, _apart(name, seed, frames))
         last = read_rows(path, Score)[-1]
         share, held_out = last.train_success, last.held_out_success
         print(
@@ -93,6 +97,10 @@ def bench_peers(folder: Path, seeds: int = 1, contenders: Sequence[str] = ()) ->
             flush=True,
         )
     return report(scores_in(folder))
+
+
+def _reaches(path: Path, frames: int) -> bool:
+    return path.exists() and read_rows(path, Score)[-1].frames >= frames
 
 
 def scores_in(folder: Path) -> list[Score]:
@@ -140,10 +148,10 @@ def _require(name: str) -> None:
         )
 
 
-def _apart(name: str, seed: int) -> list[Score]:
+def _apart(name: str, seed: int, frames: int) -> list[Score]:
     """In a process of its own, on one processor, so that no library's threads help it."""
     with multiprocessing.get_context("spawn").Pool(1, _alone) as pool:
-        return pool.apply(run_contender, (name, seed))
+        return pool.apply(run_contender, (name, seed, frames))
 
 
 def _alone() -> None:

@@ -26,6 +26,9 @@ class BenchConfig(Settings):
         0.0, ge=0, description="endurance: how long; console: for how long a page is open besides"
     )
     seeds: int = Field(3, ge=1, description="fleet: of each size; peers: of each contender")
+    frames: int = Field(
+        60_000, ge=2_500, description="peers: of each contender, scored every 2,500"
+    )
 
 
 USUAL: dict[str, Any] = {
@@ -35,6 +38,7 @@ USUAL: dict[str, Any] = {
     "arenas": [1, 2, 4, 8],
     "contenders": [],
     "seeds": BenchConfig.leaf("seeds").default,
+    "frames": BenchConfig.leaf("frames").default,
     "minutes": None,
 }
 
@@ -49,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_setting(parser, BenchConfig, "minutes", otherwise="60; 0")
     add_setting(parser, BenchConfig, "seeds")
+    add_setting(parser, BenchConfig, "frames")
     parser.add_argument(
         "--arenas", type=int, nargs="+", metavar="N",
         help="fleet: how many, at ten times real time (%(default)s)",
@@ -146,9 +151,9 @@ def _peers(options: argparse.Namespace) -> Report:
 
     if options.json is None:
         with tempfile.TemporaryDirectory() as name:
-            return bench_peers(Path(name), options.seeds, options.contenders)
+            return bench_peers(Path(name), options.seeds, options.contenders, options.frames)
     folder = options.json.with_suffix(".runs")
-    found = bench_peers(folder, options.seeds, options.contenders)
+    found = bench_peers(folder, options.seeds, options.contenders, options.frames)
     draw_peers(options.json.with_suffix(".png"), scores_in(folder))
     return found
 
@@ -180,7 +185,7 @@ USED = {  # options by benchmark; the others have none but --json
     "endurance": {"minutes"},
     "fleet": {"seeds", "arenas"},
     "learner": {"network", "growth"},
-    "peers": {"seeds", "contenders"},
+    "peers": {"seeds", "contenders", "frames"},
     "train": {"network", "graph"},
 }
 
