@@ -2,7 +2,9 @@
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
-PIP_INSTALL := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# As a URL, since pip takes a path with a space for two.
+CONSTRAINED := PIP_CONSTRAINT="file://$(subst $() ,%20,$(subst %,%25,$(CURDIR)))/constraints.txt"
+PIP_INSTALL := $(CONSTRAINED) $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # What is compiled or copied; Python sources are installed editable and always current.
 COMPILED := pyproject.toml constraints.txt $(wildcard */launch/*.py *_node/config/*.yaml) \
   $(shell find msgs_schema pa_ros/native -type f 2>/dev/null)
@@ -87,7 +89,7 @@ docs-check: install-dev install-peers
 # of its own.
 dist: install-dev
 	rm -rf dist
-	PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/python -m build
+	$(CONSTRAINED) $(BIN)/python -m build
 	$(BIN)/python -m pytest -q -p no:xdist tests/ros/packaged.py
 
 # All packages by colcon, in an environment of its own with ROS 2 from the Python index, whatever else is

@@ -13,9 +13,9 @@ from mcap_ros2.decoder import DecoderFactory
 from program_bags import identifiers, storage_file, written
 
 from pa_ros.bags.contents import RESERVE
-from pa_ros.bags.errors import DamagedBagError, UnfinishedBagError
+from pa_ros.bags.errors import BagInUseError, DamagedBagError, UnfinishedBagError
 from pa_ros.bags.reader import Bag
-from pa_ros.bags.repair import repair
+from pa_ros.bags.repair import _FINISH, repair
 from pa_ros.cli.main import main
 
 
@@ -45,6 +45,36 @@ def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
     assert identifiers(bag) == list(range(7))
     before = storage_file(bag).read_bytes()
     assert repair(bag).messages == 7 and storage_file(bag).read_bytes() == before
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_recording_that_goes_on_is_not_taken_for_a_killed_one(tmp_path, storage, capsys):
+    bag = tmp_path / "bag"
+    with written(bag, 7, close=False, storage=storage):
+        before = {path.name: path.read_bytes() for path in bag.iterdir()}
+        with pytest.raises(BagInUseError, match="still being recorded"):
+            Bag(bag)
+        assert main(["record", "--repair", str(bag)]) == 2
+        assert "still being recorded" in capsys.readouterr().err
+        assert {path.name: path.read_bytes() for path in bag.iterdir()} == before
+    assert identifiers(bag) == list(range(7))
+    assert repair(bag).messages == 7
+
+
+def test_a_bag_is_repaired_by_one_at_a_time(whole, tmp_path, monkeypatch):
+    (tmp_path / "bag.mcap").write_bytes(whole[1][:-30])
+    refused = []
+
+    def another(path):
+        with pytest.raises(BagInUseError) as found:
+            repair(tmp_path)
+        refused.append(found.value)
+        return []
+
+    monkeypatch.setitem(_FINISH, ".mcap", another)
+    with pytest.raises(DamagedBagError):
+        repair(tmp_path)
+    assert len(refused) == 1
 
 
 @settings(max_examples=40, deadline=None)

@@ -23,6 +23,12 @@ class UnfinishedBagError(BagError):
     code = "bag.unfinished"
 
 
+class BagInUseError(BagError):
+    """A bag that someone is writing still: a recorder that lives, or a repair."""
+
+    code = "bag.in_use"
+
+
 class DamagedBagError(BagError):
     """A file that is not, or not any more, what its format says."""
 

@@ -13,6 +13,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from pa_ros.bags.claim import claimed
 from pa_ros.bags.contents import METADATA
 from pa_ros.bags.errors import (
     BagError,
@@ -45,7 +46,7 @@ class Bag:
     """An open bag; a context manager."""
 
     def __init__(self, path: Path) -> None:
-        """Raises UnfinishedBagError, DamagedBagError, or BagError if there is no bag."""
+        """Raises BagError if there is no whole bag: UnfinishedBagError, DamagedBagError …"""
         self.path = path
         _check_there(path)
         _check_inside(path)
@@ -237,6 +238,8 @@ def _check_there(path: Path) -> None:
         raise BagError(f"bag: {path}: expected a bag, found none")
     if path.is_dir() and not (path / METADATA).exists():
         files = storage_files(path)
+        with claimed(path):
+            pass  # nobody writes it
         raise UnfinishedBagError(
             f"bag: {path}: {len(files)} file(s) but no {METADATA}: its recorder was killed; "
             f"`pa_ros record --repair {path}` makes it readable"

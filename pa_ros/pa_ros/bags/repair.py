@@ -14,6 +14,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+from pa_ros.bags.claim import claimed
 from pa_ros.bags.contents import (
     METADATA,
     RESERVE,
@@ -40,8 +41,16 @@ class Repaired:
 
 
 def repair(folder: Path) -> Repaired:
-    """Make the bag readable; harmless on a whole one. Raises BagError if there is nothing."""
+    """Make the bag readable; harmless on a whole one.
+
+    Raises BagError if there is nothing, BagInUseError while it is being recorded.
+    """
     files = storage_files(folder)
+    with claimed(folder):
+        return _repair(folder, files)
+
+
+def _repair(folder: Path, files: list[Path]) -> Repaired:
     (folder / RESERVE).unlink(missing_ok=True)
     topics: dict[str, BagTopic] = {}
     contents, notes = [], []

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from pa_ros.bags.claim import Claim
 from pa_ros.bags.contents import (
     RESERVE,
     BagTopic,
@@ -60,6 +61,7 @@ class BagWriter:
         self._closed = False
         try:
             folder.mkdir(parents=True)
+            self._claim = Claim(folder)
         except FileExistsError:
             raise BagError(f"bag: {folder} exists already, not overwriting") from None
         except OSError as error:
@@ -69,6 +71,7 @@ class BagWriter:
             self._storage: Storage = self._next_file()
         except DISK_ERRORS as error:
             (folder / RESERVE).unlink(missing_ok=True)
+            self._claim.release()
             raise BagFullError(f"bag: {folder}: {error}") from error
 
     def __enter__(self) -> BagWriter:
@@ -126,6 +129,7 @@ class BagWriter:
             self._write_metadata()
         except DISK_ERRORS as error:
             self._give_up(error)
+        self._claim.release()
 
     def _check(self) -> None:
         if self.failure is not None:
@@ -185,6 +189,7 @@ class BagWriter:
             rest = f"{kept} messages are in the bag, which was closed"
         except (BagError, *DISK_ERRORS) as second:
             rest = f"and the bag could not be closed ({second}): repair it where there is space"
+        self._claim.release()
         self.failure = BagFullError(f"bag: {self.folder}: {error}: {rest}")
         raise self.failure from error
 

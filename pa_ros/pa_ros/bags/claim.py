@@ -1,0 +1,46 @@
+"""Who writes a bag holds a lock on its folder, so that a recording that goes on is told from one
+that was killed. Recorders of others hold none."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pa_ros.bags.errors import BagInUseError
+
+
+class Claim:
+    """A bag's folder, taken until it is released or the process ends."""
+
+    def __init__(self, folder: Path) -> None:
+        """Raises BagInUseError if another has it, OSError if it can't be opened."""
+        self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self.release()
+            raise BagInUseError(
+                f"bag: {folder}: it is still being recorded, or repaired: expected its recorder "
+                "to have ended"
+            ) from error
+        except OSError:  # a file system without locks
+            pass
+
+    def release(self) -> None:
+        """Does nothing the second time."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+        self._descriptor = -1
+
+
+@contextmanager
+def claimed(folder: Path) -> Iterator[None]:
+    """Nobody else writes the bag meanwhile. Raises BagInUseError."""
+    claim = Claim(folder)
+    try:
+        yield
+    finally:
+        claim.release()
