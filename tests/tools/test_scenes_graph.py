@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import pytest
 from graph import graph
 
 from pa_ros.cli.main import main
 from pa_ros.language import parse, require_target
 from pa_ros.ros import topics
+from pa_ros.tools.domain import DomainClaim
 from pa_ros.tools.monitor import GraphFigures
 from pa_ros.tools.scenes import Scene, SceneFigures
 from pa_ros.wire import codec
@@ -55,3 +60,20 @@ def test_a_scene_is_the_next_or_a_number(text, capsys):
     assert main(["send", "--scene", text]) == 2
     expected = "--scene: expected next or the number of an episode, got " + repr(text)
     assert expected in capsys.readouterr().err
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize(
+    "asked", [["--scene", "next"], [], ["NEAR(HAND, RED)"], ["NEAR(HAND, RED)", "--wait"]]
+)
+def test_who_sends_where_no_arena_is_hears_so_before_the_time_is_up(asked):
+    command = [sys.executable, "-m", "pa_ros", "send", *asked, "--timeout", "4"]
+    with DomainClaim() as claim:
+        where = {**os.environ, "ROS_DOMAIN_ID": str(claim.number)}
+        done = subprocess.run(command, env=where, capture_output=True, text=True, timeout=60)
+    first, last = done.stderr.splitlines()
+    assert (
+        first
+        == f"no arena yet in ROS domain {claim.number}, namespace /: waits for one, 4 s at most"
+    )
+    assert done.returncode == 3 and "within 4 s" in last

@@ -9,13 +9,14 @@ import argparse
 import math
 import sys
 import time
+from functools import partial
 
 from pa_ros.acting.execution import Execution
 from pa_ros.cli.options import add_setting, asked, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.executor import spin_until
-from pa_ros.tools.arena_client import ArenaClient
-from pa_ros.tools.client import Node, client_node
+from pa_ros.tools.arena_client import ArenaClient, ArenaSilentError
+from pa_ros.tools.client import Node, client_node, spin_with_notice
 from pa_ros.tools.goals import GoalClient
 from pa_ros.tools.scenes import Scene
 from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError, sendable
@@ -59,7 +60,8 @@ def run(options: argparse.Namespace) -> int:
     with client_node("send", options.namespace) as node:
         try:
             if options.scene is not None:
-                began = ArenaClient(node).reset(options.scene, how.timeout_s)
+                spin = partial(spin_with_notice, node)
+                began = ArenaClient(node, spin).reset(options.scene, how.timeout_s)
                 print(f"began episode {began.episode}")
             scene = Scene(node)
             if options.text is None:
@@ -74,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
             if status == EXIT_REFUSED and spin_until(node, lambda: scene.known, SUGGEST_S):
                 print(_suggested(scene), file=sys.stderr)
             return status
-        except SendTimeoutError as error:
+        except (SendTimeoutError, ArenaSilentError) as error:
             print(f"timed out: {error}", file=sys.stderr)
             return EXIT_TIMED_OUT
 
@@ -90,7 +92,7 @@ def _scene(text: str) -> ResetRequest:
 
 def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
     """Say what stands there. SendTimeoutError if no arena shows itself in time."""
-    if not spin_until(node, lambda: scene.known, timeout_s):
+    if not spin_with_notice(node, lambda: scene.known, timeout_s):
         raise SendTimeoutError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )
@@ -138,7 +140,7 @@ class _Feedback:
 
 def _send(node: Node, text: str, how: SendOptions) -> int:
     """By the topic; with `wait` the verdicts are followed until it is clear what became of it."""
-    sender = ProgramSender(node)
+    sender = ProgramSender(node, partial(spin_with_notice, node))
     try:
         answers = sender.send(text, how.timeout_s)
     finally:

@@ -23,6 +23,12 @@ class ArenaServiceError(PaError):
     code = "arena.service"
 
 
+class ArenaSilentError(ArenaServiceError):
+    """No arena offers the service, or it did not answer in time."""
+
+    code = "arena.silent"
+
+
 class ArenaClient:
     """The services of the arena in a node's namespace, or in one below it."""
 
@@ -43,10 +49,10 @@ class ArenaClient:
 
     def _call(self, name: str, client: Any, request: Any, timeout_s: float) -> Outcome:
         if not self._spin(client.service_is_ready, timeout_s):
-            raise ArenaServiceError(f"{name}: no arena offers it within {timeout_s:g} s")
+            raise ArenaSilentError(f"{name}: no arena offers it within {timeout_s:g} s")
         answer = client.call_async(request)
         if not self._spin(answer.done, timeout_s):
-            raise ArenaServiceError(f"{name}: no answer within {timeout_s:g} s")
+            raise ArenaSilentError(f"{name}: no answer within {timeout_s:g} s")
         outcome = codec.decode_outcome(answer.result())
         if not outcome.success:
             raise ArenaServiceError(f"{name}: refused: [{outcome.code}] {outcome.reason}")

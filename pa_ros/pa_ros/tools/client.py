@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rclpy.node import Node
@@ -11,7 +12,9 @@ from rclpy.node import Node
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.environment import prepare_environment, start_ros
 
-__all__ = ["Node", "client_node"]
+__all__ = ["Node", "client_node", "spin_with_notice"]
+
+NOTICE_S = 3.0
 
 
 @contextmanager
@@ -44,3 +47,22 @@ def client_node(name: str, namespace: str = "") -> Iterator[Node]:
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
+
+
+def spin_with_notice(node: Node, condition: Callable[[], bool], timeout_s: float) -> bool:
+    """`spin_until`, but says so once on standard error where there is no arena at all to answer."""
+    from pa_ros.ros.executor import spin_until
+    from pa_ros.ros.topics import ARENA_INFO
+
+    at_once = min(NOTICE_S, timeout_s)
+    if spin_until(node, condition, at_once):
+        return True
+    if timeout_s > at_once and not node.get_publishers_info_by_topic(ARENA_INFO.name):
+        domain = node.context.get_domain_id()
+        print(
+            f"no arena yet in ROS domain {domain}, namespace {node.get_namespace()}: "
+            f"waits for one, {timeout_s:g} s at most",
+            file=sys.stderr,
+            flush=True,
+        )
+    return spin_until(node, condition, timeout_s - at_once)
