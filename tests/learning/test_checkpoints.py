@@ -13,6 +13,7 @@ from worlds import PROGRAMS, SCORING, PointWorld, dpg, random_trajectory
 
 from pa_ros.acting.actor import Actor
 from pa_ros.core.software import here
+from pa_ros.learning import checkpoints
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import (
     find_checkpoint,
@@ -30,6 +31,34 @@ from pa_ros.networks.config import NetworkConfig
 def saved(tmp_path) -> Path:
     run(tmp_path / "run", 100)
     return tmp_path / "run" / "checkpoint"
+
+
+def test_a_policy_is_of_one_checkpoint_though_the_next_is_saved_meanwhile(saved, monkeypatch):
+    read = checkpoints.read_json
+
+    def read_while_learning(text: str) -> object:
+        monkeypatch.undo()
+        run(saved.parent, 120, resume=True)
+        return read(text)
+
+    monkeypatch.setattr(checkpoints, "read_json", read_while_learning)
+    assert load_policy(saved).version == 5
+    assert load_policy(saved).version == 6
+
+
+@pytest.mark.parametrize(
+    ("name", "acts"), [("replay.safetensors", True), ("policies.safetensors", False)]
+)
+def test_what_acts_reads_no_replay(saved, name, acts) -> None:
+    path = find_checkpoint(saved) / name
+    path.write_bytes(path.read_bytes()[:-1] + b"\x99")
+    if acts:
+        assert load_policy(saved).version == 5
+    else:
+        with pytest.raises(CheckpointError, match=f"{name}: expected SHA-256"):
+            load_policy(saved)
+    with pytest.raises(CheckpointError, match=f"{name}: expected SHA-256"):
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
 @pytest.fixture

@@ -37,6 +37,8 @@ FORMAT = 3
 OLDER = (1, 2)  # of 0.1 and 0.2, which knew the paper's world alone
 LATEST = "LATEST"
 METADATA = "metadata.json"
+POLICIES = "policies.safetensors"
+ACTING = (METADATA, POLICIES)  # all that acting needs of a checkpoint
 DPG = "dpg"  # the algorithm of checkpoints that name none
 SHIPPED = Path(__file__).parents[1] / "shipped"
 SHIPPED_PREFIX = "shipped:"
@@ -112,9 +114,9 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
 def load_policy(path: Path) -> PolicySnapshot:
     """The newest published weights of a checkpoint: all that acting needs."""
-    values = read_metadata(path)
-    directory = find_checkpoint(path)
-    check_files(directory)
+    directory = find_checkpoint(path)  # once: a run that goes on may have the next, then
+    values = read_metadata(directory)
+    check_files(directory, ACTING)
     return _load_policies(directory, values)[-1]
 
 
@@ -124,7 +126,8 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
     Raises CheckpointError, naming both sides, if networks or settings differ, or if a file is
     missing or damaged; the learner is then not to be used.
     """
-    directory, values = find_checkpoint(path), read_metadata(path)
+    directory = find_checkpoint(path)
+    values = read_metadata(directory)
     check_files(directory)
     try:
         _check_same(directory, values, learner.network, learner.config, learner.scoring)
@@ -157,9 +160,10 @@ def check_trained_with(
 
     Raises CheckpointError, naming both sides, if it is of others.
     """
-    values = read_metadata(path)
+    directory = find_checkpoint(path)
+    values = read_metadata(directory)
     check_facts(path, values, **facts)
-    _check_same(find_checkpoint(path), values, network, config, scoring)
+    _check_same(directory, values, network, config, scoring)
     return values
 
 
@@ -212,7 +216,8 @@ def ship(
     ConfigError for a name that is none, or is taken and not to be replaced.
     """
     check_ship_name(name, replaces, folder)
-    directory, values = find_checkpoint(run), read_metadata(run)
+    directory = find_checkpoint(run)
+    values = read_metadata(directory)
     policy = _load_policies(directory, values)[-1]
     values["published"] = [policy.version]
     values["extra"] = values["extra"] | card
@@ -220,7 +225,7 @@ def ship(
     out = folder / name
     out.mkdir(parents=True, exist_ok=True)
     _write_file(out / METADATA, (json.dumps(values, indent=1) + "\n").encode())
-    _write_file(out / "policies.safetensors", _save_arrays(tensors))
+    _write_file(out / POLICIES, _save_arrays(tensors))
     return out
 
 
@@ -250,7 +255,7 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
         METADATA: json.dumps(values, indent=1).encode(),
         "engine.safetensors": _save_arrays(tensors),
         "replay.safetensors": _save_arrays(learner.replay.filled()),
-        "policies.safetensors": _save_arrays(policies),
+        POLICIES: _save_arrays(policies),
     }
 
 
@@ -298,7 +303,7 @@ def _check_same(
 
 
 def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapshot]:
-    arrays = _load_arrays(directory / "policies.safetensors")
+    arrays = _load_arrays(directory / POLICIES)
     try:
         network, versions = NetworkConfig.from_json(values["network"]), values["published"]
         known = {name.partition("/")[0] for name in arrays}

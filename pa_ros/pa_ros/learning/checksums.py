@@ -6,7 +6,7 @@ The file is what `sha256sum` writes and `sha256sum --check` reads.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from pa_ros.learning.errors import CheckpointError
@@ -21,8 +21,8 @@ def checksums(files: Mapping[str, bytes]) -> bytes:
     ).encode()
 
 
-def check_files(directory: Path) -> None:
-    """Raise CheckpointError, naming the file, unless all are as they were written.
+def check_files(directory: Path, names: Collection[str] = ()) -> None:
+    """Raise CheckpointError, naming the file, unless these are as they were written (none: all).
 
     A checkpoint without SHA256SUMS, of a version that wrote none, passes.
     """
@@ -33,11 +33,11 @@ def check_files(directory: Path) -> None:
         lines = [line.split("  ", 1) for line in sums.read_text("ascii").splitlines()]
         stated = {name: digest for digest, name in lines if Path(name).name == name}
         found = {name: hashlib.sha256((directory / name).read_bytes()).hexdigest()
-                 for name in stated}  # fmt: skip
+                 for name in names or stated}  # fmt: skip
     except (OSError, ValueError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {SUMS}: {error}") from error
-    wrong = [name for name in stated if found[name] != stated[name]]
-    if wrong or not stated:
+    wrong = [name for name in found if found[name] != stated.get(name)]
+    if wrong or not found:
         name = wrong[0] if wrong else SUMS
         raise CheckpointError(
             f"checkpoint: {directory / name}: expected SHA-256 {stated.get(name, 'of each file')}, "

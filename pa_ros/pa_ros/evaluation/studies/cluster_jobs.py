@@ -18,8 +18,8 @@ from pa_ros.evaluation.studies.generalization import RANDOM_WEIGHTS, conditions_
 from pa_ros.evaluation.studies.seeds import SeedsProgress, folder_of, progress_bar
 from pa_ros.language import MIN_MAX, Logic
 from pa_ros.learning.checkpoints import (
+    ACTING,
     LATEST,
-    METADATA,
     find_checkpoint,
     read_metadata,
     remove_older,
@@ -27,7 +27,6 @@ from pa_ros.learning.checkpoints import (
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 
 SCORES = "scores"
-ACTING = (METADATA, "policies.safetensors")  # all that acting needs of a checkpoint
 
 
 def train_seeds_on(
