@@ -12,6 +12,7 @@ from point_runs import NETWORK, SETTINGS, run
 from worlds import PROGRAMS, SCORING, PointWorld, dpg, random_trajectory
 
 from pa_ros.acting.actor import Actor
+from pa_ros.core.settings import read_json
 from pa_ros.core.software import here
 from pa_ros.learning import checkpoints
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -34,7 +35,7 @@ def saved(tmp_path) -> Path:
 
 
 def test_a_policy_is_of_one_checkpoint_though_the_next_is_saved_meanwhile(saved, monkeypatch):
-    read = checkpoints.read_json
+    read = read_json
 
     def read_while_learning(text: str) -> object:
         monkeypatch.undo()

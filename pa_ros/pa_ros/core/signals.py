@@ -26,9 +26,20 @@ class Interrupted(KeyboardInterrupt):
 
 @contextmanager
 def on_ending(handle: Handler) -> Iterator[None]:
-    """`handle` SIGINT, SIGTERM and SIGHUP. But what nohup has started stays deaf to the last."""
+    """`handle` SIGINT, SIGTERM and SIGHUP. But what nohup has started stays deaf to the last.
+
+    Once its terminal is gone, what a process says goes nowhere: it still ends in order.
+    """
+    terminals = [descriptor for descriptor in (1, 2) if os.isatty(descriptor)]
+
+    def handle_it(number: int, frame: FrameType | None) -> None:
+        for descriptor in terminals:
+            if number == signal.SIGHUP and not os.isatty(descriptor):
+                _say_nowhere(descriptor)
+        handle(number, frame)
+
     before = {
-        number: signal.signal(number, handle)
+        number: signal.signal(number, handle_it)
         for number in ENDING
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
     }
@@ -37,6 +48,12 @@ def on_ending(handle: Handler) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _say_nowhere(descriptor: int) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
 
 
 @contextmanager
