@@ -155,6 +155,36 @@ def test_bad_input_is_refused_with_status_2_and_what_came(
     assert not list(tmp_path.iterdir()), "a refused command leaves nothing"
 
 
+TOO_LONG = "x" * 300  # of a file's name
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["eval", "--checkpoint", TOO_LONG],
+        ["train", "--frames", "100", "--out", TOO_LONG],
+        ["train", "--from-bag", TOO_LONG, "--out", "unused"],
+        ["experiment", "programmable-2L", "--runs", TOO_LONG],
+        ["figures", "--results", TOO_LONG],
+        ["ship", TOO_LONG, "name"],
+        ["bag", "info", TOO_LONG],
+        ["bag", "film", TOO_LONG, "--episode", "0", "--out", "film.gif"],
+        ["film", "--out", f"{TOO_LONG}.gif"],
+        ["bench", "codec", "--json", TOO_LONG],
+        ["record", TOO_LONG, "--repair"],
+        ["verify", TOO_LONG],
+        ["launch", "--params", TOO_LONG],
+        ["demo", "--out", TOO_LONG],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_path_that_the_system_refuses_is_one_line(tmp_path, monkeypatch, capsys, arguments):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    reason = capsys.readouterr().err
+    assert "File name too long" in reason and TOO_LONG in reason and len(reason.splitlines()) == 1
+
+
 @pytest.mark.parametrize("command", [["experiment", "programmable-2L"], ["figures"]])
 def test_published_tables_are_written_over_only_when_that_is_asked_for(command):
     parser = build_parser(command[0])

@@ -62,6 +62,8 @@ def shared_memory_of(pid: int) -> list[str]:
         ("sim_node", {"sed": 3}, "got ['sed']"),
         ("agent_node", {"weights": "checkpoint", "checkpoint": "/no/such"}, "found none"),
         ("learner_node", {"resume": True, "out": "/no/such"}, "found none"),
+        ("agent_node", {"weights": "checkpoint", "checkpoint": "x" * 300}, "File name too long"),
+        ("learner_node", {"out": "x" * 300}, "File name too long"),
     ],
 )
 def test_a_parameter_that_cannot_be_is_refused_with_the_value(node, parameters, reason):

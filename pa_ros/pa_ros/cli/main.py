@@ -96,6 +96,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `| head` has read enough; nothing is left to be flushed at the end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_PIPE
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"pa_ros {chosen}: {error}", file=sys.stderr)  # a path that the system refuses
+        return EXIT_REFUSED
 
 
 if __name__ == "__main__":

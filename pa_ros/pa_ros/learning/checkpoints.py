@@ -184,8 +184,11 @@ def find_checkpoint(path: Path) -> Path:
     """
     if str(path).startswith(SHIPPED_PREFIX):
         return _shipped(str(path).removeprefix(SHIPPED_PREFIX))
-    if (path / METADATA).is_file():
-        return path
+    try:
+        if (path / METADATA).is_file():
+            return path
+    except OSError as error:  # a folder that may not be looked into, say
+        raise CheckpointError(f"checkpoint: {path}: {error}") from error
     name = _latest_name(path)
     if not name or Path(name).name != name or not os.path.isfile(path / name / METADATA):
         raise CheckpointError(f"checkpoint: expected one at {path}, found none")

@@ -21,8 +21,13 @@ def holds_checkpoint(folder: Path) -> bool:
 
 
 def refuse_used(folder: Path) -> None:
-    """Raise FolderUsedError if the folder holds a run's checkpoint."""
-    if holds_checkpoint(folder) or any(checkpoint_of(folder).glob("version-*")):
+    """Raise FolderUsedError if the folder holds a run's checkpoint, CheckpointError if one can't
+    look."""
+    try:
+        used = holds_checkpoint(folder) or any(checkpoint_of(folder).glob("version-*"))
+    except OSError as error:
+        raise CheckpointError(f"{folder}: {error}") from error
+    if used:
         raise FolderUsedError(
             f"{folder}: expected a folder without a run, got one that holds a checkpoint: resume "
             "it (--resume, or the learner's parameter resume), or name another folder"
