@@ -41,3 +41,13 @@ def test_an_extension_that_cannot_be_imported_is_named(
 def test_a_module_that_is_not_there_is_named() -> None:
     with pytest.raises(ConfigError, match="got 'no_such_module': ModuleNotFoundError"):
         extensions.load(["no_such_module"])
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, 3])
+def test_an_extension_is_named_anywhere_on_the_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: int
+) -> None:
+    line = ["bag", "info", str(tmp_path / "none")]
+    line[place:place] = ["--extension", "calendar"]
+    assert main(line) == 2
+    assert "expected a bag, found none" in capsys.readouterr().err

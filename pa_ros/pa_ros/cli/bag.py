@@ -9,6 +9,7 @@ from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.film import add_look, check_look
+from pa_ros.cli.options import add_extension
 from pa_ros.core.errors import ConfigError
 
 EXIT_PARTIAL = 1  # some of the bag could not be looked at
@@ -35,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for action in (info, export, film):
         action.add_argument("bag", type=Path, metavar="BAG")
         action.add_argument("--namespace", help="of the arena, if several were recorded")
+        add_extension(action)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from pa_ros import __version__
+from pa_ros.cli.options import add_extension
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.opengl import check_opengl
@@ -51,14 +52,6 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
             importlib.import_module(module).add_arguments(subparser)
             add_extension(subparser)
     return parser
-
-
-def add_extension(parser: argparse.ArgumentParser) -> None:
-    """Declare `--extension`, which stands before or after the command."""
-    parser.add_argument(
-        "--extension", action="append", default=[], metavar="MODULE|FILE.py",
-        help="import what registers arms, designs, relations … of your own; repeatable",
-    )  # fmt: skip
 
 
 def load_extensions(arguments: Sequence[str]) -> list[str]:

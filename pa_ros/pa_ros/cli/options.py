@@ -1,4 +1,5 @@
-"""Options of the command line that follow from settings: type, default, choices and help."""
+"""Options of the command line that follow from settings (type, default, choices and help), and
+those that every command has."""
 
 from __future__ import annotations
 
@@ -11,6 +12,14 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Leaf, Settings
 
 Kind = TypeVar("Kind", bound=Settings)
+
+
+def add_extension(parser: argparse.ArgumentParser) -> None:
+    """Declare `--extension`, which stands anywhere on the line."""
+    parser.add_argument(
+        "--extension", action="append", default=[], metavar="MODULE|FILE.py",
+        help="import what registers arms, designs, relations … of your own; repeatable",
+    )  # fmt: skip
 
 
 def add_setting(
