@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program_bags import written
 from recorded_runs import SMALL, train
 from recording import decoded
 from rosbags.typesys import get_types_from_msg
@@ -98,6 +99,18 @@ def test_a_type_that_is_not_here_is_passed_over_and_an_unknown_topic_refused(pro
     assert main(["play", str(programs), "--topics", "thing"]) == 2
     with pytest.raises(ConfigError, match="got -1"):
         PlaybackOptions(rate=-1)
+
+
+def test_a_start_beyond_the_end_is_refused(programs, capsys):
+    assert main(["play", str(programs), "--start", "1000"]) == 2
+    assert "--start: expected less than the bag's " in capsys.readouterr().err
+
+
+def test_what_holds_nothing_is_not_played_in_a_loop(tmp_path):
+    written(tmp_path / "bag", 0)
+    with client_node("test") as node:
+        played = replayed(node, tmp_path / "bag", loop=True, wait_s=0.0)
+    assert played.counts == {"/program": 0}
 
 
 def test_loop_and_clock(programs):

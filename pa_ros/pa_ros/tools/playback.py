@@ -91,18 +91,28 @@ class Player:
 
     def run(self, stopped: Callable[[], bool] = lambda: False) -> Played:
         """Play to the end, or until `stopped`. Raises PlaybackError, DamagedBagError."""
+        if 0.0 < self._options.start_s >= self._bag.duration_s:
+            raise PlaybackError(
+                f"playback: --start: expected less than the bag's {self._bag.duration_s:g} s, "
+                f"got {self._options.start_s:g}"
+            )
         self._wait_for_listeners(stopped)
         for gate in self._gates.values():
             gate.look(set(self._publishers))
         first_ns = self._bag.first_ns + int(self._options.start_s * 1e9)
         self._latch(first_ns)
         while not stopped():
+            before = self._total
             self._pass(first_ns, stopped)
-            if not self._options.loop:
+            if not self._options.loop or self._total == before:
                 break
         for name in self._publishers:
             self._settle(name)
         return self.played
+
+    @property
+    def _total(self) -> int:
+        return sum(self.played.counts.values())
 
     def _chosen(self) -> list[str]:
         there, wanted = self._bag.types, self._options.topics
