@@ -235,7 +235,9 @@ class TorchEngine(ABC):
 
 def _device_named(name: str) -> torch.device:
     try:
-        return torch.zeros(0, device=name).device
+        probe = torch.zeros(1, device=name)
+        probe.cpu()  # what `meta` has can't be read
+        return probe.device
     except (RuntimeError, AssertionError) as error:
         reason = str(error).partition("\n")[0]
         raise ConfigError(
