@@ -65,10 +65,6 @@ def test_train_then_eval(tmp_path, capsys):
         (["train", "--out", "unused", "--frames", "-5"], "-5"),
         (["train", "--out", "unused", "--protocol", "theirs"], "theirs"),
         (["train", "--out", "unused", "--frames", "ten"], "--frames: expected an integer of at"),
-        (
-            ["train", "--out", "unused", "--set", "learner.engine.device=meta"],
-            "expected one that torch has here, got 'meta'",
-        ),
         (["train", "--out", "unused", "--seed", "-1"], "--seed: expected an integer of at least"),
         (["train", "--out", "unused", "--network", "x"], "one of ['programmable', "),
         (["train", "--out", "unused", "--eval-every", "-1"], "--eval-every: expected an integer"),

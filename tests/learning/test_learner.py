@@ -264,3 +264,9 @@ def test_settings_round_trip() -> None:
 def test_a_engine_that_does_not_apply_is_refused() -> None:
     with pytest.raises(ConfigError, match="'fused'"):
         learner(engine__name="fused", engine__dtype="float64")
+
+
+@pytest.mark.parametrize("device", ["abacus", "cuda:99", "meta"])
+def test_a_device_that_cannot_hold_numbers_is_refused(device) -> None:
+    with pytest.raises(ConfigError, match=f"expected one that torch has here, got '{device}'"):
+        learner(engine__device=device)
