@@ -22,15 +22,29 @@ def handlers() -> Iterator[None]:
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize("number", ENDING)
-def test_a_signal_is_noted_and_the_next_one_interrupts(number) -> None:
+@pytest.mark.parametrize("first", ENDING)
+@pytest.mark.parametrize("second", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_noted_and_the_next_one_interrupts(first, second) -> None:
     with signals_noted() as noted:
         assert not noted()
-        os.kill(os.getpid(), number)
+        os.kill(os.getpid(), first)
         assert noted()
         with pytest.raises(Interrupted) as interrupted:
-            os.kill(os.getpid(), number)
-    assert interrupted.value.status == 128 + number
+            os.kill(os.getpid(), second)
+    assert interrupted.value.status == 128 + second
+
+
+@pytest.mark.parametrize("first", ENDING)
+def test_a_terminal_that_closes_is_no_impatience(first) -> None:
+    """A shell and the kernel each say so."""
+    with signals_noted() as noted:
+        os.kill(os.getpid(), first)
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert noted()
+    with signals_interrupt():
+        with pytest.raises(Interrupted):
+            os.kill(os.getpid(), first)
+        os.kill(os.getpid(), signal.SIGHUP)
 
 
 @pytest.mark.parametrize("number", ENDING)

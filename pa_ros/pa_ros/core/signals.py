@@ -60,13 +60,14 @@ def _say_nowhere(descriptor: int) -> None:
 def signals_noted() -> Iterator[Callable[[], bool]]:
     """Signals make the function yielded true instead of ending the process.
 
-    The next one raises Interrupted, so that impatience is heard while things are stopped.
+    The next one raises Interrupted, so that impatience is heard while things are stopped; but not
+    SIGHUP: of a terminal that closes the shell and the kernel each say so.
     """
     noted: list[int] = []
 
     def handle(number: int, _frame: FrameType | None) -> None:
         noted.append(number)
-        if len(noted) > 1:
+        if len(noted) > 1 and number != signal.SIGHUP:
             _interrupt(number)
 
     with on_ending(handle):
@@ -75,9 +76,14 @@ def signals_noted() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def signals_interrupt() -> Iterator[None]:
-    """Signals raise Interrupted, so that whatever is under way is left in order."""
+    """Signals raise Interrupted, so that whatever is under way is left in order, and SIGHUP does
+    not disturb that."""
+    raised: list[int] = []
 
     def handle(number: int, _frame: FrameType | None) -> None:
+        if raised and number == signal.SIGHUP:
+            return
+        raised.append(number)
         _interrupt(number)
 
     if not _in_main_thread():
