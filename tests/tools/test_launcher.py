@@ -14,6 +14,7 @@ from pa_ros.tools.launcher import ChildError, Patience, Supervisor, node_command
 
 OBEDIENT = (  # also where the tests were started with SIGINT ignored, as a shell's `&` does
     "import signal, time; signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
+    "signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])\n"
     "print('up', flush=True)\ntime.sleep(60)"
 )
 DEAF = (
@@ -44,6 +45,24 @@ def test_stop_interrupts_the_willing_and_kills_the_deaf(tmp_path):
         assert supervisor.stop() == {"a": -signal.SIGINT, "b": -signal.SIGKILL}
     assert not any(map(alive, pids))
     assert supervisor.names == []
+
+
+STARTING = """
+import time
+print("up", flush=True)
+time.sleep(0.5)
+from pa_ros.core.signals import signals_noted
+with signals_noted() as noted:
+    while not noted():
+        time.sleep(0.01)
+"""
+
+
+def test_who_is_stopped_while_it_starts_ends_in_order(tmp_path):
+    with Supervisor(tmp_path) as supervisor:
+        start(supervisor, tmp_path, "a", STARTING)
+        assert supervisor.stop() == {"a": 0}
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_stopping_one_leaves_the_other(tmp_path):

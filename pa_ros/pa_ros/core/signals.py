@@ -28,7 +28,8 @@ class Interrupted(KeyboardInterrupt):
 def on_ending(handle: Handler) -> Iterator[None]:
     """`handle` SIGINT, SIGTERM and SIGHUP. But what nohup has started stays deaf to the last.
 
-    Once its terminal is gone, what a process says goes nowhere: it still ends in order.
+    A SIGINT that came to a starting child (`interrupts_later`) comes now. Once its terminal is
+    gone, what a process says goes nowhere: it still ends in order.
     """
     terminals = [descriptor for descriptor in (1, 2) if os.isatty(descriptor)]
 
@@ -43,11 +44,23 @@ def on_ending(handle: Handler) -> Iterator[None]:
         for number in ENDING
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
     }
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def interrupts_later() -> Iterator[None]:
+    """A child that is started meanwhile gets SIGINT when it can end in order (`on_ending`), and not
+    in the midst of its imports."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _say_nowhere(descriptor: int) -> None:

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
+from pa_ros.core.signals import interrupts_later
 from pa_ros.ros.process import PARENT, ros_arguments
 
 TAIL_LINES = 15
@@ -55,8 +56,9 @@ class Supervisor:
     """Starts children, notices when one ends, stops them all; a context manager that stops.
 
     Each child has its own session and process group, so a terminal's Ctrl-C reaches it only
-    through us. It is told whose child it is and stops by itself when we have ended, however that
-    was (`pa_ros.ros.process.die_with_parent`, which every node calls). stdout and stderr go to
+    through us, and while it starts, only once it can end in order (`core.signals.on_ending`). It is
+    told whose child it is and stops by itself when we have ended, however that was
+    (`pa_ros.ros.process.die_with_parent`, which every node calls). stdout and stderr go to
     `<name>.log`.
     """
 
@@ -87,7 +89,7 @@ class Supervisor:
         """Start a child; its process id. Raises ChildError if it cannot be run."""
         self._log_folder.mkdir(parents=True, exist_ok=True)
         log = self._log_folder / f"{name}.log"
-        with log.open("ab") as output:
+        with log.open("ab") as output, interrupts_later():
             try:
                 process = subprocess.Popen(
                     command,
