@@ -73,3 +73,13 @@ def test_ctrl_c_ends_a_training_after_its_episode_and_what_it_learned_is_kept(tm
     frames = int(re.search(r"stopped after ([\d,]+) frames", output)[1].replace(",", ""))
     assert frames > 0 and frames % 100 == 0
     assert main([*map(str, train), "--resume", "--frames", str(frames + 100)]) == 0
+
+
+def test_a_training_that_nobody_reads_any_more_keeps_what_it_learned(tmp_path):
+    """As after `| head`."""
+    with command("train", "--out", tmp_path, "--eval-every", "100", "--eval-episodes", "1") as run:
+        run.stdout.readline()
+        run.stdout.close()
+        run.wait(DEADLINE_S)
+        assert run.returncode == 141 and "Traceback" not in run.stderr.read()
+    assert (tmp_path / "checkpoint" / "LATEST").is_file()

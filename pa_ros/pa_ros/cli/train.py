@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Train to `--frames`; rows are shown as they are written to OUT/progress.csv.
 
-    Ctrl-C ends it after the episode, with a checkpoint.
+    Ctrl-C, or that nobody reads any more, ends it after the episode, with a checkpoint.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     if options.from_bag:
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
             options.resume,
             run_log,
             view,
-            interrupted,
+            lambda: interrupted() or view.unread,
         )
     if learner.counters.frames < config.frames:
         print(f"stopped after {learner.counters.frames:,} frames, saved: --resume goes on")

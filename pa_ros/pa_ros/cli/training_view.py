@@ -48,7 +48,7 @@ class TrainingView:
     """Told of each episode and each evaluation (`pa_ros.learning.loop.Watcher`).
 
     A context manager. In a terminal a line is renewed in place; elsewhere one is printed every
-    LINE_PERIOD_S.
+    LINE_PERIOD_S. `unread`: whoever read it has gone (`| head`).
     """
 
     def __init__(self, frames: int, stream: TextIO | None = None) -> None:
@@ -56,6 +56,7 @@ class TrainingView:
         self._frames, self._stream = frames, stream or sys.stdout
         self._console = Console(file=self._stream, highlight=False)
         self._live: Live | None = None
+        self.unread = False
         self._titled = False
         self._shown = time.monotonic()
         self._recent: deque[float] = deque(maxlen=RECENT)
@@ -110,7 +111,10 @@ class TrainingView:
 
     def _print(self, line: str) -> None:
         if self._live is None:
-            print(line, file=self._stream, flush=True)
+            try:
+                print(line, file=self._stream, flush=True)
+            except BrokenPipeError:
+                self.unread = True
         else:
             self._console.print(line, soft_wrap=True, markup=False)
 
