@@ -58,9 +58,9 @@ def two() -> Iterator[Hosts]:
         for host, words in enumerate(([*head, "--head"], [f"--address={address}"])):
             node = f"--node-ip-address={made.address(host)}"
             command = [RAY, "start", node, *words, *NODE]
-            made.run(host, command, ENVIRONMENT, Path(place) / f"{host}.log")
-            if host == 0:
-                wait_for(lambda: any(Path(place).glob("session_*/logs/raylet.out")), "Ray's head")
+            log = Path(place) / f"{host}.log"
+            made.run(host, command, ENVIRONMENT, log)
+            wait_for(lambda: "Ray runtime started" in log.read_text(), "a node")  # noqa: B023
         yield made
         made.stop()
         for host in range(2):
