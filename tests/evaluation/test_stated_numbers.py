@@ -135,6 +135,12 @@ def by_logic(arm: str) -> str:
     )
 
 
+def short_of(table: str) -> dict[int, float]:
+    """Seeds that end below 0.9, with where they are."""
+    ends = {int(row["seed"]): float(row["final_held_out"]) for row in rows(f"{table}-seeds")}
+    return {seed: end for seed, end in ends.items() if end < 0.9}
+
+
 def sentences() -> dict[str, str]:
     """Sentences with their numbers, as they must stand in RESULTS."""
     two, three = "programmable-2L", "programmable-3D"
@@ -192,10 +198,23 @@ def sentences() -> dict[str, str]:
         f"600 and 601 are at {told[0]:.2f} and {told[1]:.2f}, and new kinds are reached less well "
         f"still ({summary(f'{slow}.no-relabel')[new]['normalized']:.2f})"
     )
-    dull = column(f"{three}.detector-gain-1-seeds", "final_held_out")
-    found["detectors' rate"] = f"almost all of the 30,000 frames, and 601 ends at {dull[1]:.2f}."
-    far = column(f"{three}{slow}.discount-0.99-seeds", "final_held_out")
-    found["horizon, slow"] = f"of ten seconds none was ({min(far):.2f} to {max(far):.2f})"
+    dull = short_of(f"{three}.detector-gain-1")
+    assert list(dull) == [601, *range(603, 609)]
+    found["detectors' rate"] = (
+        f"601 and 603 to 608 are at {span(list(dull.values()), '.2f', ' to ')}"
+    )
+    far, loud, coarse = (
+        short_of(f"{three}.{tag}") for tag in ("discount-0.99", "noise-0.3", "position-scale-5")
+    )
+    assert (list(far), list(loud), list(coarse)) == ([607, 609], [605], [606])
+    assert far[609] > 0.89 and loud[605] > 0.89
+    found["short of it"] = (
+        f"607 and 609 end below 0.9 ({far[607]:.2f} and just below), with its noise 605 (just "
+        f"below), with coarser positions 606 ({coarse[606]:.2f})"
+    )
+    found["new, not sparse"] = f"and {summary('.no-sparsity')[new]['worst_seed']:.2f})"
+    ends = column(f"{three}{slow}.discount-0.99-seeds", "final_held_out")
+    found["horizon, slow"] = f"of ten seconds none was ({span(ends, '.2f', ' to ')})"
     fast = summary(f"{slow}.full-rates")[new]["worst_seed"]
     found["rates, slow"] = f"reached less well by one agent of three ({fast:.2f})"
     found["worst new, slow"] = f"both new {worst[0]:.2f}, {worst[1]:.2f} and {worst[2]:.2f}"
