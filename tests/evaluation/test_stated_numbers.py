@@ -198,11 +198,14 @@ def sentences() -> dict[str, str]:
         f"600 and 601 are at {told[0]:.2f} and {told[1]:.2f}, and new kinds are reached less well "
         f"still ({summary(f'{slow}.no-relabel')[new]['normalized']:.2f})"
     )
+    alone = short_of(f"{three}.no-relabel")
+    assert list(alone) == [600, 601, 602, *range(606, 610)]
+    found["relabeling"] = (
+        f"600 to 602 and 606 to 609 are at {span([*alone.values()], '.2f', ' to ')}"
+    )
     dull = short_of(f"{three}.detector-gain-1")
     assert list(dull) == [601, *range(603, 609)]
-    found["detectors' rate"] = (
-        f"601 and 603 to 608 are at {span(list(dull.values()), '.2f', ' to ')}"
-    )
+    found["detectors' rate"] = f"601 and 603 to 608 are at {span([*dull.values()], '.2f', ' to ')}"
     far, loud, coarse = (
         short_of(f"{three}.{tag}") for tag in ("discount-0.99", "noise-0.3", "position-scale-5")
     )
