@@ -68,14 +68,14 @@ def test_what_is_there_is_not_trained_again_and_what_cannot_be_is_said(
     assert (tmp_path / "peers.png").stat().st_size > 10_000
     monkeypatch.setitem(sys.modules, "sb3_contrib", None)
     with pytest.raises(ConfigError, match="TQC expects sb3_contrib .the extra `peers`"):
-        peers.bench_peers(tmp_path, 1, ["TQC"])
+        peers.bench_peers(tmp_path, 1, ["TQC"], frames=15_000)
     write_rows(tmp_path / "TQC-0.csv", [score("TQC", 15_000, 90.0, 0.1)])
     found = peers.bench_peers(tmp_path, 1, ["TQC"], frames=15_000)
     assert found["peers.TQC.seeds"] == 1  # a run needs no library
     with pytest.raises(ConfigError, match="TQC expects sb3_contrib"):
         peers.bench_peers(tmp_path, 1, ["TQC"], frames=17_500)  # it is too short
     with pytest.raises(ConfigError, match="expected of .*got 'PPO'"):
-        peers.bench_peers(tmp_path, 1, ["PPO"])
+        peers.bench_peers(tmp_path, 1, ["PPO"], frames=15_000)
 
 
 def test_a_run_is_as_long_as_asked_and_a_shorter_one_is_made_again(

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from pa_ros.bags.errors import BagInUseError
 
 
 class Claim:
-    """A bag's folder, taken until it is released or the process ends."""
+    """A bag's folder, taken until it is released or the process ends; a context manager."""
 
     def __init__(self, folder: Path) -> None:
         """Raises BagInUseError if another has it, OSError if it can't be opened."""
@@ -35,12 +33,8 @@ class Claim:
             os.close(self._descriptor)
         self._descriptor = -1
 
+    def __enter__(self) -> Claim:
+        return self
 
-@contextmanager
-def claimed(folder: Path) -> Iterator[None]:
-    """Nobody else writes the bag meanwhile. Raises BagInUseError."""
-    claim = Claim(folder)
-    try:
-        yield
-    finally:
-        claim.release()
+    def __exit__(self, *_: object) -> None:
+        self.release()

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from pa_ros.bags.claim import claimed
+from pa_ros.bags.claim import Claim
 from pa_ros.bags.contents import METADATA
 from pa_ros.bags.errors import (
     BagError,
@@ -238,8 +238,7 @@ def _check_there(path: Path) -> None:
         raise BagError(f"bag: {path}: expected a bag, found none")
     if path.is_dir() and not (path / METADATA).exists():
         files = storage_files(path)
-        with claimed(path):
-            pass  # nobody writes it
+        Claim(path).release()  # nobody writes it
         raise UnfinishedBagError(
             f"bag: {path}: {len(files)} file(s) but no {METADATA}: its recorder was killed; "
             f"`pa_ros record --repair {path}` makes it readable"

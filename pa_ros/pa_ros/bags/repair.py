@@ -14,7 +14,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from pa_ros.bags.claim import claimed
+from pa_ros.bags.claim import Claim
 from pa_ros.bags.contents import (
     METADATA,
     RESERVE,
@@ -46,7 +46,7 @@ def repair(folder: Path) -> Repaired:
     Raises BagError if there is nothing, BagInUseError while it is being recorded.
     """
     files = storage_files(folder)
-    with claimed(folder):
+    with Claim(folder):
         return _repair(folder, files)
 
 

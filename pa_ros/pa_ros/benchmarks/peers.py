@@ -47,7 +47,6 @@ PACKAGES = {
 }
 GAMMA = 0.95  # as `ours`
 TD3_NOISE = 0.1  # deviation of its exploration (Fujimoto et al. 2018)
-FRAMES = 60_000
 EVERY = 2_500  # frames between scores
 EPISODES = 50
 EQUAL_FRAMES = 15_000
@@ -69,10 +68,8 @@ class Score:
     held_out_normalized: float
 
 
-def bench_peers(
-    folder: Path, seeds: int = 1, contenders: Sequence[str] = (), frames: int = FRAMES
-) -> Report:
-    """Train every contender (default: all) and score it on the way.
+def bench_peers(folder: Path, seeds: int, contenders: Sequence[str], frames: int) -> Report:
+    """Train every contender (none named: all) and score it on the way.
 
     `peers.NAME.…`: the last scores, those after EQUAL_FRAMES, and those of the last evaluation
     within the time in which `ours` had made its EQUAL_FRAMES; means over the seeds. Runs of at
@@ -162,7 +159,7 @@ def _alone() -> None:
 
 
 def run_contender(
-    name: str, seed: int, frames: int = FRAMES, every: int = EVERY, episodes: int = EPISODES
+    name: str, seed: int, frames: int, every: int = EVERY, episodes: int = EPISODES
 ) -> list[Score]:
     """Train one contender and score it on the way."""
     experiment = replace(

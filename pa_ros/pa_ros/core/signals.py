@@ -34,9 +34,9 @@ def on_ending(handle: Handler) -> Iterator[None]:
     terminals = [descriptor for descriptor in (1, 2) if os.isatty(descriptor)]
 
     def handle_it(number: int, frame: FrameType | None) -> None:
-        for descriptor in terminals:
-            if number == signal.SIGHUP and not os.isatty(descriptor):
-                _say_nowhere(descriptor)
+        if number == signal.SIGHUP:
+            for gone in (one for one in terminals if not os.isatty(one)):
+                _say_nowhere(gone)
         handle(number, frame)
 
     before = {
