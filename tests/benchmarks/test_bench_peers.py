@@ -13,7 +13,8 @@ from pa_ros.benchmarks import peers
 from pa_ros.benchmarks.peers import OURS, PACKAGES, PEERS, Score, report, run_contender
 from pa_ros.benchmarks.peers_figure import draw_peers
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scoring.tables import write_rows
+from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+from pa_ros.evaluation.scoring.training import Acts, TrainingScores
 
 FRAMES, EVERY, EPISODES = 1200, 600, 2
 
@@ -22,8 +23,9 @@ def score(name: str, frames: float, seconds: float, train: float) -> Score:
     return Score(name, "a-library 1.2", 0, frames, seconds, train, train, train / 2, train / 2)
 
 
-def test_ours_is_scored_on_the_way_without_the_time_that_it_takes() -> None:
-    rows = run_contender(OURS, 0, FRAMES, EVERY, EPISODES)
+def test_ours_is_scored_on_the_way_without_the_time_that_it_takes(tmp_path: Path) -> None:
+    run_contender(OURS, 0, FRAMES, tmp_path / "run.csv", EVERY, EPISODES)
+    rows = read_rows(tmp_path / "run.csv", Score)
     assert [row.frames for row in rows] == [600, 1200]
     assert {row.library for row in rows} == {
         f"programmable-agents {version('programmable-agents')}"
@@ -34,9 +36,10 @@ def test_ours_is_scored_on_the_way_without_the_time_that_it_takes() -> None:
 
 @pytest.mark.filterwarnings("ignore")  # of the libraries
 @pytest.mark.parametrize("name", PEERS)
-def test_each_peer_learns_and_is_scored(name: str) -> None:
+def test_each_peer_learns_and_is_scored(name: str, tmp_path: Path) -> None:
     pytest.importorskip(PEERS[name][0])
-    rows = run_contender(name, 0, 200, 100, 1)
+    run_contender(name, 0, 200, tmp_path / "run.csv", 100, 1)
+    rows = read_rows(tmp_path / "run.csv", Score)
     assert [row.frames for row in rows] == [100, 200]
     assert {row.contender for row in rows} == {name}
     assert rows[0].library == f"{PACKAGES[PEERS[name][0]]} {version(PACKAGES[PEERS[name][0]])}"
@@ -83,9 +86,10 @@ def test_a_run_is_as_long_as_asked_and_a_shorter_one_is_made_again(
 ) -> None:
     made: list[int] = []
 
-    def apart(name: str, seed: int, frames: int) -> list[Score]:
+    def apart(name: str, _seed: int, frames: int, path: Path) -> None:
         made.append(frames)
-        return [score(name, frame, frame / 500, 1.0) for frame in range(2500, frames + 1, 2500)]
+        every = range(2500, frames + 1, 2500)
+        write_rows(path, [score(name, frame, frame / 500, 1.0) for frame in every])
 
     monkeypatch.setattr(peers, "_apart", apart)
     for frames in (5000, 10_000, 5000):
@@ -93,3 +97,28 @@ def test_a_run_is_as_long_as_asked_and_a_shorter_one_is_made_again(
     assert made == [5000, 10_000] and found["peers.ours.frames"] == 10_000
     with pytest.raises(ConfigError, match="expected a multiple of 2500, got 6000"):
         peers.bench_peers(tmp_path, 1, [OURS], 6000)
+
+
+def test_a_run_that_is_stopped_leaves_its_scores_and_takes_no_longer_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.csv"
+    there: list[float] = []
+
+    class Stopped(Exception): ...
+
+    def score_of(self: TrainingScores, actor: Acts) -> dict[str, float]:
+        there.append(read_rows(path, Score)[-1].frames if path.exists() else 0)
+        if len(there) == 3:
+            raise Stopped
+        return unchanged(self, actor)
+
+    unchanged = TrainingScores.__call__
+    monkeypatch.setattr(TrainingScores, "__call__", score_of)
+    with pytest.raises(Stopped):
+        run_contender(OURS, 0, 3 * EVERY, path, EVERY, EPISODES)
+    assert there == [0, 600, 1200] and len(read_rows(path, Score)) == 2
+    there.clear()
+    with pytest.raises(Stopped):
+        run_contender(OURS, 0, 6 * EVERY, path, EVERY // 2, EPISODES)
+    assert there == [1200, 1200, 1200]  # two scores of an earlier run, until there are three

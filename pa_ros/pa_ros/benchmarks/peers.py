@@ -28,7 +28,7 @@ from pa_ros.core.report import Report
 from pa_ros.core.signals import end_with_parent
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import Acts, TrainingScores
-from pa_ros.evaluation.studies.experiments import Experiment, experiment_named, read_curve, run_seed
+from pa_ros.evaluation.studies.experiments import Experiment, experiment_named, run_seed
 from pa_ros.language import Program
 
 OURS = "ours"
@@ -72,9 +72,10 @@ def bench_peers(folder: Path, seeds: int, contenders: Sequence[str], frames: int
     """Train every contender (none named: all) and score it on the way.
 
     `peers.NAME.…`: the last scores, those after EQUAL_FRAMES, and those of the last evaluation
-    within the time in which `ours` had made its EQUAL_FRAMES; means over the seeds. Runs of at
-    least as many frames that `folder` holds are not made again. Raises ConfigError for a contender
-    whose library isn't installed, and for frames that are not a multiple of EVERY.
+    within the time in which `ours` had made its EQUAL_FRAMES; means over the seeds. `folder` has
+    each run's scores as soon as they are made; runs of at least as many frames that it holds are
+    not made again, and a shorter one stays until its successor has more. Raises ConfigError for a
+    contender whose library isn't installed, and for frames that are not a multiple of EVERY.
     """
     if frames % EVERY:
         raise ConfigError(f"--frames: expected a multiple of {EVERY}, got {frames}")
@@ -85,7 +86,7 @@ def bench_peers(folder: Path, seeds: int, contenders: Sequence[str], frames: int
         _require(name)
     for (name, seed), path in paths.items():
         if (name, seed) in missing:
-            write_rows(path, _apart(name, seed, frames))
+            _apart(name, seed, frames, path)
         last = read_rows(path, Score)[-1]
         share, held_out = last.train_success, last.held_out_success
         print(
@@ -145,10 +146,10 @@ def _require(name: str) -> None:
         )
 
 
-def _apart(name: str, seed: int, frames: int) -> list[Score]:
+def _apart(name: str, seed: int, frames: int, path: Path) -> None:
     """In a process of its own, on one processor, so that no library's threads help it."""
     with multiprocessing.get_context("spawn").Pool(1, _alone) as pool:
-        return pool.apply(run_contender, (name, seed, frames))
+        pool.apply(run_contender, (name, seed, frames, path))
 
 
 def _alone() -> None:
@@ -159,44 +160,36 @@ def _alone() -> None:
 
 
 def run_contender(
-    name: str, seed: int, frames: int, every: int = EVERY, episodes: int = EPISODES
-) -> list[Score]:
-    """Train one contender and score it on the way."""
+    name: str, seed: int, frames: int, path: Path, every: int = EVERY, episodes: int = EPISODES
+) -> None:
+    """Train one contender; its scores are in `path` as they are made."""
     experiment = replace(
         experiment_named(EXPERIMENT),
         frames=frames,
         evaluate_every_frames=every,
         evaluation_episodes=episodes,
     )
-    run = _Run(name, seed, experiment)
+    run = _Run(name, seed, experiment, path)
     (run.train_ours if name == OURS else run.train_peer)()
-    return run.rows
 
 
 class _Run:
     """One contender with one seed: its scores, and the time that they took."""
 
-    def __init__(self, name: str, seed: int, experiment: Experiment) -> None:
-        self._name, self._seed, self._experiment = name, seed, experiment
+    def __init__(self, name: str, seed: int, experiment: Experiment, path: Path) -> None:
+        self._name, self._seed, self._experiment, self._path = name, seed, experiment, path
         package = PACKAGES["pa_ros" if name == OURS else PEERS[name][0]]
         self._library = f"{package} {version(package)}"
         arena, design = preset_named(experiment.preset), design_named(experiment.design)
         self._scores = TrainingScores(arena, design, experiment.evaluation_episodes)
         self._not_training_s = time.process_time()
-        self.rows: list[Score] = []
+        self._rows: list[Score] = []
+        self._rows_there = len(read_rows(path, Score)) if path.exists() else 0
 
     def train_ours(self) -> None:
         """`ours`, as `pa_ros experiment` trains it."""
-        spent: list[float] = []
-
-        def scored(actor: Acts) -> dict[str, float]:
-            spent.append(self._seconds)
-            return self._score(actor)
-
         with TemporaryDirectory() as name:
-            curve = read_curve(run_seed(self._experiment, self._seed, Path(name), scores=scored))
-        for row, seconds in zip(curve, spent, strict=True):
-            self._add(row["frames"], seconds, row)
+            run_seed(self._experiment, self._seed, Path(name), scores=self._scored)
 
     def train_peer(self) -> None:
         """One of PEERS, on the flat observation."""
@@ -205,8 +198,7 @@ class _Run:
 
         def score(*_: Any) -> bool:
             if model.num_timesteps % self._experiment.evaluate_every_frames == 0:
-                spent = self._seconds
-                self._add(model.num_timesteps, spent, self._score(greedy))
+                self._scored(greedy)
             return True
 
         self._not_training_s = time.process_time()  # loading the library isn't, either
@@ -225,13 +217,12 @@ class _Run:
         make = getattr(importlib.import_module(library), kind)
         return make("MlpPolicy", environment, gamma=GAMMA, seed=self._seed, **own)
 
-    @property
-    def _seconds(self) -> float:
-        return time.process_time() - self._not_training_s
-
-    def _score(self, actor: Acts) -> dict[str, float]:
+    def _scored(self, actor: Acts) -> dict[str, float]:
+        """Score it, once every so many frames, in time that doesn't count."""
         started = time.process_time()
         row = self._scores(actor)
+        frames = (len(self._rows) + 1) * self._experiment.evaluate_every_frames
+        self._add(frames, started - self._not_training_s, row)
         self._not_training_s += time.process_time() - started
         return row
 
@@ -242,7 +233,9 @@ class _Run:
             for figure in ("success_rate", "normalized")
         ]
         who = self._name, self._library, self._seed
-        self.rows.append(Score(*who, frames, seconds, *figures))
+        self._rows.append(Score(*who, frames, seconds, *figures))
+        if len(self._rows) > self._rows_there:
+            write_rows(self._path, self._rows)
 
 
 class _Greedy:
