@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import errno
+import fcntl
+import os
 import shutil
 from pathlib import Path
 from typing import Any, cast
@@ -15,6 +18,7 @@ from worlds import PROGRAMS, SCORING, WORLD, PointWorld, dpg
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise
+from pa_ros.bags.claim import Claim
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT
 from pa_ros.learning import loop
@@ -163,6 +167,18 @@ def test_a_folder_that_another_run_writes_into_is_refused(tmp_path) -> None:
         run(tmp_path, 20)
     assert not (tmp_path / "progress.csv").exists()
     run(tmp_path, 20)
+
+
+def test_where_no_file_has_locks_a_run_goes_on_without(tmp_path, monkeypatch) -> None:
+    def no_locks(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", no_locks)
+    run(tmp_path, 20)
+    with pytest.raises(FolderUsedError):
+        run(tmp_path, 20)
+    with Claim(tmp_path):
+        pass
 
 
 def test_another_curve_is_refused(tmp_path) -> None:

@@ -3,11 +3,11 @@ that was killed. Recorders of others hold none."""
 
 from __future__ import annotations
 
-import fcntl
 import os
 from pathlib import Path
 
 from pa_ros.bags.errors import BagInUseError
+from pa_ros.core.lock import take_lock
 
 
 class Claim:
@@ -16,16 +16,12 @@ class Claim:
     def __init__(self, folder: Path) -> None:
         """Raises BagInUseError if another has it, OSError if it can't be opened."""
         self._descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
+        if not take_lock(self._descriptor):
             self.release()
             raise BagInUseError(
                 f"bag: {folder}: it is still being recorded, or repaired: expected its recorder "
                 "to have ended"
-            ) from error
-        except OSError:  # a file system without locks
-            pass
+            )
 
     def release(self) -> None:
         """Does nothing the second time."""

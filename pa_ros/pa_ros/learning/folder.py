@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 from pathlib import Path
 from typing import IO
 
+from pa_ros.core.lock import take_lock
 from pa_ros.learning.checkpoints import LATEST
 from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
 
@@ -49,15 +49,14 @@ def claim(folder: Path, resume: bool = False) -> IO[bytes]:
     except OSError as error:
         raise CheckpointError(f"{folder}: {error}") from error
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not take_lock(lock.fileno()):
+            raise FolderInUseError(
+                f"{folder}: expected a folder for this run alone, got one that another run writes "
+                "into"
+            )
         if not resume:  # another may have come and gone meanwhile
             refuse_used(folder)
-    except OSError as error:
-        lock.close()
-        raise FolderInUseError(
-            f"{folder}: expected a folder for this run alone, got one that another run writes into"
-        ) from error
-    except FolderUsedError:
+    except CheckpointError:
         lock.close()
         raise
     return lock
