@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
 
 from pa_ros.core.opengl import check_opengl
-from pa_ros.core.settings import Settings
 from pa_ros.ros.node_main import Shell, run_node
+
+if TYPE_CHECKING:
+    from pa_ros.core.settings import Settings
 
 
 def main() -> int:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from pa_ros.core import signals
 from pa_ros.core.signals import Interrupted, interruption_held, signals_interrupt, signals_noted
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -75,6 +79,41 @@ def test_what_is_under_way_comes_to_its_end_before_a_signal_interrupts() -> None
     assert done == ["inner", "outer"]
     with interruption_held() as again:
         assert not again()
+
+
+def test_a_module_is_imported_before_a_signal_interrupts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Modules in C lose what is raised in them, or make another error of it."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "losing.py").write_text(
+        "import os, signal, time\n"
+        "try:\n"
+        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    time.sleep(0.2)\n"
+        "except BaseException as error:\n"
+        "    raise ImportError('initialization failed')\n"
+        "imported = True\n"
+    )
+    with signals_interrupt(), pytest.raises(Interrupted) as interrupted:
+        losing = importlib.import_module("losing")
+        assert losing.imported
+        time.sleep(10)
+    assert interrupted.value.status == 128 + signal.SIGTERM
+
+
+def test_a_module_whose_import_never_ends_is_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(signals, "IMPORTED_AFTER_S", 0.3)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "endless.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(20)\n"
+    )
+    before = time.monotonic()
+    with signals_interrupt(), pytest.raises(Interrupted):
+        importlib.import_module("endless")
+    assert 0.3 <= time.monotonic() - before < 10
 
 
 def test_an_error_under_way_is_not_hidden_by_a_signal() -> None:

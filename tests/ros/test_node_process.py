@@ -157,6 +157,31 @@ def test_a_node_stops_cleanly_when_asked(number, autostart):
     assert "Traceback" not in errors
 
 
+INTERRUPTED_EARLY = """
+import os, signal, sys
+
+class Interrupts:
+    def find_spec(self, name, *_):
+        if name == "rclpy":
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupts())
+from sim_node.main import main
+sys.exit(main())
+"""
+
+
+@graph
+def test_a_node_stops_cleanly_when_asked_while_it_starts():
+    process = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_EARLY],
+        stderr=subprocess.PIPE, text=True, timeout=DEADLINE_S,
+    )  # fmt: skip
+    assert process.returncode == 0, process.stderr
+    assert "Traceback" not in process.stderr
+
+
 @graph
 def test_a_node_whose_launcher_is_gone_does_not_start():
     process = start("sim_node", **{PARENT: "1"})

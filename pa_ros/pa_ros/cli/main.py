@@ -1,4 +1,7 @@
-"""Entry point of the `pa_ros` command."""
+"""Entry point of the `pa_ros` command.
+
+What takes time to import is imported in `main`, which ends in order when a signal comes.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,6 @@ import sys
 from collections.abc import Sequence
 
 from pa_ros import __version__
-from pa_ros.cli.options import add_extension
-from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.opengl import check_opengl
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
@@ -36,13 +37,16 @@ COMMANDS = {
     "chaos": ("pa_ros.cli.chaos", "do harm to a graph on purpose, and say what came of it"),
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
+ABOUT = "Programmable agents: arms that execute declarative programs."
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does
 EXIT_PIPE = 141  # as a shell says of SIGPIPE
 
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     """The parser; only the chosen subcommand's module is imported (torch and rclpy are slow)."""
-    parser = argparse.ArgumentParser(prog="pa_ros", description=__doc__)
+    from pa_ros.cli.options import add_extension
+
+    parser = argparse.ArgumentParser(prog="pa_ros", description=ABOUT)
     parser.add_argument("--version", action="version", version=f"pa_ros {__version__}")
     add_extension(parser)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -56,11 +60,22 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
 
 def load_extensions(arguments: Sequence[str]) -> list[str]:
     """Import them before the command's options are made, whose choices they add to; their names."""
+    from pa_ros.cli.options import add_extension
+    from pa_ros.core import extensions
+
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     add_extension(parser)
     given: list[str] = parser.parse_known_args(arguments)[0].extension
     extensions.load(given)
     return given
+
+
+def _run(arguments: Sequence[str], chosen: str | None) -> int:
+    check_opengl()
+    given = load_extensions(arguments)
+    options = build_parser(chosen).parse_args(arguments)
+    options.extension = given  # those before the command, too
+    return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -70,13 +85,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # as standard error: text has … and —
     try:
-        check_opengl()
-        given = load_extensions(arguments)
-        options = build_parser(chosen).parse_args(arguments)
-        options.extension = given  # those before the command, too
-        run = importlib.import_module(COMMANDS[options.command][0]).run
         with signals_interrupt():
-            status = int(run(options))
+            status = _run(arguments, chosen)
         sys.stdout.flush()
         return status
     except PaError as error:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +13,9 @@ from types import FrameType
 
 EXIT_INTERRUPTED = 130  # as a shell says of SIGINT
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+IMPORTING = "<frozen importlib._bootstrap>"  # file of the frames that import
+IMPORTED_AFTER_S = 5.0  # longer than imports take; then they are interrupted after all
+ASKED_AGAIN_S = 0.05
 Handler = Callable[[int, FrameType | None], None]
 
 
@@ -78,10 +81,10 @@ def signals_noted() -> Iterator[Callable[[], bool]]:
     """
     noted: list[int] = []
 
-    def handle(number: int, _frame: FrameType | None) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
         noted.append(number)
-        if len(noted) > 1 and number != signal.SIGHUP:
-            _interrupt(number)
+        if len(noted) > 1 and number != signal.SIGHUP and _is_time(number, frame):
+            raise Interrupted(number)
 
     with on_ending(handle):
         yield lambda: bool(noted)
@@ -93,11 +96,12 @@ def signals_interrupt() -> Iterator[None]:
     not disturb that."""
     raised: list[int] = []
 
-    def handle(number: int, _frame: FrameType | None) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
         if raised and number == signal.SIGHUP:
             return
-        raised.append(number)
-        _interrupt(number)
+        if _is_time(number, frame):
+            raised.append(number)
+            raise Interrupted(number)
 
     if not _in_main_thread():
         yield  # signals are the main thread's
@@ -127,15 +131,39 @@ def interruption_held() -> Iterator[Callable[[], bool]]:
 class _Held:
     depth: int = 0  # blocks within each other
     number: int | None = None  # of the signal that waits for their end
+    importing_since: float | None = None  # s, monotonic: when one came in the midst of an import
 
 
 _held = _Held()
 
 
-def _interrupt(number: int) -> None:
-    if not _held.depth:
-        raise Interrupted(number)
-    _held.number = number
+def _is_time(number: int, frame: FrameType | None) -> bool:
+    """Whether to raise Interrupted in this frame. If not, it is raised later: at the end of what
+    holds it, or of an import: modules in C lose it, or make an ImportError of it."""
+    if _held.depth:
+        _held.number = number
+        return False
+    if not _importing(frame):
+        _held.importing_since = None
+        return True
+    now = time.monotonic()
+    if _held.importing_since is None:
+        _held.importing_since = now
+    if now - _held.importing_since >= IMPORTED_AFTER_S:
+        _held.importing_since = None
+        return True
+    again = threading.Timer(ASKED_AGAIN_S, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
+    return False
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename == IMPORTING:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _in_main_thread() -> bool:
@@ -145,7 +173,9 @@ def _in_main_thread() -> bool:
 def end_with_parent() -> None:
     """In a process that `multiprocessing` started: end, as at SIGTERM, when whoever started it is
     gone. Killed, it can't end its children itself."""
-    parent = multiprocessing.parent_process()
+    from multiprocessing import parent_process
+
+    parent = parent_process()
     if parent is None:
         return
 

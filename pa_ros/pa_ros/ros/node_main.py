@@ -10,13 +10,15 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.settings import Settings
 from pa_ros.core.signals import on_ending
 from pa_ros.ros.environment import prepare_environment, start_ros
 from pa_ros.ros.process import die_with_parent
+
+if TYPE_CHECKING:  # its import takes time, in which no signal is handled
+    from pa_ros.core.settings import Settings
 
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does
 
@@ -46,18 +48,18 @@ def run_node(
     (status 1). When its launcher has gone it goes on for `lingers_s`. `--help` prints what
     parameters there are, those of `settings`, and any other word that is not ROS's is refused.
     """
-    prepare_environment()
-    die_with_parent(grace_s, lingers_s)
-    import rclpy
-
-    from pa_ros.ros.executor import release, spin
-
-    given = [name, *(sys.argv[1:] if arguments is None else arguments)]
-    own = _own_words(given)
-    if {"-h", "--help"} & set(own):
-        print(usage(name, settings and settings()))
-        return 0
     with _stop_on_signal(grace_s) as stop:
+        prepare_environment()
+        die_with_parent(grace_s, lingers_s)
+        import rclpy
+
+        from pa_ros.ros.executor import release, spin
+
+        given = [name, *(sys.argv[1:] if arguments is None else arguments)]
+        own = _own_words(given)
+        if {"-h", "--help"} & set(own):
+            print(usage(name, settings and settings()))
+            return 0
         try:
             if own:
                 raise ConfigError(f"arguments: expected --ros-args or --help, got {own[0]!r}")
