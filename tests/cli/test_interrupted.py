@@ -51,6 +51,24 @@ def test_ctrl_c_ends_an_experiment_with_the_seeds_that_were_to_follow(tmp_path):
     assert len(list(tmp_path.rglob("progress.csv"))) == 1
 
 
+INTERRUPTED_AT_ITS_START = """
+import multiprocessing, os, signal
+if multiprocessing.parent_process() is not None:
+    os.kill(os.getpid(), signal.SIGINT)
+"""
+
+
+def test_ctrl_c_is_for_the_experiment_not_for_a_seed_that_starts(tmp_path, monkeypatch):
+    """A seed would say how far its imports were; the experiment ends it."""
+    monkeypatch.chdir(tmp_path)
+    Path("early.py").write_text(INTERRUPTED_AT_ITS_START)
+    with command("--extension", "early.py", "experiment", "programmable-2L") as process:
+        wait_for(lambda: list(tmp_path.rglob("progress.csv")), "a seed that learns")
+        sent(process.pid, signal.SIGINT)
+        _, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 130 and not error
+
+
 @pytest.mark.parametrize(
     ("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGKILL, -9)]
 )

@@ -25,7 +25,7 @@ from pa_ros.arena import design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.report import Report
-from pa_ros.core.signals import end_with_parent
+from pa_ros.core.signals import end_with_parent, interrupts_later
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import Acts, TrainingScores
 from pa_ros.evaluation.studies.experiments import Experiment, experiment_named, run_seed
@@ -148,7 +148,9 @@ def _require(name: str) -> None:
 
 def _apart(name: str, seed: int, frames: int, path: Path) -> None:
     """In a process of its own, on one processor, so that no library's threads help it."""
-    with multiprocessing.get_context("spawn").Pool(1, _alone) as pool:
+    with interrupts_later():  # Ctrl-C is for this process, which ends the other
+        apart = multiprocessing.get_context("spawn").Pool(1, _alone)
+    with apart as pool:
         pool.apply(run_contender, (name, seed, frames, path))
 
 

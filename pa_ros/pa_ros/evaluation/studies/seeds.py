@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
-from pa_ros.core.signals import end_with_parent
+from pa_ros.core.signals import end_with_parent, interrupts_later
 from pa_ros.evaluation.studies.experiments import (
     CURVE,
     Experiment,
@@ -61,10 +61,11 @@ def train_seeds(
         _processes(jobs, extended) as pool,
         SeedsProgress(experiment, folders) as progress,
     ):
-        seed_of: dict[Future[Path], int] = {
-            pool.submit(run_seed, experiment, seed, into): seed
-            for seed, into in zip(seeds, folders, strict=True)
-        }
+        with interrupts_later():  # Ctrl-C is for this process, which ends the others
+            seed_of: dict[Future[Path], int] = {
+                pool.submit(run_seed, experiment, seed, into): seed
+                for seed, into in zip(seeds, folders, strict=True)
+            }
         pending, failures = set(seed_of), dict[str, PaError]()
         while pending:
             ended, pending = wait(pending, REFRESH_S, FIRST_COMPLETED)
