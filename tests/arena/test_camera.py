@@ -18,7 +18,9 @@ SIZES = [("overview", 320, 240), ("above", 200, 200), ("above", 640, 360)]
 @pytest.fixture(scope="module")
 def task() -> ReachTask:
     opengl()
-    return ReachTask(preset_named("fast"), design_named("3-D"), seed=0)
+    made = ReachTask(preset_named("fast"), design_named("3-D"), seed=0)
+    made.reset(0)
+    return made
 
 
 def first_seen(model: mujoco.MjModel, data: mujoco.MjData, eye, place) -> str:
