@@ -69,13 +69,11 @@ links: install-dev
 reference: install
 	$(BIN)/python docs/reference.py
 
-# The third look is for names that the oldest supported Python lacks; NumPy's types are newer than it.
 lint: install-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/mypy tests
-	$(BIN)/mypy --python-version 3.10 --no-warn-return-any
 
 test: lint
 	$(BIN)/python -m pytest -q -n 3 --dist loadgroup

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, PositiveFloat, model_validator
-from typing_extensions import Self
 
 from pa_ros.arena.arms import ARMS
 from pa_ros.core.errors import ConfigError

@@ -6,10 +6,9 @@ the rest, which is a choice of ours (docs/DESIGN.md, "What our protocol changes,
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
-from typing_extensions import Self
 
 from pa_ros.acting.config import ActingConfig, ExplorationConfig, Schedule
 from pa_ros.core.settings import Settings
