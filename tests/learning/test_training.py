@@ -169,6 +169,12 @@ def test_a_folder_that_another_run_writes_into_is_refused(tmp_path) -> None:
     run(tmp_path, 20)
 
 
+def test_settings_that_are_refused_leave_no_folder(tmp_path) -> None:
+    with pytest.raises(ConfigError, match="device"):
+        run(tmp_path / "run", 20, dpg(engine__device="meta"))
+    assert not (tmp_path / "run").exists()
+
+
 def test_where_no_file_has_locks_a_run_goes_on_without(tmp_path, monkeypatch) -> None:
     def no_locks(*_: object) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))

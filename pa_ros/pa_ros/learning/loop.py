@@ -142,10 +142,9 @@ def train(
             "learner.schedule.in_step: expected 'arrival' or 'exact' in one process, got 'free': "
             "whom nobody waits for has to run beside the learner"
         )
+    # First, so that settings which are refused leave no folder.
+    learner = Learner(network, learner_config, training_programs, config.seed, environment.scoring)
     with claim(config.out, resume):
-        learner = Learner(
-            network, learner_config, training_programs, config.seed, environment.scoring
-        )
         extra = _resume(config, learner) if resume else {}
         learning = LearningRun(learner, environment.control_period_s, extra)
         if run_log is not None:
