@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import threading
@@ -152,10 +153,13 @@ def _is_time(number: int, frame: FrameType | None) -> bool:
     if now - _held.importing_since >= IMPORTED_AFTER_S:
         _held.importing_since = None
         return True
-    again = threading.Timer(ASKED_AGAIN_S, os.kill, (os.getpid(), number))
-    again.daemon = True
-    again.start()
+    _thread.start_new_thread(_send_again, (number,))  # threading's locks may be held in this frame
     return False
+
+
+def _send_again(number: int) -> None:
+    time.sleep(ASKED_AGAIN_S)
+    os.kill(os.getpid(), number)
 
 
 def _importing(frame: FrameType | None) -> bool:
