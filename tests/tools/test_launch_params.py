@@ -11,6 +11,7 @@ from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import (
     Parameters,
     chosen,
+    extended,
     fleet,
     in_step,
     learning_into,
@@ -234,3 +235,17 @@ def test_what_an_earlier_start_used_stays_beside_what_the_next_one_uses(tmp_path
     assert sorted(path.name for path in tmp_path.iterdir()) == kept
     seeds = [load_parameters(tmp_path / name)["sim_node"]["seed"] for name in kept]
     assert seeds == [3, 4, 3]
+
+
+@pytest.mark.parametrize("seed", ["abc", None, 1.5, True])
+def test_a_seed_that_is_none_is_refused_before_a_fleet_counts_on_from_it(seed):
+    with pytest.raises(ConfigError, match="sim_node: seed: expected an integer, got"):
+        fleet({"sim_node": {"seed": seed}}, 2)
+
+
+@pytest.mark.parametrize("value", ["a.module", 3, None])
+def test_what_is_to_be_added_to_is_a_list(value):
+    with pytest.raises(ConfigError, match="sim_node: extensions: expected a list of texts, got"):
+        extended({"sim_node": {"extensions": value}}, ["another.module"])
+    with pytest.raises(ConfigError, match="learner_node: options: expected a list of texts, got"):
+        in_step({"learner_node": {"options": value}}, "exact")

@@ -94,7 +94,7 @@ def fleet(parameters: Parameters, arenas: int) -> Parameters:
     for number in range(arenas):
         for name in ("sim_node", "agent_node"):
             if name in parameters:
-                seed = int(parameters[name].get("seed", 0)) + number
+                seed = _seed(parameters, name) + number
                 spread[f"arena{number + 1}/{name}"] = parameters[name] | {"seed": seed}
     if "learner_node" in parameters:
         spread["learner_node"] = parameters["learner_node"]
@@ -125,10 +125,8 @@ def arenas_of(parameters: Parameters) -> list[str]:
 
 def in_step(parameters: Parameters, way: str) -> Parameters:
     """Parameters whose learner is told who waits for whom. ConfigError if there is no learner."""
-    options = parameters.get("learner_node", {}).get("options", [])
-    return merged(parameters, {
-        "learner_node": {"options": [*options, f"learner.schedule.in_step={way}"]}
-    })  # fmt: skip
+    options = [*_listed(parameters, "learner_node", "options"), f"learner.schedule.in_step={way}"]
+    return merged(parameters, {"learner_node": {"options": options}})
 
 
 def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> Parameters:
@@ -145,9 +143,24 @@ def extended(parameters: Parameters, extensions: Sequence[str]) -> Parameters:
         return parameters
     more = [str(Path(name).resolve()) if name.endswith(".py") else name for name in extensions]
     return merged(parameters, {
-        name: {"extensions": [*values.get("extensions", []), *more]}
-        for name, values in parameters.items()
+        name: {"extensions": [*_listed(parameters, name, "extensions"), *more]}
+        for name in parameters
     })  # fmt: skip
+
+
+def _seed(parameters: Parameters, place: str) -> int:
+    seed = parameters[place].get("seed", 0)
+    if type(seed) is not int:
+        raise ConfigError(f"parameters: {place}: seed: expected an integer, got {seed!r}")
+    return seed
+
+
+def _listed(parameters: Parameters, place: str, name: str) -> list[str]:
+    """A list that is to be added to; empty if there is none."""
+    found = parameters.get(place, {}).get(name, [])
+    if not isinstance(found, list):
+        raise ConfigError(f"parameters: {place}: {name}: expected a list of texts, got {found!r}")
+    return found
 
 
 def new_folder(kind: str) -> Path:
