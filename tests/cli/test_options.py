@@ -96,7 +96,7 @@ def test_an_opengl_that_is_not_there_is_one_line(monkeypatch, capsys):
     assert "MUJOCO_GL=osmesa: expected an OpenGL" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("number", ["999", "abc", "-1"])
+@pytest.mark.parametrize("number", ["999", "abc", "-1", "9" * 5000])
 def test_a_ros_domain_without_ports_is_one_line(monkeypatch, capsys, number):
     monkeypatch.setenv("ROS_DOMAIN_ID", number)
     assert main(["send", "NEAR(HAND, RED)"]) == 2

@@ -118,6 +118,7 @@ def test_a_cluster_that_cannot_be_used_is_one_line(capsys, monkeypatch, tmp_path
     assert "no --cluster, --seeds: it reads tables" in refused(capsys, "x:1", "variants")
     monkeypatch.setattr(cluster, "_ray", lambda: None)
     assert "expected HOST:PORT of Ray's head, got 'ray://x'" in refused(capsys, "ray://x")
+    assert "expected HOST:PORT of Ray's head" in refused(capsys, f"x:{'9' * 5000}")
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         free = "{}:{}".format(*nobody.getsockname())
     assert f"head to answer at {free}, got: [Errno 111]" in refused(capsys, free)

@@ -2,6 +2,7 @@
 
 import io
 
+import pytest
 from waiting import Clock
 
 from pa_ros.tools.monitor import LINE_PERIOD_S, STALE_S, Display, GraphFigures
@@ -88,13 +89,50 @@ def test_without_a_terminal_there_are_plain_lines_now_and_then(monkeypatch):
     assert lines[0].startswith("frames 33  frames/s 512") and "\x1b" not in stream.getvalue()
 
 
-def test_on_a_terminal_there_is_a_table(monkeypatch):
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
 
+
+def test_on_a_terminal_there_is_a_table(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     stream, figures = Terminal(), filled()
     with Display("title", figures.rows, figures.line, stream) as display:
         display.refresh()
     assert "title" in stream.getvalue() and "512" in stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("[config] seed: [0, 1]", "[config] seed: [0, 1]"),
+        ("[/red] :warning: {x}", "[/red] :warning: {x}"),
+        ("a\x1b[2Jb\rc\nd", r"a\x1b[2Jb\rc\nd"),
+        ("x" * 2000, "x" * 100),
+    ],
+)
+@pytest.mark.parametrize("terminal", [True, False])
+def test_what_anybody_says_is_shown_as_it_is_and_moves_no_cursor(
+    monkeypatch, said, shown, terminal
+):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr("pa_ros.tools.monitor.LINE_PERIOD_S", 0.0)
+    figures = GraphFigures(Clock())
+    figures.take([Health("/a_stranger", 2, said, {})])
+    stream = Terminal() if terminal else io.StringIO()
+    with Display("title", figures.rows, figures.line, stream) as display:
+        display.refresh()
+    assert shown in stream.getvalue() and "x" * 1001 not in stream.getvalue()
+    assert "\x1b[2J" not in stream.getvalue()
+
+
+@pytest.mark.parametrize("number", ["inf", "nan", "1e308", "9" * 5000])
+def test_numbers_that_none_of_ours_says_are_no_figures(number):
+    figures = filled()
+    for place in ("/b", "/c"):
+        values = {"mean_q": number, "frames": f"-{number}", "refused.wire.size": number}
+        figures.take([Health(f"{place}/learner_node", 0, "", values)])
+    rows = dict(figures.rows())
+    assert rows["actor loss (minus mean Q)"] == "+4.5000" and rows["frames"] == "33"
+    assert rows["refused messages"] == "wire.size 3"

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.text import natural
 
 LAST_DOMAIN = 232  # beyond it, ports would be above 65535
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
@@ -68,5 +69,6 @@ def start_ros(arguments: Sequence[str]) -> None:
 def _check_domain() -> None:
     """Raise ConfigError for a ROS_DOMAIN_ID that DDS has no ports for: rclpy would not say so."""
     text = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not (text.isascii() and text.isdecimal() and int(text) <= LAST_DOMAIN):
+    number = natural(text)
+    if number is None or number > LAST_DOMAIN:
         raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {text!r}")

@@ -16,7 +16,9 @@ from rclpy.node import Node
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
+from pa_ros.core.text import natural, printable
 from pa_ros.ros.lifecycle import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.wire import codec
@@ -27,6 +29,7 @@ REFRESH_S = 0.5  # of the table
 LINE_PERIOD_S = 5.0  # of plain lines
 STALE_S = 5.0  # a node that says nothing for this long is shown as silent
 UNKNOWN = "-"
+LARGEST = 1e18  # of what can be added and shown; nothing of ours comes near it
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,9 @@ class GraphFigures:
     def take(self, entries: Iterable[Health]) -> None:
         """Take in the entries of one diagnostics message."""
         for entry in entries:
-            self._health[entry.name] = (entry, self._now())
+            values = {printable(key): printable(value) for key, value in entry.values.items()}
+            shown = Health(printable(entry.name), entry.level, printable(entry.message), values)
+            self._health[shown.name] = (shown, self._now())
 
     def value(
         self, node: str, key: str, over_arenas: Callable[[Sequence[float]], float] = fmean
@@ -116,9 +121,10 @@ class GraphFigures:
         counts: dict[str, int] = {}
         for entry, _ in self._health.values():
             for key, value in entry.values.items():
-                if key.startswith("refused.") and value.isdecimal():
+                count = natural(value)
+                if key.startswith("refused.") and count is not None:
                     code = key.removeprefix("refused.")
-                    counts[code] = counts.get(code, 0) + int(value)
+                    counts[code] = counts.get(code, 0) + count
         return ", ".join(f"{code} {count}" for code, count in sorted(counts.items())) or "0"
 
     def _states(self) -> str:
@@ -142,9 +148,10 @@ class GraphFigures:
 
 def _number(entry: Health, key: str) -> float | None:
     try:
-        return float(entry.values[key])
+        number = float(entry.values[key])
     except (KeyError, ValueError):
         return None
+    return number if abs(number) <= LARGEST else None
 
 
 def _written(figure: Figure, value: float | None) -> str:
@@ -210,5 +217,5 @@ class Display:
         table.add_column(style="bold")
         table.add_column(min_width=40)
         for label, text in self._rows():
-            table.add_row(label, text)
+            table.add_row(Text(label), Text(text))
         return table

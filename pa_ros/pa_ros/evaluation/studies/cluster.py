@@ -19,6 +19,7 @@ from typing import Any, Protocol
 from pa_ros.core import extensions
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.software import versions
+from pa_ros.core.text import natural
 from pa_ros.evaluation.studies.failures import check_failures
 
 Files = Mapping[str, bytes]
@@ -196,11 +197,12 @@ def _ray() -> Any:
 
 def _check_answers(address: str) -> None:
     """Ray itself would try for minutes."""
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 1 << 16:
+    host, _, given = address.rpartition(":")
+    port = natural(given) or 0
+    if not host or not 0 < port < 1 << 16:
         raise ClusterError(f"cluster: expected HOST:PORT of Ray's head, got {address!r}")
     try:
-        with socket.create_connection((host, int(port)), ANSWER_S) as connection:
+        with socket.create_connection((host, port), ANSWER_S) as connection:
             connection.settimeout(ANSWER_S)
             connection.sendall(HELLO)
             answer = connection.recv(9)

@@ -111,7 +111,7 @@ class SeedsProgress:
 
     def tell(self, line: str) -> None:
         """Print a line above the bar."""
-        self._bar.console.print(line)
+        self._bar.console.print(line, markup=False)
 
 
 def progress_bar() -> Progress:
