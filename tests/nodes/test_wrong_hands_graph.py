@@ -31,6 +31,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.arenas import SILENT_S
 from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.rivals import GONE_S
+from pa_ros.tools.send import ProgramSender
 from pa_ros.wire import codec
 from pa_ros.wire.records import Command, ProgramRequest
 from sim_node.node import SimNode
@@ -355,3 +356,12 @@ def test_an_agent_of_a_fixed_name_that_starts_again_is_learned_from() -> None:
             assert probe.until(lambda: "no trajectory for" in probe.message("learner_node"))
             assert probe.health["/learner_node"].level == WARN
         assert probe.value("learner_node", "duplicate_trajectories") == "0"
+
+
+def test_what_a_stranger_garbles_ends_nobody_who_sends_a_program() -> None:
+    garbled = (topics.VERDICT, {"distance": float("nan")}), (topics.PROGRAM_STATUS, {"status": 7})
+    with graph() as probe:
+        sender = ProgramSender(probe, probe.until)
+        for topic, fields in garbled:
+            probe.speaker(topic).publish(topic.type(**fields))
+        assert probe.until(lambda: sender.refusals.counts == {"wire.range": 2})

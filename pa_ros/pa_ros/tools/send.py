@@ -15,6 +15,7 @@ from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.executor import spin_until
+from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
 from pa_ros.wire import codec
 from pa_ros.wire.codec.goal import LONGEST_S
@@ -71,7 +72,8 @@ class Answers:
 class ProgramSender:
     """Publishes programs from a node, one at a time, and follows each.
 
-    A program is sent again while answers are missing, so a node that starts late hears it.
+    A program is sent again while answers are missing, so a node that starts late hears it. What
+    can't be read is refused.
     """
 
     def __init__(self, node: Node, spin: Spin | None = None) -> None:
@@ -86,8 +88,9 @@ class ProgramSender:
         self._publisher = PROGRAM.publisher(node)
         self._message: Message | None = None  # the program sent last
         self._sent_at = self._since
-        PROGRAM_STATUS.subscribe(node, self._on_status)
-        VERDICT.subscribe(node, self._on_verdict)
+        self.refusals = Refusals(node.get_logger().warning)
+        for topic, callback in ((PROGRAM_STATUS, self._on_status), (VERDICT, self._on_verdict)):
+            topic.subscribe(node, self.refusals.guard(topic.name, callback))
 
     def send(self, text: str, timeout_s: float) -> Answers:
         """Publish a program and wait until every node that judges programs has answered.

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from pa_ros.acting.execution import WINDOW_S, Execution
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Verdict
+from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import VERDICT
 from pa_ros.tools.arena_client import ArenaClient
 from pa_ros.tools.graph import watch
@@ -43,7 +44,8 @@ def hear_verdicts(node: Node, receive: Callable[[Verdict, bool], object]) -> Non
     def decode(message: Message) -> None:
         receive(codec.decode_verdict(message), codec.is_evaluation(message))
 
-    VERDICT.subscribe(node, decode)
+    refusals = Refusals(node.get_logger().warning)
+    VERDICT.subscribe(node, refusals.guard(VERDICT.name, decode))
 
 
 class Executor:
