@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import shutil
 import sqlite3
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -25,9 +28,10 @@ from pa_ros.bags.errors import (
     BagFullError,
     ForeignBagError,
 )
-from pa_ros.bags.losses import Losses
+from pa_ros.bags.losses import LOST, Losses
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
+from pa_ros.bags.summary import describe
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
@@ -166,6 +170,41 @@ def test_a_file_outside_the_bag_is_not_read(whole, tmp_path, capsys):
     about.write_text(about.read_text().replace("bag.mcap", "../other.mcap"))
     assert main(["bag", "info", str(tmp_path / "bag")]) == 2
     assert "expected files of this folder, got '../other.mcap'" in capsys.readouterr().err
+
+
+NOTHING = (None, [], "x", float("inf"))
+
+
+def leaves(node: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Places of a metadata.yaml; of lists the first item."""
+    yield at
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from leaves(value, (*at, key))
+    elif isinstance(node, list) and node:
+        yield from leaves(node[0], (*at, 0))
+
+
+def test_whatever_stands_in_metadata_is_read_or_refused(whole, tmp_path):
+    shutil.copytree(whole[0], tmp_path / "bag")
+    about = tmp_path / "bag" / "metadata.yaml"
+    content = yaml.safe_load(about.read_text())
+    content["rosbag2_bagfile_information"]["custom_data"] = {LOST: "{}"}
+    refused = 0
+    for *above, last in filter(None, leaves(content)):
+        for value in NOTHING:
+            damaged = copy.deepcopy(content)
+            place = damaged
+            for key in above:
+                place = place[key]
+            place[last] = value
+            about.write_text(yaml.safe_dump(damaged))
+            try:
+                with Bag(tmp_path / "bag") as bag:
+                    refused += "not readable" in "".join(describe(bag))
+            except BagError:
+                refused += 1
+    assert refused > 50
 
 
 def test_a_foreign_bag_says_what_it_has_instead(tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -50,12 +51,16 @@ class Bag:
         self.path = path
         _check_there(path)
         _check_inside(path)
-        try:
-            self._reader = Reader(path)
-            self._reader.open()
-        except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
-            hint = f"; try `pa_ros record --repair {path}`" if path.is_dir() else ""
-            raise DamagedBagError(f"bag: {path}: {error}{hint}") from error
+        with ExitStack() as opened:
+            try:
+                self._reader = Reader(path)
+                self._reader.open()
+                opened.callback(self._reader.close)
+                _check_index(self._reader)
+            except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
+                hint = f"; try `pa_ros record --repair {path}`" if path.is_dir() else ""
+                raise DamagedBagError(f"bag: {path}: {error}{hint}") from error
+            opened.pop_all()
         self._connections = {entry.topic: entry for entry in self._reader.connections}
         self._stores: dict[str, Typestore] = {}
 
@@ -219,13 +224,25 @@ def _store_of(entry: Connection) -> Typestore:
     return store
 
 
+def _check_index(reader: Reader) -> None:
+    """Raise what it may if that isn't of the kinds that rosbags, which doesn't look, says."""
+    int(reader.start_time), int(reader.duration)
+    for entry in reader.connections:
+        found = entry.topic, entry.msgtype, entry.msgcount
+        if [*map(type, found)] != [str, str, int]:
+            raise ValueError(f"expected a topic's name, type and count, got {found}")
+
+
 def _check_inside(path: Path) -> None:
     """DamagedBagError if metadata.yaml names a file that is not in the bag's own folder."""
     try:
         about = yaml.safe_load((path / METADATA).read_text())["rosbag2_bagfile_information"]
         names = [str(name) for name in about["relative_file_paths"]]
-    except (OSError, yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError):
+        files = about.get("files", [])
+    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
         return  # a single file, or one that rosbags refuses
+    if not isinstance(files, list):
+        raise DamagedBagError(f"bag: {path}: {METADATA}: files: expected a list, got {files!r}")
     for name in names:
         if Path(name).name != name:
             raise DamagedBagError(

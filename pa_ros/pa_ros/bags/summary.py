@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from pa_ros.bags.episodes import RecordedEpisode, episodes
-from pa_ros.bags.errors import BagError, DefinitionError, ForeignBagError, ProvenanceError
+from pa_ros.bags.errors import (
+    BagError,
+    DamagedBagError,
+    DefinitionError,
+    ForeignBagError,
+    ProvenanceError,
+)
 from pa_ros.bags.experience import TRAJECTORIES, Experience
 from pa_ros.bags.losses import LOST, Losses
 from pa_ros.bags.numbers import losses_of
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, TrajectoryKey
+from pa_ros.core.settings import read_json
 
 
 @dataclass
@@ -44,8 +51,12 @@ class Group:
 
 def describe(bag: Bag, namespace: str | None = None) -> list[str]:
     """Lines to print; what cannot be read is said in a line of its own."""
-    lost = json.loads(bag.custom.get(LOST, "{}"))
     lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
+    try:
+        lost = _lost(bag)
+    except PaError as error:
+        lost = {}
+        lines.append(f"not readable: {error}")
     if "pa_ros.repaired" in bag.custom:
         lines.append(f"repaired after its recorder was killed: {bag.custom['pa_ros.repaired']}")
     if bag.unseen:
@@ -69,6 +80,17 @@ def describe(bag: Bag, namespace: str | None = None) -> list[str]:
         except (DefinitionError, PaError) as error:
             lines.append(f"not readable: {error}")
     return lines
+
+
+def _lost(bag: Bag) -> dict[str, Any]:
+    """Messages lost while recording, by topic."""
+    text = bag.custom.get(LOST, "{}")
+    try:
+        return dict(read_json(text))
+    except (ValueError, TypeError) as error:
+        raise DamagedBagError(
+            f"bag: {bag.path}: {LOST}: expected counts by topic, got {text!r:.200}"
+        ) from error
 
 
 def _published(count: int, losses: Losses) -> str:
