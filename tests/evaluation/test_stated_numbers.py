@@ -231,14 +231,14 @@ def sentences() -> dict[str, str]:
         f"{float(second['frames_to_solve']):,.0f} frames"
     )
     table = "canonical-2C.paper-protocol"
-    ends = []
+    each = []
     for seed in rows(f"{table}-seeds"):
         good = [
             float(row["frames"]) for row in rows(table)
             if row["seed"] == seed["seed"] and float(row["train_greedy.normalized"]) >= 0.9
         ]  # fmt: skip
-        ends.append((float(seed["final_held_out"]), good[0], float(seed["frames_to_solve"])))
-    (end, first, stays), (end_1, first_1, stays_1) = ends
+        each.append((float(seed["final_held_out"]), good[0], float(seed["frames_to_solve"])))
+    (end, first, stays), (end_1, first_1, stays_1) = each
     found["paper 2-C"] = (
         f"all 2M frames: seed 0, {end:.2f} on 100 fresh episodes, first at 0.9 after "
         f"{first / 1e6:.2f}M frames, to stay after {stays / 1e6:.1f}M; seed 1, {end_1:.2f}, first "
