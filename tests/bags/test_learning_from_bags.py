@@ -347,3 +347,9 @@ def test_transitions_that_no_one_arena_can_be_asked_about_are_said(
         assert main(["verify", "--no-arena", str(copy)]) == 0
     else:  # nor is it known what was rewarded
         assert main(["verify", str(copy)]) == 2
+
+
+def test_what_is_refused_leaves_no_folder(tmp_path, capsys):
+    assert main(["train", "--out", str(tmp_path / "run"), "--from-bag", str(tmp_path / "no")]) == 2
+    assert "expected a bag, found none" in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]

@@ -38,10 +38,10 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("--from-bag: expected neither --resume nor --record with it")
     _refuse(set(asked(options, TrainConfig)) - USED)
     with ExitStack() as stack:
-        stack.enter_context(claim(options.out))
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
         bags = [Experience(bag, options.namespace) for bag in opened]
         learner, about = _learner(options, bags[0])
+        stack.enter_context(claim(options.out))  # last: what is refused leaves no folder
         started = time.monotonic()
         found = learn(bags, learner, _Progress(learner))
         extra = {"wall_s": time.monotonic() - started, **about}
