@@ -225,7 +225,8 @@ def _store_of(entry: Connection) -> Typestore:
 
 
 def _check_index(reader: Reader) -> None:
-    """Raise what it may if that isn't of the kinds that rosbags, which doesn't look, says."""
+    """Raise whatever comes of names, counts and times that are of other kinds: rosbags takes them
+    as they stand in metadata.yaml."""
     int(reader.start_time), int(reader.duration)
     for entry in reader.connections:
         found = entry.topic, entry.msgtype, entry.msgcount
@@ -234,7 +235,8 @@ def _check_index(reader: Reader) -> None:
 
 
 def _check_inside(path: Path) -> None:
-    """DamagedBagError if metadata.yaml names a file that is not in the bag's own folder."""
+    """DamagedBagError if metadata.yaml names a file that is not in the bag's own folder, or has no
+    list of files: rosbags opens such a bag, and can't close it."""
     try:
         about = yaml.safe_load((path / METADATA).read_text())["rosbag2_bagfile_information"]
         names = [str(name) for name in about["relative_file_paths"]]

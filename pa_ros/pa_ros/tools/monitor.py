@@ -121,8 +121,7 @@ class GraphFigures:
         counts: dict[str, int] = {}
         for entry, _ in self._health.values():
             for key, value in entry.values.items():
-                count = natural(value)
-                if key.startswith("refused.") and count is not None:
+                if key.startswith("refused.") and (count := natural(value)) is not None:
                     code = key.removeprefix("refused.")
                     counts[code] = counts.get(code, 0) + count
         return ", ".join(f"{code} {count}" for code, count in sorted(counts.items())) or "0"
