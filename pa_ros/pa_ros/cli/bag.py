@@ -11,6 +11,7 @@ from pa_ros.bags.reader import Bag
 from pa_ros.cli.film import add_look, check_look
 from pa_ros.cli.options import add_extension
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.text import printable_lines
 
 EXIT_PARTIAL = 1  # some of the bag could not be looked at
 
@@ -50,7 +51,7 @@ def _info(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.summary import describe
 
     lines = describe(bag, options.namespace)
-    print("\n".join(lines))
+    print(printable_lines("\n".join(lines)))
     return (
         EXIT_PARTIAL if any(line.startswith(("not readable", "NOT SEEN")) for line in lines) else 0
     )

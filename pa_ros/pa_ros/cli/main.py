@@ -16,6 +16,7 @@ from pa_ros import __version__
 from pa_ros.core.errors import PaError
 from pa_ros.core.opengl import check_opengl
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
+from pa_ros.core.text import printable_lines
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
 COMMANDS = {
@@ -90,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except PaError as error:
-        print(f"pa_ros {chosen}: {error}", file=sys.stderr)
+        print(f"pa_ros {chosen}: {printable_lines(str(error))}", file=sys.stderr)
         return EXIT_REFUSED
     except Interrupted as interrupted:
         return interrupted.status

@@ -14,6 +14,7 @@ from functools import partial
 from pa_ros.acting.execution import Execution
 from pa_ros.cli.options import add_setting, asked, settings_from
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.text import printable, printable_lines
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.arena_client import ArenaClient, ArenaSilentError
 from pa_ros.tools.client import Node, client_node, spin_with_notice
@@ -117,7 +118,7 @@ def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
     finally:
         client.close()
     if result.position >= 0 or result.code.startswith("program."):
-        print(f"refused [{result.code}]\n{result.reason}", file=sys.stderr)
+        print(_refused(result.code, result.reason), file=sys.stderr)
         return EXIT_REFUSED
     print(result_text(result))
     return 0 if result.success else EXIT_NOT_SATISFIED
@@ -134,7 +135,7 @@ class _Feedback:
             return
         self._said_at = time.monotonic()
         meant = zip(progress.objects, progress.relevance, strict=False)
-        words = ", ".join(f"{name} {p:.2f}" for name, p in meant if name != "hand")
+        words = ", ".join(f"{printable(name)} {p:.2f}" for name, p in meant if name != "hand")
         print(f"  {progress.distance:.3f} m; p of {words or 'nothing yet'}", flush=True)
 
 
@@ -159,16 +160,21 @@ def result_text(result: GoalResult) -> str:
     where = f"distance {result.final_distance:.3f} m"
     if result.success:
         return f"satisfied: {where}, reached after {result.time_to_reach_s or 0.0:.1f} s"
-    return f"not satisfied: {where}: {result.reason} [{result.code}]"
+    return f"not satisfied: {where}: {printable(result.reason)} [{printable(result.code)}]"
 
 
 def print_answers(answers: Answers) -> None:
     """Acceptance on standard output, refusals with their caret on standard error."""
     for name, judgement in sorted(answers.judgements.items()):
         if judgement.accepted:
-            print(f"{name}: accepted {judgement.canonical}")
+            print(f"{printable(name)}: accepted {printable_lines(judgement.canonical)}")
         else:
-            print(f"{name}: refused [{judgement.code}]\n{judgement.reason}", file=sys.stderr)
+            refused = _refused(judgement.code, judgement.reason)
+            print(f"{printable(name)}: {refused}", file=sys.stderr)
+
+
+def _refused(code: str, reason: str) -> str:
+    return f"refused [{printable(code)}]\n{printable_lines(reason)}"
 
 
 def execution_text(execution: Execution) -> str:

@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32, Verdict
+from pa_ros.core.text import printable
 from pa_ros.language import Vocabulary, parse, require_target
 from pa_ros.ros.topics import ARENA_INFO, SAMPLES
 from pa_ros.tools.monitor import GraphFigures
@@ -83,7 +84,7 @@ class Scene:
         objects, hand = codec.decode_objects(message, world.object_features)
         mark = codec.decode_step_mark(message)
         self.blocks = blocks_of(objects, hand, world)
-        self.program, self.episode = mark.program, mark.episode
+        self.program, self.episode = printable(mark.program), mark.episode
 
     def _on_verdict(self, message: Message) -> None:
         self.verdict = codec.decode_verdict(message)
