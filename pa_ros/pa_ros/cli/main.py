@@ -6,6 +6,7 @@ What takes time to import is imported in `main`, which ends in order when a sign
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import io
 import os
@@ -39,20 +40,23 @@ COMMANDS = {
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 ABOUT = "Programmable agents: arms that execute declarative programs."
+EXIT_UNSAID = 1  # the work was done, but not all that was to be said of it could be written
 EXIT_REFUSED = 2  # the user's input was refused, as argparse does
 EXIT_PIPE = 141  # as a shell says of SIGPIPE
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what standard output goes to
 
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     """The parser; only the chosen subcommand's module is imported (torch and rclpy are slow)."""
     from pa_ros.cli.options import add_extension
 
-    parser = argparse.ArgumentParser(prog="pa_ros", description=ABOUT)
+    parser = argparse.ArgumentParser(prog="pa_ros", description=ABOUT, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"pa_ros {__version__}")
     add_extension(parser)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (module, summary) in COMMANDS.items():
-        subparser = subparsers.add_parser(name, help=summary, description=summary)
+        about = {"help": summary, "description": summary}
+        subparser = subparsers.add_parser(name, allow_abbrev=False, **about)
         if name == chosen:
             importlib.import_module(module).add_arguments(subparser)
             add_extension(subparser)
@@ -88,7 +92,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with signals_interrupt():
             status = _run(arguments, chosen)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed by who started it
+            sys.stdout.flush()
         return status
     except PaError as error:
         print(f"pa_ros {chosen}: {printable_lines(str(error))}", file=sys.stderr)
@@ -98,13 +103,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:  # `| head` has read enough; nothing is left to be flushed at the end
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _say_no_more()
         return EXIT_PIPE
     except OSError as error:
-        if error.filename is None:
+        if error.filename is not None:  # a path that the system refuses
+            print(f"pa_ros {chosen}: {printable_lines(str(error))}", file=sys.stderr)
+            return EXIT_REFUSED
+        if error.errno not in FULL:
             raise
-        print(f"pa_ros {chosen}: {error}", file=sys.stderr)  # a path that the system refuses
-        return EXIT_REFUSED
+        _say_no_more()
+        print(f"pa_ros {chosen}: standard output: {error}", file=sys.stderr)
+        return EXIT_UNSAID
+
+
+def _say_no_more() -> None:
+    """What standard output has yet to write goes nowhere, also at the interpreter's end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -115,6 +115,8 @@ class TrainingView:
                 print(line, file=self._stream, flush=True)
             except BrokenPipeError:
                 self.unread = True
+            except OSError:  # a full disk: what is learned matters more than this line
+                pass
         else:
             self._console.print(line, soft_wrap=True, markup=False)
 

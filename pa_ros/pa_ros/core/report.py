@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from pa_ros.core.files import write_whole
+
 Report = Mapping[str, float | int | str]
 
 
@@ -15,5 +17,4 @@ def write_report(path: Path | None, report: Report) -> None:
     for name, value in report.items():
         print(f"{name:<{width}}  {f'{value:.6g}' if isinstance(value, float) else value}")
     if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(report, indent=2) + "\n")
+        write_whole(path, json.dumps(report, indent=2) + "\n")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pa_ros.core.files import write_whole
 from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
 from pa_ros.evaluation.pictures.learning import algorithms_figure
 from pa_ros.evaluation.pictures.variants import variants_figure
@@ -113,4 +114,4 @@ def _write(table: Path, rows: Sequence[Any], agents: Agents, episodes: int) -> N
     """A table, and beside it how it was made."""
     write_rows(table, rows)
     text = json.dumps(setting(agents, episodes), indent=1)
-    table.with_suffix(".json").write_text(text + "\n")
+    write_whole(table.with_suffix(".json"), text + "\n")

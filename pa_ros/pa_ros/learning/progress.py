@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
+from pa_ros.core.files import write_whole
 from pa_ros.learning.errors import CheckpointError
 
 Row = Mapping[str, float] | Mapping[str, str]
@@ -21,10 +23,6 @@ class Progress:
         """CheckpointError, with the file as it was, if it can't be read or written."""
         self._path = path
         self._rows: list[Row] = [] if resume_frames is None else self._rows_until(resume_frames)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CheckpointError(f"progress: {path}: {error}") from error
         self.write()
 
     def add(self, row: Row) -> None:
@@ -47,19 +45,21 @@ class Progress:
             raise CheckpointError(f"progress: {self._path}: {error}") from error
 
     def _write(self) -> None:
-        unfinished = self._path.with_name(f"{self._path.name}.part")
-        with unfinished.open("w", newline="") as file:
-            if self._rows:
-                writer = csv.DictWriter(file, list(self._rows[0]))
-                writer.writeheader()
-                writer.writerows(self._rows)
-        unfinished.replace(self._path)
+        file = io.StringIO(newline="")
+        if self._rows:
+            writer = csv.DictWriter(file, list(self._rows[0]))
+            writer.writeheader()
+            writer.writerows(self._rows)
+        write_whole(self._path, file.getvalue())
 
     def _rows_until(self, frames: int) -> list[Row]:
         if not self._path.exists():
             return []
         try:
             with self._path.open(newline="") as file:
-                return [row for row in csv.DictReader(file) if float(row["frames"]) <= frames]
-        except (OSError, KeyError, ValueError, TypeError) as error:
+                rows = list(csv.DictReader(file))
+            for row in rows:
+                _ = {name: float(cell) for name, cell in row.items()}  # whole, and of numbers
+            return [row for row in rows if float(row["frames"]) <= frames]
+        except (OSError, KeyError, ValueError, TypeError, csv.Error) as error:
             raise CheckpointError(f"progress: {self._path}: {error!r}") from error

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 from pa_ros.core.errors import PaError
+from pa_ros.core.files import write_whole
 from pa_ros.core.settings import read_json
 
 if TYPE_CHECKING:
@@ -33,13 +35,11 @@ def write_rows(path: Path, rows: Sequence[RowT]) -> None:
 
     Booleans are written as 0 and 1, floats to 6 digits.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(path.name + ".part")
-    with unfinished.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(field.name for field in fields(rows[0]))
-        writer.writerows([_cell(value) for value in astuple(row)] for row in rows)
-    unfinished.replace(path)
+    file = io.StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(field.name for field in fields(rows[0]))
+    writer.writerows([_cell(value) for value in astuple(row)] for row in rows)
+    write_whole(path, file.getvalue())
 
 
 def read_rows(path: Path, kind: type[RowT]) -> list[RowT]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pa_ros.acting.execution import Execution
+from pa_ros.core.files import write_whole
 from pa_ros.core.software import device, versions
 from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
 from pa_ros.tools.demo.config import DemoConfig
@@ -77,7 +78,7 @@ def write_report(
     report |= _executions("demo", outcome) | _executions("shipped", shipped)
     report |= {"device": device(), "threads": 1, "versions": versions()}
     finite = {k: v for k, v in report.items() if not isinstance(v, float) or np.isfinite(v)}
-    (config.folder / "demo.json").write_text(json.dumps(finite, indent=2) + "\n")
+    write_whole(config.folder / "demo.json", json.dumps(finite, indent=2) + "\n")
 
 
 def _executions(prefix: str, outcome: Outcome) -> dict[str, float | int | str]:
