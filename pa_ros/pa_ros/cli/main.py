@@ -55,8 +55,9 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     add_extension(parser)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (module, summary) in COMMANDS.items():
-        about = {"help": summary, "description": summary}
-        subparser = subparsers.add_parser(name, allow_abbrev=False, **about)
+        subparser = subparsers.add_parser(
+            name, help=summary, description=summary, allow_abbrev=False
+        )
         if name == chosen:
             importlib.import_module(module).add_arguments(subparser)
             add_extension(subparser)
