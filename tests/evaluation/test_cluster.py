@@ -25,7 +25,8 @@ from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.studies import cluster
 from pa_ros.evaluation.studies.cluster import ClusterError, write_files
 from pa_ros.evaluation.studies.cluster_jobs import SeedJob
-from pa_ros.evaluation.studies.experiments import CURVE, frames_done, read_curve, run_seed
+from pa_ros.evaluation.studies.curves import CURVE, frames_done, read_curve
+from pa_ros.evaluation.studies.experiments import run_seed
 from pa_ros.evaluation.studies.failures import FailedError
 from pa_ros.evaluation.studies.generalization import generalize
 from pa_ros.evaluation.studies.seeds import folder_of, train_seeds

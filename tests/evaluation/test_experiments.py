@@ -12,13 +12,13 @@ from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device
 from pa_ros.evaluation.studies import experiments
+from pa_ros.evaluation.studies.curves import read_curve
 from pa_ros.evaluation.studies.experiments import (
     EXPERIMENTS,
     check_run,
     experiment_named,
     final_scores,
     headline,
-    read_curve,
     run_seed,
     summarize,
     under_protocol,

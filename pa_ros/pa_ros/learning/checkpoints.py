@@ -39,6 +39,7 @@ LATEST = "LATEST"
 METADATA = "metadata.json"
 POLICIES = "policies.safetensors"
 ACTING = (METADATA, POLICIES)  # all that acting needs of a checkpoint
+_NAME = r"version-\d{9,}"
 DPG = "dpg"  # the algorithm of checkpoints that name none
 SHIPPED = Path(__file__).parents[1] / "shipped"
 SHIPPED_PREFIX = "shipped:"
@@ -71,11 +72,21 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
     return root / name
 
 
+def completed(root: Path) -> list[Path]:
+    """The checkpoints under a root, oldest first, damaged or not; what else lies there is none."""
+    return sorted(
+        path
+        for path in root.glob("version-*")
+        if re.fullmatch(_NAME, path.name, re.ASCII) and path.is_dir()
+    )
+
+
 def remove_older(root: Path, name: str) -> None:
-    """Keep the checkpoint `name` and the one before it."""
-    others = sorted(path for path in root.glob("version-*") if path.name != name)
+    """Keep the checkpoint `name` and the one before it; of those that a kill cut short, nothing."""
+    others = [path for path in completed(root) if path.name != name]
     before = [path for path in others if path.name < name][-1:]
-    for path in others:
+    unfinished = [path for path in root.glob(".version-*") if path.is_dir()]
+    for path in (*others, *unfinished):
         if path not in before:
             shutil.rmtree(path)
 

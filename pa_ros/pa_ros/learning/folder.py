@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO
 
 from pa_ros.core.lock import take_lock
-from pa_ros.learning.checkpoints import LATEST
+from pa_ros.learning.checkpoints import LATEST, completed
 from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
 
 
@@ -16,15 +16,16 @@ def checkpoint_of(folder: Path) -> Path:
 
 
 def holds_checkpoint(folder: Path) -> bool:
-    """Whether a run's folder holds a whole checkpoint."""
-    return (checkpoint_of(folder) / LATEST).exists()
+    """Whether a run's folder holds a checkpoint, damaged or not, also one that was completed and
+    not named as the newest any more."""
+    return (checkpoint_of(folder) / LATEST).exists() or bool(completed(checkpoint_of(folder)))
 
 
 def refuse_used(folder: Path) -> None:
     """Raise FolderUsedError if the folder holds a run's checkpoint, CheckpointError if one can't
     look."""
     try:
-        used = holds_checkpoint(folder) or any(checkpoint_of(folder).glob("version-*"))
+        used = holds_checkpoint(folder)
     except OSError as error:
         raise CheckpointError(f"{folder}: {error}") from error
     if used:

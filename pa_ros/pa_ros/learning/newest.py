@@ -6,7 +6,7 @@ import os
 import shutil
 from pathlib import Path
 
-from pa_ros.learning.checkpoints import LATEST, METADATA, find_checkpoint
+from pa_ros.learning.checkpoints import LATEST, completed, find_checkpoint
 from pa_ros.learning.checksums import check_files
 from pa_ros.learning.errors import CheckpointError
 
@@ -36,7 +36,7 @@ def make_latest(checkpoint: Path) -> None:
     the run goes on from nor the good one that is kept. Raises CheckpointError."""
     root = checkpoint.parent
     try:
-        for newer in root.glob("version-*"):
+        for newer in completed(root):
             if newer.name > checkpoint.name:
                 shutil.rmtree(root / f"damaged-{newer.name}", ignore_errors=True)
                 os.replace(newer, root / f"damaged-{newer.name}")
@@ -49,7 +49,7 @@ def make_latest(checkpoint: Path) -> None:
 def _candidates(root: Path) -> list[Path]:
     """What LATEST names, then what was written before it, newest first."""
     latest = _latest(root)
-    found = sorted((one.parent for one in root.glob(f"version-*/{METADATA}")), reverse=True)
+    found = completed(root)[::-1]
     if latest is None:
         return found
     return [latest, *(one for one in found if one.name < latest.name)]

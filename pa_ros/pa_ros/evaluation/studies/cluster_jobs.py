@@ -13,7 +13,8 @@ from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.blind import BLIND
 from pa_ros.evaluation.scoring.evaluate import REFERENCES
 from pa_ros.evaluation.studies.cluster import Cluster, Files, Part, read_files, write_files
-from pa_ros.evaluation.studies.experiments import CURVE, Experiment, run_seed
+from pa_ros.evaluation.studies.curves import CURVE
+from pa_ros.evaluation.studies.experiments import Experiment, frames_saved, run_seed
 from pa_ros.evaluation.studies.generalization import RANDOM_WEIGHTS, conditions_of
 from pa_ros.evaluation.studies.seeds import SeedsProgress, folder_of, progress_bar
 from pa_ros.language import MIN_MAX, Logic
@@ -21,7 +22,6 @@ from pa_ros.learning.checkpoints import (
     ACTING,
     LATEST,
     find_checkpoint,
-    read_metadata,
     remove_older,
 )
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
@@ -59,7 +59,7 @@ class SeedJob:
         return f"seed {self.seed}"
 
     def part(self) -> Part | None:
-        done, frames = _frames_kept(self.folder), self.experiment.frames
+        done, frames = frames_saved(self.folder, claimed=True), self.experiment.frames
         if done >= frames:
             return None
         every = self.experiment.checkpoint_every_frames
@@ -85,13 +85,6 @@ def run_files(folder: Path) -> Files:
     root = checkpoint_of(folder)
     curve = [path for path in (folder / CURVE,) if path.exists()]
     return read_files(folder, [*sorted(find_checkpoint(root).iterdir()), *curve, root / LATEST])
-
-
-def _frames_kept(folder: Path) -> int:
-    """Frames of the newest checkpoint; 0: there is none."""
-    if not holds_checkpoint(folder):
-        return 0
-    return int(read_metadata(checkpoint_of(folder))["counters"]["frames"])
 
 
 def score_on(

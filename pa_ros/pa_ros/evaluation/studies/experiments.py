@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
+import logging
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -23,6 +26,7 @@ from pa_ros.arena import (
     world_of,
 )
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.files import write_whole
 from pa_ros.core.report import Report
 from pa_ros.core.software import device, versions
 from pa_ros.evaluation.scoring.agents import load_agent
@@ -30,17 +34,20 @@ from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import TrainingScores
+from pa_ros.evaluation.studies.curves import CURVE
 from pa_ros.language import LOGICS, PRODUCT
 from pa_ros.learning.algorithms import ALGORITHMS
-from pa_ros.learning.checkpoints import check_trained_with
+from pa_ros.learning.checkpoints import check_trained_with, read_metadata
 from pa_ros.learning.errors import CheckpointError
-from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
+from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 from pa_ros.learning.loop import Evaluate, TrainConfig, train
+from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.protocols import PROTOCOLS, Protocol, protocol_named
+
+log = logging.getLogger(__name__)
 
 SOLVED = 0.9  # held-out normalized score
 FINAL_EPISODES = 100
-CURVE = "progress.csv"  # in a seed's folder
 DPG, OURS = "dpg", "ours"  # what is usual
 
 
@@ -164,14 +171,16 @@ def experiment_named(name: str) -> Experiment:
 def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = False) -> None:
     """Raise CheckpointError if a run in `folder` is of another setting or seed, or is longer.
 
-    `ended`: also if it is shorter. Of a run without a checkpoint nothing is known.
+    `ended`: also if it is shorter. Of a run without a whole checkpoint nothing is known.
     """
-    if not holds_checkpoint(folder):
+    try:
+        newest, _ = newest_whole(checkpoint_of(folder))
+    except CheckpointError:
         return
     arena = preset_named(experiment.preset, experiment.arm)
     design, protocol = design_named(experiment.design), experiment.settings
     values = check_trained_with(
-        checkpoint_of(folder),
+        newest,
         protocol.network_config(world_of(arena, design), experiment.network),
         protocol.learner,
         scoring_of(arena, design),
@@ -191,17 +200,31 @@ def run_seed(
 ) -> Path:
     """Train one seed into `folder`, or go on where it was interrupted; its progress.csv.
 
-    A seed that reached its frames, or `until`, is not run again. How it is parted changes nothing.
-    `scores` is asked in place of `TrainingScores`.
+    A seed that is saved with its frames, or `until`, is not run again. How it is parted changes
+    nothing. `scores` is asked in place of `TrainingScores`.
     """
-    curve = folder / CURVE
     frames = min(until or experiment.frames, experiment.frames)
-    switch = experiment.switch_frames
-    if switch and frames_done(curve) < min(switch, frames):
+    switch, saved = experiment.switch_frames, frames_saved(folder)
+    if switch and saved < min(switch, frames):
         _train_until(experiment, seed, folder, min(switch, frames), "train", scores)
-    if frames_done(curve) < frames:
+    if saved < frames:
         _train_until(experiment, seed, folder, frames, "eval" if switch else "train", scores)
-    return curve
+    return folder / CURVE
+
+
+def frames_saved(folder: Path, claimed: bool = False) -> int:
+    """Frames of a run's newest whole checkpoint, which is made its latest; 0 if there is none.
+
+    `claimed`: the caller has the folder for itself. Raises CheckpointError where all are damaged.
+    """
+    if not holds_checkpoint(folder):
+        return 0
+    newest, passed_over = newest_whole(checkpoint_of(folder))
+    if passed_over:
+        with nullcontext() if claimed else claim(folder, resume=True):
+            log.warning(passed_over)
+            make_latest(newest)
+    return int(read_metadata(newest)["counters"]["frames"])
 
 
 def _train_until(
@@ -237,21 +260,6 @@ def _train_until(
     )
 
 
-def read_curve(path: Path) -> list[dict[str, float]]:
-    """Rows of a progress.csv; CheckpointError if it cannot be read as one."""
-    try:
-        with path.open(newline="") as file:
-            return [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
-    except (OSError, ValueError, TypeError) as error:
-        raise CheckpointError(f"curve: {path}: {error!r}") from error
-
-
-def frames_done(path: Path) -> float:
-    """Frames that a progress.csv has reached; 0 if there is none."""
-    rows = read_curve(path) if path.exists() else []
-    return rows[-1]["frames"] if rows else 0.0
-
-
 @dataclass(frozen=True, slots=True)
 class SeedSummary:
     """What became of one seed; frames and seconds are NaN if its score never came to stay."""
@@ -284,7 +292,7 @@ def summarize(
         column = "train_greedy.normalized"
     first: dict[str, float] | None = None
     for row in reversed(rows):
-        if row[column] < SOLVED:
+        if not row[column] >= SOLVED:  # nor where there is none
             break
         first = row
     return SeedSummary(
@@ -331,15 +339,18 @@ def write_table(
     `made_on`: on what software and machines a seed was trained, as far as its checkpoint says.
     """
     path = folder / f"{experiment.label}.csv"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        names = ["seed", *next(iter(curves.values()))[0]]
-        writer = csv.DictWriter(file, names, lineterminator="\n")
-        writer.writeheader()
-        for seed, rows in curves.items():
-            for row in rows:
-                cells = {name: f"{value:.6g}" for name, value in row.items()}
-                writer.writerow({"seed": seed, **cells})
+    names = list(next(iter(curves.values()))[0])
+    file = io.StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["seed", *names])
+    for seed, rows in curves.items():
+        for row in rows:
+            if list(row) != names:
+                raise CheckpointError(
+                    f"curve: seed {seed}: expected columns {names} as the first, got {list(row)}"
+                )
+            writer.writerow([seed, *(f"{value:.6g}" for value in row.values())])
+    write_whole(path, file.getvalue())
     write_rows(seeds_table(path), summaries)
     protocol = experiment.settings
     design = design_named(experiment.design)
@@ -353,7 +364,7 @@ def write_table(
         "device": device(),
         "versions": versions(),
     }
-    path.with_suffix(".json").write_text(json.dumps(setting, indent=1) + "\n")
+    write_whole(path.with_suffix(".json"), json.dumps(setting, indent=1) + "\n")
     return path
 
 

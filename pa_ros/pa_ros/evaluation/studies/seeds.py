@@ -6,7 +6,7 @@ import multiprocessing
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,19 +17,18 @@ from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.core.signals import end_with_parent, interrupts_later
+from pa_ros.evaluation.studies.curves import CURVE, frames_done, read_curve
 from pa_ros.evaluation.studies.experiments import (
-    CURVE,
     Experiment,
     SeedSummary,
     final_scores,
-    frames_done,
-    read_curve,
     run_seed,
     summarize,
     write_table,
 )
 from pa_ros.evaluation.studies.failures import FailedError, check_failures
 from pa_ros.learning.checkpoints import read_metadata
+from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.run import MADE_ON
 
@@ -105,8 +104,11 @@ class SeedsProgress:
         self._bar.stop()
 
     def show(self) -> None:
-        """Read the curves and draw."""
-        reached = sum(min(frames_done(curve), self._frames) for curve in self._curves)
+        """Read the curves, as far as they can be read, and draw."""
+        reached = 0.0
+        for curve in self._curves:
+            with suppress(CheckpointError):  # which the seed itself is refused for
+                reached += min(frames_done(curve), self._frames)
         self._bar.update(self._bar.task_ids[0], completed=reached)
 
     def tell(self, line: str) -> None:

@@ -11,13 +11,8 @@ import numpy as np
 
 from pa_ros.evaluation.scoring.intervals import mean_interval
 from pa_ros.evaluation.scoring.tables import TableError, read_rows, read_setting
-from pa_ros.evaluation.studies.experiments import (
-    DPG,
-    SeedSummary,
-    read_curve,
-    seeds_table,
-    summarize,
-)
+from pa_ros.evaluation.studies.curves import read_curve
+from pa_ros.evaluation.studies.experiments import DPG, SeedSummary, seeds_table, summarize
 
 _SAME = ("arm", "preset", "protocol", "algorithm")  # of what is compared
 
