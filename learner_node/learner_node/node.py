@@ -13,7 +13,7 @@ from learner_node.watch import Watch
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.learning.errors import FolderInUseError, FolderUsedError
+from pa_ros.learning.errors import FolderInUseError, FolderUsedError, ScalarsError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.newest import newest_whole
 from pa_ros.learning.scalars import Scalars
@@ -99,7 +99,7 @@ class LearnerNode(ManagedNode):
         trajectories.subscribe(self, self.refusals.guard(trajectories.name, on_trajectory))
         steady_timer(self, WATCH_S, self._look)
         if self._scalars is not None:
-            steady_timer(self, PROGRESS_S, self._draw)
+            steady_timer(self, PROGRESS_S, self.draw)
 
     def activate(self) -> None:
         """Go on, about the arena that was heard of meanwhile, should nothing be learned yet."""
@@ -118,7 +118,7 @@ class LearnerNode(ManagedNode):
         if self.worker is None:
             return
         self.worker.close()
-        self._draw()
+        self.draw()
         if self.worker.trouble:
             self.get_logger().error(self.worker.trouble)
             self.exit_status = 1  # what was learned is not all saved
@@ -254,9 +254,15 @@ class LearnerNode(ManagedNode):
             worker.trouble, missing, worker.backlog, metrics["frames"], worker.awaited
         ), values
 
-    def _draw(self) -> None:
-        if self._scalars is not None and self.worker is not None:
+    def draw(self) -> None:
+        """Write how learning goes for TensorBoard, as long as there is room."""
+        if self._scalars is None or self.worker is None:
+            return
+        try:
             self._scalars.add(self.worker.metrics)
+        except ScalarsError as error:
+            self.refusals.refuse("tensorboard: nothing more is written", error)
+            self._scalars = None
 
     def progress(self) -> str:
         """A line of how far it is; empty before the first frame."""

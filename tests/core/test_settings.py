@@ -80,3 +80,16 @@ def test_json_and_back() -> None:
     for text in ("{", "3", '{"speed": 1}', '{"steps": NaN}'):
         with pytest.raises(ConfigError):
             Whole.from_json(text)
+
+
+class Seeded(Settings):
+    """With a number that has no bound of its own."""
+
+    SECTION: ClassVar[str] = "seeded"
+    seed: int = Field(0, ge=0, description="of anything")
+
+
+def test_an_integer_is_one_that_messages_and_parameters_hold() -> None:
+    assert Seeded(seed=2**63 - 1).seed == 2**63 - 1
+    with pytest.raises(ConfigError, match="seed: expected an integer of 64 bits, got 18446744073"):
+        Seeded(seed=2**64)

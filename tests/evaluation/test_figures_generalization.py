@@ -1,12 +1,17 @@
 """The generalization plot and the detectors' pictures: of what they are given, and small."""
 
+import json
+
 import matplotlib.image
 import numpy as np
+import pytest
 
 from pa_ros.arena import RenderError
 from pa_ros.evaluation.pictures import generalization as figures_generalization
 from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
+from pa_ros.evaluation.results import redraw_generalization
 from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.scoring.tables import TableError, write_rows
 from pa_ros.evaluation.studies.generalization import CONDITIONS, Row
 
 
@@ -43,3 +48,21 @@ def test_detector_figure_with_and_without_opengl(novice: TrainedAgent, tmp_path,
     from_above = tmp_path / "above.png"
     detector_figure(from_above, novice, 2, "novice")
     assert matplotlib.image.imread(from_above)[..., :3].std() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("lines", "agents", "said"),
+    [
+        (-1, {"0": {}}, r"expected 5 episodes of each of 2 seeds, got 9 rows"),
+        (1, {"0": {}}, "expected rows"),
+        (None, 3, "agents by seed"),
+    ],
+)
+def test_a_damaged_table_is_refused(tmp_path, lines, agents, said):
+    path = tmp_path / "generalization.csv"
+    write_rows(path, table(0.5))
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:lines]))
+    facts = {"design": "3-D", "preset": "fast", "agents": agents, "episodes": 5}
+    path.with_suffix(".json").write_text(json.dumps(facts))
+    with pytest.raises(TableError, match=said):
+        redraw_generalization(path)

@@ -60,6 +60,33 @@ def test_a_table_without_rows_is_refused(tmp_path):
         learning_figure(table)
 
 
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"switch_frames": "abc"},
+        {"switch_frames": None},
+        {"learner": 3},
+        {"learner": {}},
+        {"learner": {"replay": {}}},
+    ],
+)
+def test_a_setting_of_other_kinds_is_refused(tmp_path, setting, capsys):
+    curves = {0: rows(0.1, 0.95)}
+    table = write_table(tmp_path, experiment_named("forgetting"), curves, [summarize(0, curves[0])])
+    beside = table.with_suffix(".json")
+    beside.write_text(json.dumps(json.loads(beside.read_text()) | setting))
+    assert main(["figures", "--results", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f"pa_ros figures: {table}: ")
+
+
+def test_curves_without_scores_are_refused(tmp_path):
+    curves = {0: rows(0.1, 0.95)}
+    table = write_table(tmp_path, experiment_named("forgetting"), curves, [summarize(0, curves[0])])
+    table.write_text("seed,frames,wall_s\n0,1000,1\n")
+    with pytest.raises(TableError, match="expected a column of .*train_greedy"):
+        learning_figure(table)
+
+
 def test_what_is_no_table_is_passed_over(tmp_path, capsys):
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "binary.json").write_text("{}")

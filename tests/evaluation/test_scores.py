@@ -7,9 +7,11 @@ import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.evaluation.scoring import training
+from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.evaluate import by_program, evaluate, reference_scores, run_episodes
 from pa_ros.evaluation.scoring.intervals import mean_interval, normalized_interval
 from pa_ros.evaluation.scoring.rewards import normalized
+from pa_ros.evaluation.scoring.tables import TableError
 
 FAST, TWO_L = preset_named("fast"), design_named("2-L")
 
@@ -91,3 +93,13 @@ def test_a_training_that_is_never_scored_plays_no_reference(monkeypatch):
     assert played == []
     first, again = scores(Still()), scores(Still())
     assert first == again and len(played) == 4  # both references, of both conditions, once
+
+
+def test_scores_that_were_cut_are_no_mean_of_the_rest(tmp_path):
+    benchmark = Benchmark(design=TWO_L, arena=FAST.changed(episode_steps=3), episodes=3)
+    scorer = Scorer(benchmark, tmp_path)
+    scorer.reference("random", "eval")
+    path = scorer.path("random", "eval")
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
+    with pytest.raises(TableError, match="expected episodes 0 to 2, got 2"):
+        scorer.reference("random", "eval")

@@ -9,8 +9,10 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import rewards
-from pa_ros.learning.checkpoints import SHIPPED, load_policy, read_metadata, ship
+from pa_ros.learning import shipping
+from pa_ros.learning.checkpoints import SHIPPED, load_policy, read_metadata, write_synced
 from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.shipping import ship
 
 NAMES = ("2-L", "3-D")
 
@@ -45,3 +47,24 @@ def test_shipping_keeps_the_policy_and_little_else(tmp_path):
     with pytest.raises(ConfigError, match="expected letters, digits"):
         ship(source, "../out", {}, folder=tmp_path / "in")
     assert sum(file.stat().st_size for file in SHIPPED.rglob("*")) < 5_000_000
+
+
+def test_a_policy_whose_replacing_was_interrupted_is_whole(tmp_path, monkeypatch):
+    source = Path("shipped:2-L")
+    out = ship(source, "again", {"note": 1}, folder=tmp_path)
+    written = list[Path]()
+
+    def killed(path, content):
+        if written:
+            raise KeyboardInterrupt
+        written.append(path)
+        write_synced(path, content)
+
+    with monkeypatch.context() as dying:
+        dying.setattr(shipping, "write_synced", killed)
+        with pytest.raises(KeyboardInterrupt):
+            ship(source, "again", {"note": 2}, replaces=True, folder=tmp_path)
+    assert read_metadata(out)["extra"]["note"] == 1 and load_policy(out).tensors
+    ship(source, "again", {"note": 2}, replaces=True, folder=tmp_path)
+    assert read_metadata(out)["extra"]["note"] == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["again"]

@@ -134,3 +134,14 @@ def test_a_seed_without_its_summary_is_refused(tmp_path) -> None:
     (other / "programmable-2L.free-seeds.csv").rename(tmp_path / "programmable-2L.free-seeds.csv")
     with pytest.raises(TableError, match=r"free-seeds.csv: expected seeds \[0\], found none"):
         write_variants("programmable-2L", tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "seed,frames,wall_s,train_greedy.normalized\n", "a,b\n1,2\n"])
+@pytest.mark.parametrize("name", ["programmable-2L", "programmable-2L.free"])
+def test_a_damaged_table_is_refused(tmp_path, text, name, capsys) -> None:
+    for experiment in (BASE, replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))):
+        table(tmp_path, experiment, {0: [0.1, 0.95]})
+    (tmp_path / f"{name}.csv").write_text(text)
+    assert main(["experiment", "variants", "--results", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert f"{name}.csv: expected " in error and error.count("\n") == 1

@@ -172,6 +172,50 @@ def test_metadata_that_was_edited_is_refused_by_type(edited, name, value) -> Non
         restore(edited, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("architecture", 3),
+        ("architecture", None),
+        ("counters", {"version": 5, "frames": -5}),
+        ("counters", {"version": 5, "frames": 1e300}),
+        ("counters", {"version": 5}),
+        ("counters", [5]),
+    ],
+)
+def test_what_acting_and_studies_read_is_checked_for_them_too(edited, name, value) -> None:
+    path = find_checkpoint(edited) / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {name: value}))
+    with pytest.raises(CheckpointError):
+        read_metadata(edited)
+
+
+def test_edits_are_seen_by_all_who_read_metadata(saved) -> None:
+    path = find_checkpoint(saved) / "metadata.json"
+    path.write_text(path.read_text().replace('"counters"', '"counter"'))
+    with pytest.raises(CheckpointError, match="metadata.json: expected SHA-256"):
+        read_metadata(saved)
+
+
+def test_a_file_without_its_checksum_is_damaged(saved) -> None:
+    sums = find_checkpoint(saved) / "SHA256SUMS"
+    sums.write_text(sums.read_text().splitlines(keepends=True)[0])
+    with pytest.raises(CheckpointError, match=r"engine.safetensors: expected SHA-256"):
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
+
+
+def test_what_a_kill_left_goes_with_the_next_checkpoint_and_nothing_else(saved) -> None:
+    (saved / ".version-000000004").mkdir()
+    (saved / ".version-000000004" / "replay.safetensors").write_bytes(b"cut")
+    (saved / "version-notes.txt").write_text("mine")
+    (saved / "version-000000001-copy").mkdir()
+    learner = Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING)
+    save_checkpoint(saved, learner)
+    names = {path.name for path in saved.iterdir()}
+    assert ".version-000000004" not in names
+    assert {"version-notes.txt", "version-000000001-copy"} <= names
+
+
 @pytest.mark.parametrize("value", [None, 7, "x", [1]])
 def test_facts_that_were_edited_are_refused_by_type(edited, value) -> None:
     path = find_checkpoint(edited) / "metadata.json"

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import sys
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
+from learner_node.node import LearnerNode
 from pa_ros.core.errors import ConfigError
+from pa_ros.learning.errors import ScalarsError
 from pa_ros.learning.scalars import Scalars
+from pa_ros.ros.refusals import Refusals
 
 
 def read(folder):
@@ -55,3 +61,28 @@ def test_a_folder_that_cannot_be_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="tensorboard: expected a folder"):
         Scalars(tmp_path / "file" / "events")
+
+
+class Full:
+    """A writer on a disk without room."""
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def add_scalar(self, *_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_costs_scalars_and_no_learner(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("pa_ros.learning.scalars._writer", lambda: Full)
+    scalars = Scalars(tmp_path)
+    metrics = {"frames": 100.0, "updates": 1.0}
+    with pytest.raises(ScalarsError, match="expected room for more"):
+        scalars.add({**metrics, "frames": 50.0})
+    node = SimpleNamespace(
+        _scalars=scalars, worker=SimpleNamespace(metrics=metrics), refusals=Refusals(print)
+    )
+    for _ in range(2):
+        cast(Any, LearnerNode).draw(node)
+    assert node.refusals.counts == {"learning.tensorboard": 1}
+    assert "No space left" in capsys.readouterr().out

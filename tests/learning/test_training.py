@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import fcntl
+import json
 import os
 import shutil
 from pathlib import Path
@@ -22,7 +23,13 @@ from pa_ros.bags.claim import Claim
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT
 from pa_ros.learning import loop
-from pa_ros.learning.checkpoints import load_policy, restore, save_checkpoint
+from pa_ros.learning.checkpoints import (
+    find_checkpoint,
+    load_policy,
+    read_metadata,
+    restore,
+    save_checkpoint,
+)
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderInUseError, FolderUsedError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import ConsumeReport, Learner
@@ -192,7 +199,28 @@ def test_another_curve_is_refused(tmp_path) -> None:
     curve = tmp_path / "progress.csv"
     curve.write_text(curve.read_text().replace("mean_q", "mean_z"))
     with pytest.raises(CheckpointError, match="mean_z.*got.*mean_q"):
-        run(tmp_path, 80, resume=True, evaluate_every_frames=20)
+        run(tmp_path, 120, resume=True, evaluate_every_frames=20)
+    learned = read_metadata(tmp_path / "checkpoint")["counters"]["frames"]
+    assert learned == 80  # what was learned until then is kept
+
+
+@pytest.mark.parametrize("row", ["1", "1,x,3", "1,2,3,4"])
+def test_a_curve_that_is_none_is_refused_before_anything_is_learned(tmp_path, row) -> None:
+    (tmp_path / "progress.csv").write_text(f"frames,wall_s,updates\r\n{row}\r\n")
+    with pytest.raises(CheckpointError, match="progress.csv"):
+        Progress(tmp_path / "progress.csv", resume_frames=100)
+
+
+@pytest.mark.parametrize("wall_s", ["abc", None, -1.0, float("nan")])
+def test_seconds_that_are_none_are_refused(tmp_path, wall_s) -> None:
+    run(tmp_path, 20)
+    metadata = find_checkpoint(tmp_path / "checkpoint") / "metadata.json"
+    metadata.with_name("SHA256SUMS").unlink()
+    values = json.loads(metadata.read_text())
+    values["extra"]["wall_s"] = wall_s
+    metadata.write_text(json.dumps(values))
+    with pytest.raises(CheckpointError, match="wall_s: expected seconds, got"):
+        run(tmp_path, 40, resume=True)
 
 
 def test_a_folder_that_holds_a_run_is_resumed_or_refused(tmp_path) -> None:

@@ -38,7 +38,10 @@ class Schedule(Settings):
         100, ge=1, le=10_000, description="transitions per trajectory: an episode"
     )
     policy_lag: int = Field(
-        1, ge=0, description="trajectories that weights lag behind; 0 is the paper's interleaving"
+        1,
+        ge=0,
+        le=10_000,
+        description="trajectories that weights lag behind; 0 is the paper's interleaving",
     )
     oldest_policy: int = Field(
         100,

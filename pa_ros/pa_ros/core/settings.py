@@ -124,6 +124,14 @@ class Settings(BaseModel):
     # pydantic then makes parts without it, so that their errors carry the whole path.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        """As ROS parameters and messages do: an integer has 64 bits."""
+        for name, value in self:
+            if type(value) is int and not -(2**63) <= value < 2**63:
+                raise ValueError(f"{name}: expected an integer of 64 bits, got {value}")
+        return self
+
     @model_validator(mode="before")
     @classmethod
     def _tuples(cls, values: Any) -> Any:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pa_ros.core.files import write_whole
 from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
 from pa_ros.evaluation.pictures.learning import algorithms_figure
 from pa_ros.evaluation.pictures.variants import variants_figure
 from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.scoring.tables import read_rows, read_setting, write_rows
+from pa_ros.evaluation.scoring.tables import (
+    TableError,
+    read_rows,
+    read_setting,
+    write_rows,
+    write_setting,
+)
 from pa_ros.evaluation.studies.detectors import Accuracy, detector_table
 from pa_ros.evaluation.studies.equalities import Difference, difference_table
 from pa_ros.evaluation.studies.generalization import (
@@ -56,6 +60,8 @@ def redraw_generalization(table: Path) -> Path:
     """The picture of a table that `generalization` wrote, beside it; its path."""
     rows = read_rows(table, Row)
     facts = read_setting(table, "design", "preset", "agents", "episodes")
+    if not (rows and isinstance(facts["agents"], dict)):
+        raise TableError(f"{table}: expected rows, and agents by seed beside it, got none")
     picture = table.with_suffix(".png")
     generalization_figure(
         picture,
@@ -113,5 +119,4 @@ def write_algorithms(name: str, results: Path) -> Path:
 def _write(table: Path, rows: Sequence[Any], agents: Agents, episodes: int) -> None:
     """A table, and beside it how it was made."""
     write_rows(table, rows)
-    text = json.dumps(setting(agents, episodes), indent=1)
-    write_whole(table.with_suffix(".json"), text + "\n")
+    write_setting(table, setting(agents, episodes))

@@ -62,7 +62,7 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
         if _latest_name(root) != name:
             files = _files(learner, extra or {})
             _write_directory(root, name, {**files, SUMS: checksums(files)})
-            _write_file(root / f".{LATEST}", name.encode())
+            write_synced(root / f".{LATEST}", name.encode())
             os.replace(root / f".{LATEST}", root / LATEST)
             _sync_directory(root)
         remove_older(root, name)
@@ -105,6 +105,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
     """
     directory = find_checkpoint(path)
     try:
+        check_files(directory, (METADATA,))
         values = read_json((directory / METADATA).read_text())
         if values["format"] in OLDER:
             architecture = actor_config(values["architecture"]).architecture
@@ -118,7 +119,18 @@ def read_metadata(path: Path) -> dict[str, Any]:
             raise CheckpointError(
                 f"checkpoint: {directory}: extra: expected facts by name, got {values['extra']!r}"
             )
-    except (OSError, ConfigError, ValueError, KeyError, TypeError) as error:
+        if not isinstance(values["architecture"], str):
+            raise CheckpointError(
+                f"checkpoint: {directory}: architecture: expected text, got "
+                f"{values['architecture']!r:.200}"
+            )
+        counts = values["counters"]
+        if not all(type(count) is int and count >= 0 for count in counts.values()):
+            raise CheckpointError(
+                f"checkpoint: {directory}: counters: expected integers of at least 0, got {counts}"
+            )
+        _ = counts["frames"]  # must be there
+    except (OSError, ConfigError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {METADATA}: {error!r}") from error
     return dict(values)
 
@@ -213,36 +225,6 @@ def _shipped(name: str) -> Path:
     return SHIPPED / name
 
 
-def check_ship_name(name: str, replaces: bool = False, folder: Path = SHIPPED) -> None:
-    """Raise ConfigError unless a policy can be shipped under this name."""
-    if not re.fullmatch(r"[\w-]+", name, re.ASCII):
-        raise ConfigError(f"ship: name: expected letters, digits, '-' and '_', got {name!r}")
-    if (folder / name).exists() and not replaces:
-        raise ConfigError(f"ship: name: expected another than {name!r}, which is there (--replace)")
-
-
-def ship(
-    run: Path, name: str, card: dict[str, Any], replaces: bool = False, folder: Path = SHIPPED
-) -> Path:
-    """Keep what acting needs of a checkpoint as the shipped policy `name`; its directory.
-
-    `card` joins the metadata's `extra`: where the policy comes from and how it scores. Raises
-    ConfigError for a name that is none, or is taken and not to be replaced.
-    """
-    check_ship_name(name, replaces, folder)
-    directory = find_checkpoint(run)
-    values = read_metadata(directory)
-    policy = _load_policies(directory, values)[-1]
-    values["published"] = [policy.version]
-    values["extra"] = values["extra"] | card
-    tensors = {f"{policy.version}/{k}": tensor for k, tensor in policy.tensors.items()}
-    out = folder / name
-    out.mkdir(parents=True, exist_ok=True)
-    _write_file(out / METADATA, (json.dumps(values, indent=1) + "\n").encode())
-    _write_file(out / POLICIES, _save_arrays(tensors))
-    return out
-
-
 def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
     policies = {
         f"{snapshot.version}/{name}": tensor
@@ -267,9 +249,9 @@ def _files(learner: Learner, extra: dict[str, Any]) -> dict[str, bytes]:
     _check_finite(tensors | policies)
     return {
         METADATA: json.dumps(values, indent=1).encode(),
-        "engine.safetensors": _save_arrays(tensors),
-        "replay.safetensors": _save_arrays(learner.replay.filled()),
-        POLICIES: _save_arrays(policies),
+        "engine.safetensors": packed(tensors),
+        "replay.safetensors": packed(learner.replay.filled()),
+        POLICIES: packed(policies),
     }
 
 
@@ -345,7 +327,7 @@ def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapsh
         raise CheckpointError(f"checkpoint: {directory}: {error!r}") from error
 
 
-def _save_arrays(arrays: Arrays) -> bytes:
+def packed(arrays: Arrays) -> bytes:
     """Safetensors; it writes strided arrays wrongly, and says nothing."""
     content: bytes = save({k: np.asarray(array, order="C") for k, array in arrays.items()})
     return content
@@ -372,13 +354,14 @@ def _write_directory(root: Path, name: str, files: dict[str, bytes]) -> None:
         shutil.rmtree(leftover, ignore_errors=True)
     unfinished.mkdir()
     for file_name, content in files.items():
-        _write_file(unfinished / file_name, content)
+        write_synced(unfinished / file_name, content)
     _sync_directory(unfinished)
     os.rename(unfinished, finished)
     _sync_directory(root)
 
 
-def _write_file(path: Path, content: bytes) -> None:
+def write_synced(path: Path, content: bytes) -> None:
+    """Write a file through to the disk."""
     with path.open("wb") as file:
         file.write(content)
         file.flush()

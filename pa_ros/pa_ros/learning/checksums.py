@@ -37,6 +37,8 @@ def check_files(directory: Path, names: Collection[str] = ()) -> None:
     except (OSError, ValueError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {SUMS}: {error}") from error
     wrong = [name for name in found if found[name] != stated.get(name)]
+    if not names:  # lines may be missing, too
+        wrong += sorted(path.name for path in directory.glob("*.*") if path.name not in stated)
     if wrong or not found:
         name = wrong[0] if wrong else SUMS
         raise CheckpointError(

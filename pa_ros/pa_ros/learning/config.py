@@ -25,7 +25,7 @@ class ReplayConfig(Settings):
 class UpdatesConfig(Settings):
     """How many updates, and what return they aim at."""
 
-    per_frame: float = Field(1.0, ge=0, description="updates for each transition (paper)")
+    per_frame: float = Field(1.0, ge=0, le=1000, description="updates for each transition (paper)")
     discount: float = Field(0.99, ge=0, lt=1, description="γ per control step (paper)")
 
 

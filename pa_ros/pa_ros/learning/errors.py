@@ -78,6 +78,12 @@ class CheckpointError(PaError):
     code = "learning.checkpoint"
 
 
+class ScalarsError(PaError):
+    """Scalars that can't be written any more."""
+
+    code = "learning.tensorboard"
+
+
 class FolderInUseError(CheckpointError):
     """A run's folder that another run writes into."""
 

@@ -149,7 +149,7 @@ def train(
         learning = LearningRun(learner, environment.control_period_s, extra)
         if run_log is not None:
             run_log.begin(learning)
-        wall_s = float(extra.get("wall_s", 0.0))
+        wall_s = _wall_s(extra)
         logs = run_log, watcher
         with _Run(config, learning, environment, max_speed, evaluate, wall_s, resume, *logs) as run:
             run.until(config.frames, stopped)
@@ -165,6 +165,14 @@ def _resume(config: TrainConfig, learner: Learner) -> dict[str, Any]:
     facts = {name: getattr(config, name) for name in ("seed", "design", "preset", "arm")}
     check_facts(path, read_metadata(path), **facts)
     return restore(path, learner)
+
+
+def _wall_s(extra: Mapping[str, Any]) -> float:
+    """Seconds that a run has taken, by its checkpoint."""
+    wall_s = extra.get("wall_s", 0.0)
+    if not (isinstance(wall_s, int | float) and 0.0 <= wall_s < float("inf")):
+        raise CheckpointError(f"checkpoint: wall_s: expected seconds, got {wall_s!r}")
+    return float(wall_s)
 
 
 class _Transport:
@@ -300,6 +308,9 @@ class _Run:
             self._progress.add(row)
         except OSError as error:
             log.warning("progress: %s: this row is written with the next row", error)
+        except CheckpointError:  # a curve of other columns; what is learned is not lost with it
+            self._save()
+            raise
         if self._watcher is not None:
             self._watcher.row(row)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.settings import OneOf, Settings
+from pa_ros.core.settings import OneOf, Settings, read_json
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
@@ -84,7 +83,7 @@ class Protocol:
                 f"got {option!r}"
             )
         try:
-            return path, json.loads(text)
+            return path, read_json(text)
         except ValueError:
             return path, text
 

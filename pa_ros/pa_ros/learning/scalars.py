@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.learning.errors import ScalarsError
 
 AXIS = "frames"
 
@@ -24,13 +25,19 @@ class Scalars:
         self._frames = -1.0
 
     def add(self, metrics: Mapping[str, float]) -> None:
-        """What a learner reports of itself, unless it made no frame since."""
+        """What a learner reports of itself, unless it made no frame since.
+
+        ScalarsError, where there is no room for it; no more is to be added then.
+        """
         if metrics[AXIS] == self._frames:
             return
         self._frames = metrics[AXIS]
-        for name in metrics.keys() - {AXIS}:
-            self._writer.add_scalar(f"learner/{name}", metrics[name], int(self._frames))
-        self._writer.flush()
+        try:
+            for name in metrics.keys() - {AXIS}:
+                self._writer.add_scalar(f"learner/{name}", metrics[name], int(self._frames))
+            self._writer.flush()
+        except OSError as error:
+            raise ScalarsError(f"tensorboard: expected room for more: {error}") from error
 
     def close(self) -> None:
         self._writer.close()

@@ -41,6 +41,8 @@ def learning_figure(table: Path) -> Path:
     count = len({row["seed"] for row in rows})
     figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
     shown = [curve for curve in _CURVES if curve[0] in rows[0]]
+    if not shown:
+        raise TableError(f"{table}: expected a column of {[c for c, _, _ in _CURVES]}, got none")
     for column, label, color in shown:
         _curve(axes, _scores(rows, column), label, color)
     if switch := setting["switch_frames"]:
@@ -143,10 +145,12 @@ def _read(table: Path) -> tuple[list[dict[str, float]], dict[str, Any]]:
         with table.open(newline="") as file:
             rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
         if rows and {"seed", "frames"} <= rows[0].keys():
-            return rows, read_setting(table, *_SHOWN)
+            setting = read_setting(table, *_SHOWN)
+            _ = int(setting["switch_frames"]), _replay_frames(setting["learner"])
+            return rows, setting
         raise ValueError("expected columns seed and frames, and at least one row")
-    except (OSError, ValueError, TypeError) as error:
-        raise TableError(f"{table}: {error}") from error
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, csv.Error) as error:
+        raise TableError(f"{table}: {error!r}") from error
 
 
 def _replay_frames(learner: Mapping[str, Any]) -> int:

@@ -69,6 +69,8 @@ def load_agent(
     named: dict[str, Any] = {name: value or facts.get(name) for name, value in given.items()}
     if missing := [name for name, value in named.items() if value is None]:
         raise ConfigError(f"agent {path}: expected its {missing} in the checkpoint, found none")
+    if wrong := {name: value for name, value in named.items() if not isinstance(value, str)}:
+        raise ConfigError(f"agent {path}: expected names in the checkpoint, got {wrong}")
     arena = preset_named(named["preset"], named["arm"])
     snapshot = load_policy(folder)
     asked = actor_config(snapshot.architecture).vocabulary.relations

@@ -18,7 +18,7 @@ from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.blind import BLIND, blind_policy
 from pa_ros.evaluation.scoring.evaluate import reference_scores, run_episodes
 from pa_ros.evaluation.scoring.rewards import EpisodeScore
-from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+from pa_ros.evaluation.scoring.tables import TableError, read_rows, write_rows
 
 EPISODES_SEED = 2_000_003  # apart from training's episodes and from those scored during training
 
@@ -80,12 +80,17 @@ class Scorer:
 
     def _kept(self, name: str, condition: str, policy: MakePolicy | None) -> list[EpisodeScore]:
         self.benchmark.check(condition)
-        path = self.path(name, condition)
+        path, count = self.path(name, condition), self.benchmark.episodes
         if not path.exists():
-            count = self.benchmark.episodes
             if policy is None:
                 scores = list(reference_scores(self._task, name, condition, count))
             else:
                 scores = list(run_episodes(self._task, policy(), condition, count))
             write_rows(path, scores)
-        return read_rows(path, EpisodeScore)
+        kept = read_rows(path, EpisodeScore)
+        if [score.episode for score in kept] != list(range(count)):
+            raise TableError(
+                f"{path}: expected episodes 0 to {count - 1}, got {len(kept)}: it is damaged; "
+                "without it they are scored again"
+            )
+        return kept

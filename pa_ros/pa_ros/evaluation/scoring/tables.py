@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
@@ -74,6 +75,11 @@ def read_setting(table: Path, *needed: str) -> dict[str, Any]:
         got = sorted(setting) if isinstance(setting, dict) else type(setting).__name__
         raise TableError(f"{path}: expected JSON with {sorted(needed)}, got {got}")
     return setting
+
+
+def write_setting(table: Path, setting: Mapping[str, Any]) -> None:
+    """What a table was made of, as JSON beside it."""
+    write_whole(table.with_suffix(".json"), json.dumps(setting, indent=1) + "\n")
 
 
 def _cell(value: object) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import logging
 import math
 import re
@@ -32,7 +31,7 @@ from pa_ros.core.software import device, versions
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
-from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+from pa_ros.evaluation.scoring.tables import read_rows, write_rows, write_setting
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.evaluation.studies.curves import CURVE
 from pa_ros.language import LOGICS, PRODUCT
@@ -364,7 +363,7 @@ def write_table(
         "device": device(),
         "versions": versions(),
     }
-    write_whole(path.with_suffix(".json"), json.dumps(setting, indent=1) + "\n")
+    write_setting(path, setting)
     return path
 
 

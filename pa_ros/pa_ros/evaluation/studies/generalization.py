@@ -22,6 +22,7 @@ from pa_ros.evaluation.scoring.blind import BLIND
 from pa_ros.evaluation.scoring.evaluate import REFERENCES
 from pa_ros.evaluation.scoring.intervals import gain_over, normalized_interval
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
+from pa_ros.evaluation.scoring.tables import TableError
 
 RANDOM_WEIGHTS = "random"
 """The condition whose agents have random weights; its episodes are those of `train`."""
@@ -141,6 +142,11 @@ def summarize(rows: Sequence[Row]) -> list[Summary]:
 def _summary(condition: str, rows: Sequence[Row]) -> Summary:
     seeds = list(dict.fromkeys(row.seed for row in rows))
     one = [row for row in rows if row.seed == seeds[0]]
+    if len(rows) != len(seeds) * len(one):
+        raise TableError(
+            f"generalization: {condition}: expected {len(one)} episodes of each of {len(seeds)} "
+            f"seeds, got {len(rows)} rows"
+        )
     scores = np.array([row.reward for row in rows]).reshape(len(seeds), len(one))  # [S, E]
     random, scripted, *blind = (
         np.array([getattr(row, name) for row in one]) for name in ("random", "scripted", *BLIND)

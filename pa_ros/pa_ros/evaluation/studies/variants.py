@@ -94,7 +94,11 @@ def _until(frames: float, curve: list[dict[str, float]], final: SeedSummary) -> 
 def _curves(table: Path) -> dict[int, list[dict[str, float]]]:
     by_seed: dict[int, list[dict[str, float]]] = {}
     for row in read_curve(table):
+        if "seed" not in row:
+            raise TableError(f"{table}: expected a column seed, got {list(row)}")
         by_seed.setdefault(int(row["seed"]), []).append(row)
+    if not by_seed:
+        raise TableError(f"{table}: expected rows, got none")
     return by_seed
 
 

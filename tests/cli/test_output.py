@@ -1,0 +1,81 @@
+"""What commands say goes to a full disk, or nowhere: the work is done, without a traceback."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pa_ros.core.files import write_whole
+from pa_ros.core.report import write_report
+from pa_ros.learning.progress import Progress
+
+COMMAND = (sys.executable, "-m", "pa_ros")
+CHECK = ("program", "check", "NEAR(HAND, RED)")
+
+
+def run(redirection: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    line = f'exec "$@" {redirection}'
+    return subprocess.run(
+        ["sh", "-c", line, "sh", *COMMAND, *arguments], stderr=subprocess.PIPE, text=True
+    )
+
+
+def test_training_whose_output_has_no_room_is_saved(tmp_path: Path) -> None:
+    arguments = ("--frames", "200", "--eval-every", "100", "--eval-episodes", "1")
+    ended = run(">/dev/full", "train", *arguments, "--out", str(tmp_path))
+    assert (tmp_path / "checkpoint" / "LATEST").is_file()
+    assert ended.returncode == 1
+    last = ended.stderr.splitlines()[-1]
+    assert last == "pa_ros train: standard output: [Errno 28] No space left on device"
+    assert "Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize(("redirection", "status"), [(">/dev/full", 1), (">&-", 0)])
+def test_a_command_whose_output_has_no_room(redirection: str, status: int) -> None:
+    ended = run(redirection, *CHECK)
+    assert ended.returncode == status and "Traceback" not in ended.stderr
+
+
+def test_a_report_that_has_no_room_leaves_the_one_that_is_there(tmp_path: Path) -> None:
+    report = tmp_path / "eval.json"
+    report.write_text("before")
+    evaluate = ("eval", "--policy", "random", "--episodes", "1", "--json", str(report))
+    line = 'ulimit -f 0; exec "$@" >/dev/null'
+    ended = subprocess.run(
+        ["sh", "-c", line, "sh", *COMMAND, *evaluate], stderr=subprocess.PIPE, text=True
+    )
+    assert ended.returncode == 2
+    assert ended.stderr.startswith("pa_ros eval: [Errno 27]") and str(report) in ended.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["eval.json"]
+    assert report.read_text() == "before"
+
+
+def test_a_file_is_whole_and_a_link_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    link = tmp_path / "link.txt"
+    link.symlink_to(tmp_path / "there" / "file.txt")
+    write_whole(link, "a\r\n")
+    assert link.is_symlink() and (tmp_path / "there" / "file.txt").read_bytes() == b"a\r\n"
+    write_whole(Path("/dev/null"), "a")
+    assert not Path("/dev/null").is_file()
+
+
+def test_numbers_that_json_lacks_are_text(tmp_path: Path) -> None:
+    report = {"a": float("nan"), "b": float("inf"), "c": 0.5}
+    write_report(tmp_path / "report.json", report)
+    said = json.loads((tmp_path / "report.json").read_text(), parse_constant=pytest.fail)
+    assert said == {"a": "nan", "b": "inf", "c": 0.5}
+
+
+def test_an_option_cut_short_is_refused_and_not_dropped() -> None:
+    ended = run("", *CHECK, "--exten", "nosuch.py")
+    assert ended.returncode == 2 and "--exten" in ended.stderr
+
+
+def test_a_curve_is_written_beside_and_renamed(tmp_path: Path) -> None:
+    Progress(tmp_path / "progress.csv").add({"frames": 1.0})
+    assert [path.name for path in tmp_path.iterdir()] == ["progress.csv"]
