@@ -12,6 +12,7 @@ from pa_ros.core.managed import Managed
 from pa_ros.core.settings import OneOf
 from pa_ros.language import LOGICS, MIN_MAX
 from pa_ros.networks.families import FAMILIES
+from pa_ros.ros.names import check_namespace
 
 LONGEST_S = 1e6  # of any period; 11 days
 
@@ -68,6 +69,7 @@ class AgentConfig(Managed, Authenticated, Extensible):
 
     @model_validator(mode="after")
     def _goes_together(self) -> Self:
+        check_namespace(self.learner.rstrip("/"), "learner")
         if self.learning and self.weights != "topic":
             raise ValueError(f"weights: expected 'topic' for learning, got {self.weights!r}")
         if (self.weights == "checkpoint") != bool(self.checkpoint):

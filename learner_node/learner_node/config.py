@@ -10,6 +10,7 @@ from pa_ros.core.authentication import Authenticated
 from pa_ros.core.extensions import Extensible
 from pa_ros.core.managed import Managed
 from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
+from pa_ros.ros.names import check_namespace
 
 
 class LearnerNodeConfig(LearningChoice, Managed, Authenticated, Extensible):
@@ -36,6 +37,8 @@ class LearnerNodeConfig(LearningChoice, Managed, Authenticated, Extensible):
 
     @model_validator(mode="after")
     def _goes_together(self) -> Self:
+        for arena in self.arenas:
+            check_namespace(arena.rstrip("/"), "arenas")
         if self.resume and not self.out:
             raise ValueError("out: expected the folder to resume from, got ''")
         if self._exact and len(self.arenas) > 1 and not self.agents:

@@ -64,6 +64,8 @@ def shared_memory_of(pid: int) -> list[str]:
         ("learner_node", {"resume": True, "out": "/no/such"}, "found none"),
         ("agent_node", {"weights": "checkpoint", "checkpoint": "x" * 300}, "File name too long"),
         ("learner_node", {"out": "x" * 300}, "File name too long"),
+        ("agent_node", {"learner": "~foo"}, "learner: expected a namespace"),
+        ("learner_node", {"arenas": ["a b"]}, "arenas: expected a namespace"),
     ],
 )
 def test_a_parameter_that_cannot_be_is_refused_with_the_value(node, parameters, reason):
