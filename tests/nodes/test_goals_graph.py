@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import uuid
+from types import SimpleNamespace
+
 import pytest
 from action_msgs.msg import GoalStatus
 from graph import Probe, graph
+from managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
+from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import codec
 from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
 from sim_node.node import SimNode
@@ -204,3 +211,43 @@ def test_an_agent_that_learns_offers_no_goals():
         client = ActionClient(probe, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
         assert not probe.until(client.server_is_ready, 1.0)
         client.destroy()
+
+
+def test_an_agent_lives_through_cleanups_while_clients_ask_for_goals_and_results():
+    """A process of its own: what goes wrong there ends it by a signal."""
+    action = EXECUTE_PROGRAM[1].Impl
+    command = [sys.executable, "-m", "agent_node.main", "--ros-args", "-p", "weights:=random"]
+    with graph(SimNode, **SCENE, sim_node__mode="real_time") as probe:
+        services = {"send_goal": action.SendGoalService, "get_result": action.GetResultService}
+        clients = [
+            probe.create_client(kind, f"execute_program/_action/{name}")
+            for name, kind in services.items()
+        ]
+
+        def ask() -> None:
+            for client in clients:
+                request = client.srv_type.Request()
+                request.goal_id.uuid = list(uuid.uuid4().bytes)
+                if client.service_is_ready():
+                    client.call_async(request)
+
+        with subprocess.Popen(command) as agent:
+            try:
+                user = User(probe, SimpleNamespace(get_name=lambda: "agent_node"))
+                assert probe.until(clients[1].service_is_ready)
+                asking = steady_timer(probe, 0.02, ask)
+                for _ in range(3):
+                    assert user.ask(DEACTIVATE) == (True, "inactive")
+                    assert user.ask(CLEANUP) == (True, "unconfigured")
+                    probe.until(lambda: False, 0.3)
+                    assert agent.poll() is None
+                    assert user.ask(CONFIGURE) == (True, "inactive")
+                    assert user.ask(ACTIVATE) == (True, "active")
+                probe.destroy_timer(asking)
+                client = Client(probe)
+                assert probe.until(lambda: "acting" in probe.message("agent_node"))
+                reached = client.result(client.send("NEAR(HAND, RED)", time_limit_s=0.5))
+                assert reached[1].code in ("", "goal.time_limit")
+                client.close()
+            finally:
+                agent.kill()

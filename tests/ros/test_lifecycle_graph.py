@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from action_msgs.msg import GoalStatus
 from graph import graph
 from managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User
 from pydantic import Field
+from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
 from pa_ros.core.errors import ConfigError, PaError
@@ -80,7 +82,7 @@ class Small(ManagedNode):
 
     @property
     def entities(self) -> int:
-        kinds = self.publishers, self.subscriptions, self.services, self.waitables
+        kinds = self.publishers, self.subscriptions, self.services
         return sum(len([*kind]) for kind in kinds)  # timers: the executor has one, too
 
 
@@ -121,7 +123,7 @@ def test_a_whole_life_over_the_services_destroys_what_it_made(user: User) -> Non
         assert probe.until(lambda: node.commands > 0 and node.ticks > 0)
         assert user.ask(DEACTIVATE) == (True, "inactive") and not node.active
         assert user.ask(CLEANUP) == (True, "unconfigured")
-        assert node.entities < begun - 3
+        assert node.entities == begun - 3
         node.ticks = node.commands = 0
         probe.until(lambda: False, 0.05)
         assert node.ticks == node.commands == 0
@@ -130,6 +132,28 @@ def test_a_whole_life_over_the_services_destroys_what_it_made(user: User) -> Non
     assert node.asked[-4:] == ["deactivate", "cleanup", "configure", "activate"]
     assert probe.until(lambda: user.events[-2:] == ["activating", "active"])
     assert node.refusals.total == 0
+
+
+def test_a_cleanup_ends_the_goal_under_way_and_others_are_rejected_until_configured(user: User):
+    probe = user.probe
+    client = ActionClient(probe, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
+    assert probe.until(client.server_is_ready)
+
+    def sent():
+        answer = client.send_goal_async(EXECUTE_PROGRAM[1].Goal())
+        assert probe.until(answer.done)
+        return answer.result()
+
+    under_way = sent()
+    assert under_way.accepted
+    result = under_way.get_result_async()
+    user.ask(DEACTIVATE)
+    assert user.ask(CLEANUP) == (True, "unconfigured")
+    assert probe.until(result.done) and result.result().status == GoalStatus.STATUS_ABORTED
+    assert not sent().accepted
+    assert user.ask(CONFIGURE) == (True, "inactive")
+    assert sent().accepted
+    client.destroy()
 
 
 @pytest.mark.parametrize("wanted", [{"number": ACTIVATE}, {"number": 99}, {"label": "activated"}])

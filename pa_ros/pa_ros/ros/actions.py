@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
@@ -36,11 +36,36 @@ class _SteadyNode:
 
 
 class _Server(ActionServer):  # type: ignore[misc]
-    """rclpy's, with results given when they are there: a task that waits for one would spin."""
+    """rclpy's, with results given when they are there: a task that waits for one would spin.
+
+    It stays as long as its node: the executor's queue may hold events of one that is destroyed,
+    and calling back with these ends the process.
+    """
+
+    def __init__(self, node: Node, action: Action) -> None:
+        self.action = action
+        self.goals: dict[bytes, Goal] = {}  # under way, and those that have just ended
+        execute: Callable[[Any], None] = lambda handle: None  # noqa: E731
+        super().__init__(_SteadyNode(node), action[1], action[0], execute_callback=execute)
+        self.rest()
+
+    def rest(self) -> None:
+        """Reject goals from now on; those under way are aborted, with an empty result."""
+        self.register_goal_callback(lambda request: GoalResponse.REJECT)
+        self.register_handle_accepted_callback(None)
+        self.register_cancel_callback(None)
+        for goal in self.goals.values():
+            goal.abort(Message(self.action[1].Result()))
+        self.goals.clear()
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
         if execute_callback is not None:
             super().notify_execute(goal_handle, execute_callback)
+
+
+def servers_of(node: Node) -> list[_Server]:
+    """A node's action servers."""
+    return [one for one in node.waitables if isinstance(one, _Server)]
 
 
 class Goal:
@@ -84,6 +109,7 @@ class GoalServer:
     """Serves an action. `start` gets each goal; a goal is ended by whoever got it.
 
     `cancel` is called, a turn later, when the client of a goal that is still active asks for that.
+    A node's second server of an action takes the place of its first, which is at rest by then.
     """
 
     def __init__(
@@ -92,30 +118,25 @@ class GoalServer:
         action: Action,
         start: Callable[[Goal], None],
         cancel: Callable[[Goal], None],
-        result_timeout_s: int = 900,
     ) -> None:
         self._start, self._cancel = start, cancel
-        self._goals: dict[bytes, Goal] = {}
         self._node = node
-        self._server = _Server(
-            _SteadyNode(node),
-            action[1],
-            action[0],
-            execute_callback=lambda handle: None,
-            handle_accepted_callback=self._accepted,
-            cancel_callback=self._cancelling,
-            result_timeout=result_timeout_s,
-        )
+        known = [server for server in servers_of(node) if server.action == action]
+        self._server = known[0] if known else _Server(node, action)
+        self._server.register_handle_accepted_callback(self._accepted)
+        self._server.register_cancel_callback(self._cancelling)
+        self._server.register_goal_callback(lambda request: GoalResponse.ACCEPT)
 
     def _accepted(self, handle: Any) -> None:
-        goal = Goal(self._server, handle)
-        self._goals = {k: g for k, g in self._goals.items() if g.active}
-        self._goals[bytes(handle.goal_id.uuid)] = goal
+        goal, goals = Goal(self._server, handle), self._server.goals
+        for done in [key for key, one in goals.items() if not one.active]:
+            del goals[done]
+        goals[bytes(handle.goal_id.uuid)] = goal
         handle.execute()
         self._start(goal)
 
     def _cancelling(self, handle: Any) -> CancelResponse:
-        goal = self._goals.get(bytes(handle.goal_id.uuid))
+        goal = self._server.goals.get(bytes(handle.goal_id.uuid))
         if goal is None or not goal.active:
             return CancelResponse.REJECT
         # It is in the state "canceling" only when this has returned.

@@ -11,6 +11,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
+from pa_ros.ros.actions import servers_of
 from pa_ros.ros.executor import is_of_spinning
 from pa_ros.ros.health import ERROR, WARN, HealthReporter
 from pa_ros.ros.parameters import declare_settings, loosen_settings, settings_from_parameters
@@ -39,9 +40,10 @@ class ManagedNode(LifecycleNode, ABC):
     """A node that is configured and activated at its start, unless `autostart` is false.
 
     A node of ours says what happens in `configure`, `activate`, `deactivate`, `cleanup`. Whatever
-    topics, services, actions and timers it has made since `configure` are destroyed after
-    `cleanup`. A PaError refuses a transition, with what `configure` had made destroyed again; it
-    is logged and counted or, at the start, raised. Other errors are bugs, and end the process.
+    topics, services and timers it has made since `configure` are destroyed after `cleanup`;
+    actions stay, and reject goals until `configure` makes them again. A PaError refuses a
+    transition, with what `configure` had made destroyed again; it is logged and counted or, at the
+    start, raised. Other errors are bugs, and end the process.
     """
 
     config: Any  # settings, fixed while configured
@@ -59,7 +61,7 @@ class ManagedNode(LifecycleNode, ABC):
         )
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
-        self._own = {id(one) for one in [*(e for _, e in self._entities()), *self.waitables]}
+        self._own = {id(entity) for _, entity in self._entities()}
         if self.get_parameter("autostart").value is not False:
             for trigger in (self.trigger_configure, self.trigger_activate):
                 trigger()
@@ -119,6 +121,11 @@ class ManagedNode(LifecycleNode, ABC):
             self.trigger_shutdown()
             self._raise()
         return self.exit_status
+
+    def destroy_node(self) -> None:
+        for server in servers_of(self):  # which rclpy would leave there
+            server.destroy()
+        super().destroy_node()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         return self._attempt(self._configure)
@@ -195,13 +202,13 @@ class ManagedNode(LifecycleNode, ABC):
             self._forget()
 
     def _forget(self) -> None:
-        """Destroy what was made since `configure`; parameters may be set again."""
+        """Destroy what was made since `configure`, actions put to rest; parameters may be set
+        again."""
         for destroy, entity in [*self._entities()]:
             if id(entity) not in self._own and not is_of_spinning(entity):
                 destroy(entity)
-        for action in [*self.waitables]:
-            if id(action) not in self._own:
-                action.destroy()
+        for server in servers_of(self):
+            server.rest()
         loosen_settings(self, self._settings)
 
     def _entities(self) -> Iterator[tuple[Callable[[Any], Any], Any]]:
