@@ -42,7 +42,6 @@ class SimulatorServices:
         self._stopped_at = -1  # stamp at which it was stopped and reset; -1: it was not
         invalid = {"set_entity_state": INVALID_POSE, "spawn_entity": SpawnCode.INVALID_POSE}
         answers: dict[tuple[str, Any], Answer] = {
-            topics.GET_SIMULATOR_FEATURES: lambda _, r: codec.encode_features(r, ABOUT),
             topics.GET_SIMULATION_STATE: self._get_state,
             topics.SET_SIMULATION_STATE: self._set_state,
             topics.STEP_SIMULATION: self._step,
@@ -59,6 +58,8 @@ class SimulatorServices:
         for (name, kind), answer in answers.items():
             guarded = self._answering(name, answer, invalid.get(name, ResultCode.OPERATION_FAILED))
             node.create_service(kind, name, guarded)
+        name, kind = topics.GET_SIMULATOR_FEATURES  # the same in every state
+        node.create_service(kind, name, lambda _, response: codec.encode_features(response, ABOUT))
         SteppingAction(node, arena, refusals)
 
     def _answering(self, name: str, answer: Answer, invalid: int) -> Answer:
