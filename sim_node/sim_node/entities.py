@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from pydantic_core import SchemaError, SchemaValidator, core_schema
 
 from pa_ros.arena import Episode, Kind
-from pa_ros.arena.rearranging import bodies, rearrange
+from pa_ros.arena.rearranging import bodies, check_added, rearrange
 from pa_ros.core.body import Body
 from pa_ros.wire.simulator import (
     Category,
@@ -26,6 +27,7 @@ from sim_node.session import Session
 HAND = "hand"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*\Z")
 LARGEST = 32  # blocks
+LONGEST_FILTER = 1000
 
 
 class Entities:
@@ -68,9 +70,7 @@ class Entities:
         self._look()
         kind = self._kind_of(request)
         name = self._free_name(request, kind)
-        if len(self._names) >= LARGEST:
-            text = f"spawn_entity: expected at most {LARGEST} blocks"
-            raise SimulatorError(text, ResultCode.OPERATION_FAILED)
+        self._check_number(len(self._names) + 1)
         placed = [*bodies(self._session.task)[1:], request.body]
         self._rearrange([*self._names, name], [*self._kinds(), kind], placed)
         self._spawned[name] = request.body
@@ -95,13 +95,28 @@ class Entities:
 
     def restore(self, begin: Callable[[], object], spawned: bool) -> None:
         """`begin` the episode anew; with `spawned`, blocks that were added stand where they were
-        spawned."""
+        spawned. Raises SimulatorError, SceneError if these can't; then nothing has changed."""
         self._look()
         kinds = dict(zip(self._names, self._kinds(), strict=True))
-        kept = {name: (kinds[name], body) for name, body in self._spawned.items()}
+        kept = {name: (kinds[name], body) for name, body in self._spawned.items() if spawned}
+        if kept:
+            self._check_room([*kept.values()])
         begin()
-        for name, (kind, body) in kept.items() if spawned else ():
+        for name, (kind, body) in kept.items():
             self.spawn(Spawning(name, True, uri_of(kind), body))
+
+    def _check_room(self, added: Sequence[tuple[Kind, Body]]) -> None:
+        """SimulatorError, SceneError unless blocks fit in with those that the episode begins
+        with."""
+        stands = self._session.frame
+        episode = self._session.scene(stands.evaluation, stands.observation.episode)
+        self._check_number(len(episode.blocks) + len(added))
+        check_added(self._session.task, episode, added)
+
+    def _check_number(self, blocks: int) -> None:
+        if blocks > LARGEST:
+            text = f"blocks: expected at most {LARGEST}, got {blocks}"
+            raise SimulatorError(text, ResultCode.OPERATION_FAILED)
 
     def spawnable(self) -> dict[str, Kind]:
         """What can be spawned, by its uri."""
@@ -203,16 +218,26 @@ def _not_found(name: str, known: Sequence[str]) -> SimulatorError:
 
 
 def _filter(wanted: EntityFilter) -> Callable[[Entity], bool]:
-    try:
-        pattern = re.compile(wanted.pattern)
-    except re.error as error:
-        text = f"filters.filter: expected a regular expression, got {wanted.pattern!r}: {error}"
-        raise SimulatorError(text, ResultCode.OPERATION_FAILED) from error
+    pattern = _expression(wanted.pattern)
     quantity = all if wanted.all_tags else any
 
     def passes(entity: Entity) -> bool:
         tagged = not wanted.tags or quantity(tag in entity.tags for tag in wanted.tags)
         kept = not wanted.categories or entity.category in wanted.categories
-        return bool(pattern.search(entity.name)) and kept and tagged and wanted.within(entity.body)
+        named = pattern.isinstance_python(entity.name)
+        return named and kept and tagged and wanted.within(entity.body)
 
     return passes
+
+
+def _expression(text: str) -> SchemaValidator:
+    """What names that have a match are valid to: takes time in proportion to a name, whatever the
+    expression is, as Python's own does not. SimulatorError for one that is none, or too large."""
+    expected = f"filters.filter: expected a regular expression of at most {LONGEST_FILTER} letters"
+    reason = "too long"
+    if len(text) <= LONGEST_FILTER:
+        try:
+            return SchemaValidator(core_schema.str_schema(pattern=text))
+        except SchemaError as error:
+            reason = str(error).splitlines()[-1].strip()
+    raise SimulatorError(f"{expected}, got {text[:200]!r}: {reason}", ResultCode.OPERATION_FAILED)

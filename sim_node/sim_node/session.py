@@ -96,9 +96,7 @@ class Session:
         index = self._next[evaluation] if request.episode is None else request.episode
         if request.episode is not None and index > LAST_EPISODE:
             raise EpisodeError(f"episode: expected a number up to {LAST_EPISODE}, got {index}")
-        condition = self.config.eval_condition if evaluation else self.config.condition
-        drawn_from = self._condition_of(condition)
-        episode = generate(self.arena, self.task.design, drawn_from, self.config.seed, index)
+        episode = self.scene(evaluation, index)
         program = self._program_of(episode, evaluation, request.program)
         self.task.reset_to(episode)
         self._next[evaluation] = index + 1
@@ -107,6 +105,12 @@ class Session:
         self._episode_rewards = []
         self._stand(program, evaluation)
         return self.frame
+
+    def scene(self, evaluation: bool, index: int) -> Episode:
+        """How an episode begins: its blocks, where they are, and the generator's program."""
+        condition = self.config.eval_condition if evaluation else self.config.condition
+        drawn_from = self._condition_of(condition)
+        return generate(self.arena, self.task.design, drawn_from, self.config.seed, index)
 
     def submit(self, request: ProgramRequest) -> str:
         """Put someone's program in force from the next step on; its canonical text.
