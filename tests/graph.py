@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -80,10 +80,15 @@ class Probe(Node):
 
 
 @contextmanager
-def graph(*makers: Callable[[], Node], **parameters: object) -> Iterator[Probe]:
-    """The nodes and a probe beside them. Parameters are `node__name=value`."""
+def graph(
+    *makers: Callable[[], Node], remaps: Sequence[str] = (), **parameters: object
+) -> Iterator[Probe]:
+    """The nodes and a probe beside them. Parameters are `node__name=value`, remaps "from:=to" for
+    all, or "node:from:=to"."""
     prepare_environment()
     arguments = ["--ros-args", "--log-level", "error"]
+    for rule in remaps:
+        arguments += ["-r", rule]
     for key, value in parameters.items():
         node, _, name = key.partition("__")
         text = str(value).lower() if isinstance(value, bool) else str(value)

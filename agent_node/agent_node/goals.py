@@ -83,6 +83,7 @@ class ProgramGoals:
         if judgement.node == self._node.get_fully_qualified_name():
             return
         current.judged = True
+        current.watch.accepted(judgement.stamp_ns)
         if not judgement.accepted:
             self._finish(
                 current.goal.abort,
@@ -166,7 +167,8 @@ class ProgramGoals:
         current = self._current
         if current is None:
             return
-        if self._node.count_publishers(topics.VERDICT.name) == 0:
+        verdicts = self._node.resolve_topic_name(topics.VERDICT.name)  # as it is remapped
+        if self._node.count_publishers(verdicts) == 0:
             error = ArenaGoneError(
                 "execute_program: expected an arena that sends verdicts, got none"
             )

@@ -261,8 +261,9 @@ class SimNode(ManagedNode):
 
     def _state(self, rate: float) -> tuple[int, str]:
         """Level and message: what the arena is doing, or waits for, at so many steps a second."""
-        if self.count_publishers(topics.CLOCK.name) > 1:
-            return WARN, f"another publishes {topics.CLOCK.name}, too: time jumps for who reads it"
+        clock = self.resolve_topic_name(topics.CLOCK.name)  # as it is remapped
+        if self.count_publishers(clock) > 1:
+            return WARN, f"another publishes {clock}, too: time jumps for who reads it"
         if self.paused:
             return OK, f"paused: waits for the service {topics.PAUSE[0]}"
         if self.session.program is None:

@@ -62,3 +62,13 @@ def test_another_episode_under_the_same_id_ends_it():
     watch = ExecutionWatch("mine")
     watch.observe(verdict(1, True))
     assert watch.observe(verdict(0, True, episode=1)).ended == "replaced"
+
+
+def test_a_program_that_another_replaces_before_its_first_step_is_over():
+    watch = ExecutionWatch("mine")
+    assert watch.observe(verdict(3, True, "other")) is None
+    watch.accepted(3 * STEP_NS)
+    assert watch.observe(verdict(3, True, "other")) is None  # the step that stood, once more
+    result = watch.observe(verdict(4, True, "another"))
+    assert (result.satisfied, result.ended, result.watched_s) == (False, "replaced", 0.0)
+    assert result.distance == float("inf") and result.reached_s is None and not watch.begun

@@ -164,6 +164,29 @@ def test_another_goal_takes_the_place_of_the_first():
         client.close()
 
 
+def test_a_goal_that_is_replaced_before_its_first_step_ends():
+    """A program takes effect with the next step, which here is long in coming."""
+    slow = {"sim_node__mode": "real_time", "sim_node__real_time_factor": 0.2}
+    with graph(SimNode, AgentNode, **SCENE, **RANDOM, **slow) as probe:
+        client, speaker = Client(probe), probe.speaker(topics.PROGRAM)
+        own: list[str] = []
+
+        def replace(message) -> None:
+            answer = codec.decode_program_status(message)
+            if answer.node == "/sim_node" and answer.program_id.startswith("agent_node-"):
+                own.append(answer.program_id)
+                speaker.publish(topics.PROGRAM.type(program_id="mine", text="NEAR(HAND, GREEN)"))
+
+        speaker.publish(topics.PROGRAM.type(program_id="first", text="NEAR(HAND, CUBE)"))
+        verdicts = probe.heard["verdict"]
+        assert probe.until(lambda: bool(verdicts) and verdicts[-1].program_id == "first")
+        topics.PROGRAM_STATUS.subscribe(probe, replace)
+        status, result = client.result(client.send("NEAR(HAND, RED)", time_limit_s=2.0))
+        assert (status, result.code) == (ABORTED, "goal.replaced") and len(own) == 1
+        assert own[0] not in {message.program_id for message in verdicts}
+        client.close()
+
+
 @pytest.mark.parametrize("speed", [FAST, {"sim_node__mode": "lockstep"}])
 def test_cancelling_holds_the_arm_until_another_program_comes(speed):
     with graph(SimNode, AgentNode, **SCENE, **TRAINED, **speed) as probe:
@@ -193,8 +216,10 @@ def test_the_time_limit_ends_a_goal_and_holds_the_arm():
         client.close()
 
 
-def test_an_arena_that_goes_ends_the_goal():
-    with graph(SimNode, AgentNode, **SCENE, **RANDOM, sim_node__mode="real_time") as probe:
+@pytest.mark.parametrize("remaps", [[], ["verdict:=judged"]])
+def test_an_arena_that_goes_ends_the_goal(remaps):
+    real_time = {**RANDOM, "sim_node__mode": "real_time"}
+    with graph(SimNode, AgentNode, remaps=remaps, **SCENE, **real_time) as probe:
         client = Client(probe)
         handle = client.send("NEAR(HAND, RED)")
         assert probe.until(lambda: len(client.feedback) > 1)

@@ -310,11 +310,14 @@ def test_steps_as_an_action_are_counted_and_can_be_cancelled():
         client.destroy()
 
 
-def test_an_arena_says_so_if_another_publishes_its_clock():
-    with graph(SimNode, **ARENA) as probe:
+@pytest.mark.parametrize("name", ["clock", "/sim/clock"])
+def test_an_arena_says_so_if_another_publishes_its_clock(name):
+    with graph(SimNode, remaps=[f"clock:={name}"], **ARENA) as probe:
         assert probe.until(lambda: probe.count(topics.CLOCK) > 2)
-        assert probe.nodes[0].count_publishers("/clock") == 1
+        full = f"/{name.lstrip('/')}"
+        assert probe.nodes[0].count_publishers(full) == 1
         assert probe.until(lambda: probe.message("sim_node").startswith("waits for a program"))
         intruder = topics.CLOCK.publisher(probe)
-        assert probe.until(lambda: "another publishes clock" in probe.message("sim_node"))
+        said = f"another publishes {full}, too"
+        assert probe.until(lambda: said in probe.message("sim_node"))
         probe.destroy_publisher(intruder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from pa_ros.core.experience import Verdict
 
@@ -15,7 +16,7 @@ class Execution:
     """What became of one program."""
 
     satisfied: bool  # NEAR held for HOLD_S, or still held when the window or the episode ended
-    distance: float  # m, hand to the nearest object named, at the last step watched
+    distance: float  # m, hand to the nearest object named, at the last step watched; inf: none
     reached_s: float | None  # simulation time from its first step to NEAR for good; None: never
     watched_s: float  # simulation time from the program's first step to the last step watched
     ended: str  # what ended it: "held", "window", "episode" or "replaced" (by another program)
@@ -24,8 +25,8 @@ class Execution:
 class ExecutionWatch:
     """Takes in verdicts in their order until it can say what became of one program.
 
-    Steps under other programs before the program's first are ignored; one after it ends the
-    watch, as does another episode.
+    Steps under other programs before the program's first are ignored, unless they are later than
+    its acceptance; one after its first ends the watch, as does another episode.
     """
 
     def __init__(self, program_id: str, window_s: float = WINDOW_S, hold_s: float = HOLD_S) -> None:
@@ -34,16 +35,22 @@ class ExecutionWatch:
         self._first: Verdict | None = None
         self._last: Verdict | None = None
         self._near_since_ns: int | None = None
+        self._accepted_ns: int | None = None
 
     @property
     def begun(self) -> bool:
         """Whether a step under the program was seen."""
         return self._first is not None
 
+    def accepted(self, stamp_ns: int) -> None:
+        """The program was accepted while the step of a stamp stood: later ones should be its."""
+        self._accepted_ns = max(stamp_ns, self._accepted_ns or 0)
+
     def observe(self, verdict: Verdict) -> Execution | None:
         """Take in one verdict; the result once it is certain."""
         if verdict.program_id != self._program_id or self._other_episode(verdict):
-            return self._finish("replaced") if self._last is not None else None
+            over = self._last is not None or self._passed_over(verdict)
+            return self._finish("replaced") if over else None
         self._first = self._first or verdict
         self._last = verdict
         if not verdict.satisfied:
@@ -51,6 +58,10 @@ class ExecutionWatch:
         elif self._near_since_ns is None:
             self._near_since_ns = verdict.stamp_ns
         return self._result(verdict)
+
+    def _passed_over(self, verdict: Verdict) -> bool:
+        """Whether another program came before the first step under this one."""
+        return self._accepted_ns is not None and verdict.stamp_ns > self._accepted_ns
 
     def _other_episode(self, verdict: Verdict) -> bool:
         return self._last is not None and verdict.episode != self._last.episode
@@ -68,7 +79,8 @@ class ExecutionWatch:
 
     def _finish(self, ended: str) -> Execution:
         first, last = self._first, self._last
-        assert first is not None and last is not None
+        if first is None or last is None:
+            return Execution(False, inf, None, 0.0, ended)
         satisfied = self._near_since_ns is not None and ended != "replaced"
         reached_s = None
         if satisfied and self._near_since_ns is not None:
