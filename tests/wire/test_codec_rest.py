@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import codec, errors
 from pa_ros.wire.codec.services import SPEEDS
-from pa_ros.wire.interfaces import Reset, SetBool, SetSpeed, Step
+from pa_ros.wire.interfaces import Marker, MarkerArray, Reset, SetBool, SetSpeed, Step
 from pa_ros.wire.records import (
     ArenaDescription,
     Health,
@@ -79,6 +79,26 @@ def test_malformed_arenas_are_refused(field, value, error):
     setattr(message, field, value)
     with pytest.raises(error):
         codec.decode_arena_info(message)
+
+
+@pytest.mark.parametrize("field", ["speed_limits", "thresholds"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 0.0])
+def test_each_speed_limit_and_threshold_is_a_positive_number(field, value):
+    world = World(PAPER, WORLD.vocabulary.asking("NEAR", "ABOVE"), joints=6)
+    arena = dataclasses.replace(ARENA, world=world, thresholds=(0.2, 0.3))
+    assert codec.decode_arena_info(codec.encode_arena_info(arena)).thresholds == (0.2, 0.3)
+    for i in range(len(getattr(arena, field))):
+        message = codec.encode_arena_info(arena)
+        getattr(message, field)[i] = value
+        with pytest.raises(errors.RangeError, match=rf"arena_info\.{field}.* {value}"):
+            codec.decode_arena_info(message)
+
+
+@pytest.mark.parametrize("number", [-1, -100, 2, 2**31 - 1, -(2**31)])
+def test_a_strangers_marker_is_no_blocks_outline(number):
+    strange = MarkerArray(markers=[Marker(ns="blocks", id=n) for n in (number, 1)])
+    outlined = codec.encode_outlines(strange, [1.0, 0.5])
+    assert [marker.color.a for marker in outlined.markers] == [0.0, 0.25]
 
 
 @given(texts.filter(bool), texts)

@@ -98,11 +98,12 @@ def _check_numbers(message: ArenaInfo, world: World) -> None:
         limits = (list(message.joint_lower), list(message.joint_upper))
         raise errors.RangeError("arena_info.joint_lower", "less than joint_upper", limits)
     positive = {
-        "speed_limits": min(message.speed_limits),
-        "control_period": message.control_period,
-        "thresholds": min(message.thresholds),
-        "episode_steps": message.episode_steps,
+        "speed_limits": message.speed_limits,
+        "control_period": (message.control_period,),
+        "thresholds": message.thresholds,
+        "episode_steps": (message.episode_steps,),
     }
-    for field, value in positive.items():
-        if not 0.0 < value < float("inf"):
-            raise errors.RangeError(f"arena_info.{field}", "a positive number", value)
+    for field, values in positive.items():
+        for value in values:
+            if not 0.0 < value < float("inf"):
+                raise errors.RangeError(f"arena_info.{field}", "a positive number", value)

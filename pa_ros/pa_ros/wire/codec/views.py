@@ -57,7 +57,7 @@ def encode_outlines(array: MarkerArray, relevance: Sequence[float]) -> MarkerArr
     blocks = [marker for marker in array.markers if marker.ns == "blocks"]
     for marker in blocks:
         marker.ns = "relevance"
-        p = relevance[marker.id] if marker.id < len(relevance) else 0.0
+        p = relevance[marker.id] if 0 <= marker.id < len(relevance) else 0.0
         for name in "xyz":
             setattr(marker.scale, name, getattr(marker.scale, name) * 1.4)
         _color(marker, (1.0, 1.0, 1.0, 0.5 * p))
