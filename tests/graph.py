@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -80,9 +80,7 @@ class Probe(Node):
 
 
 @contextmanager
-def graph(
-    *makers: Callable[[], Node], remaps: Sequence[str] = (), **parameters: object
-) -> Iterator[Probe]:
+def graph(*makers: Callable[[], Node], remaps: Any = (), **parameters: object) -> Iterator[Probe]:
     """The nodes and a probe beside them. Parameters are `node__name=value`, remaps "from:=to" for
     all, or "node:from:=to"."""
     prepare_environment()

@@ -13,7 +13,12 @@ from learner_node.watch import Watch
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.learning.errors import FolderInUseError, FolderUsedError, ScalarsError
+from pa_ros.learning.errors import (
+    CheckpointError,
+    FolderInUseError,
+    FolderUsedError,
+    ScalarsError,
+)
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.newest import newest_whole
 from pa_ros.learning.scalars import Scalars
@@ -32,7 +37,7 @@ from pa_ros.wire.records import ArenaDescription
 from pa_ros.world import reward_from
 
 WATCH_S = 0.5
-OTHER_ARENA_S = 3.0  # for another arena, where the one known of can't be learned about
+OTHER_ARENA_S = 3.0  # for another arena, where the checkpoint is not of the one known of
 EARLY_TRAJECTORIES = 1000  # kept until an arena describes itself
 
 
@@ -221,8 +226,8 @@ class LearnerNode(ManagedNode):
         if self.worker is None:
             used = isinstance(self._failure, (FolderInUseError, FolderUsedError))
             waited_s = time.monotonic() - self._failed_at
-            if self._failure is not None and (used or waited_s > OTHER_ARENA_S):
-                raise self._failure
+            if isinstance(self._failure, CheckpointError) and (used or waited_s > OTHER_ARENA_S):
+                self.ended_by = self._failure
             return
         if self.worker.failure is not None:
             raise self.worker.failure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Any
 from weakref import WeakKeyDictionary, WeakSet
@@ -22,23 +21,17 @@ def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> A
     return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
-def spin(node: Node, stop: threading.Event) -> None:
-    """Serve a node's callbacks on this thread until `stop` is set; then at most POLL_S longer.
+def spin_until(
+    node: Node, condition: Callable[[], bool], timeout_s: float | None, *others: Node
+) -> bool:
+    """Serve callbacks on this thread until the condition holds or the time is up; whether it holds.
+
+    The condition is looked at every POLL_S. Callbacks of `others` are served too. Signals raise
+    Interrupted (`signals_interrupt`) between callbacks, never in one or in the executor's C++.
 
     EventsExecutor is three times as fast as the others, but its `spin()` never returns, and its
     time-outs don't fire under continuous traffic: a timer completes a future instead. The timer
     also lets Python run its signal handlers.
-    """
-    spin_until(node, stop.is_set, None)
-
-
-def spin_until(
-    node: Node, condition: Callable[[], bool], timeout_s: float | None, *others: Node
-) -> bool:
-    """Serve callbacks until the condition holds or the time is up; whether it holds.
-
-    The condition is looked at every POLL_S. Callbacks of `others` are served too. Signals raise
-    Interrupted (`signals_interrupt`) between callbacks, never in one or in the executor's C++.
     """
     clock = Clock(clock_type=ClockType.STEADY_TIME)
     deadline = None if timeout_s is None else clock.now().nanoseconds + int(timeout_s * 1e9)

@@ -48,6 +48,7 @@ class ManagedNode(LifecycleNode, ABC):
 
     config: Any  # settings, fixed while configured
     active = False  # asked with every message
+    ended_by: PaError | None = None  # set: the process ends, as where a parameter is refused
 
     def __init__(self, name: str, settings: type[Settings]) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)

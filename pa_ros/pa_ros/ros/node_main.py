@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Protocol
 
@@ -45,15 +46,16 @@ def run_node(
 
     0: stopped as asked, or what the node's `close` says instead. 2: a parameter was refused, with
     the reason on standard error. Should closing hang for `grace_s`, the process ends all the same
-    (status 1). When its launcher has gone it goes on for `lingers_s`. `--help` prints what
-    parameters there are, those of `settings`, and any other word that is not ROS's is refused.
+    (status 1). A node that sets `ended_by`, a PaError, ends as if a parameter was refused. When its
+    launcher has gone it goes on for `lingers_s`. `--help` prints what parameters there are, those
+    of `settings`, and any other word that is not ROS's is refused.
     """
     with _stop_on_signal(grace_s) as stop:
         prepare_environment()
         die_with_parent(grace_s, lingers_s)
         import rclpy
 
-        from pa_ros.ros.executor import release, spin
+        from pa_ros.ros.executor import release, spin_until
 
         given = [name, *(sys.argv[1:] if arguments is None else arguments)]
         own = _own_words(given)
@@ -65,14 +67,17 @@ def run_node(
                 raise ConfigError(f"arguments: expected --ros-args or --help, got {own[0]!r}")
             start_ros(given)
             node = make()
+            ended_by = partial(getattr, node, "ended_by", None)
             gc.collect()
             gc.freeze()  # what is there now stays; a full collection would stall a control step
             try:
-                spin(node, stop)
+                spin_until(node, lambda: stop.is_set() or ended_by() is not None, None)
             finally:
                 status = node.close()
                 release(node)  # type: ignore[arg-type]
                 node.destroy_node()  # type: ignore[attr-defined]
+            if ended_by() is not None:
+                raise ended_by()
         except PaError as error:
             print(f"{name}: [{error.code}] {error}", file=sys.stderr)
             return EXIT_REFUSED
