@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 import uuid
+from collections.abc import Callable
+from functools import partial
 
 from agent_node.components import Components
 from agent_node.config import AgentConfig
@@ -15,6 +17,7 @@ from pa_ros.acting.agent import Step
 from pa_ros.acting.answer import Load, Wait
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.requests import ArenaFacts
+from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Observation
 from pa_ros.language import Program
 from pa_ros.networks.slots import UnsupportedProgramError
@@ -29,6 +32,12 @@ from pa_ros.ros.listening import listening_clock
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import JointCommand, Message
 from pa_ros.wire.records import ArenaDescription, Command, Health
+
+PARTS = {  # of a step
+    "features": topics.OBJECT_FEATURES,
+    "joints": topics.JOINT_STATES,
+    "verdict": topics.VERDICT,  # who executes needs none
+}
 
 
 class AgentNode(ManagedNode):
@@ -46,7 +55,8 @@ class AgentNode(ManagedNode):
         self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
         self._authority = Authority(self, self.config)
         self.agent = agent_of(self.config, AgentKey(self.agent_id, time.time_ns()))
-        self._matcher = StepMatcher(("features", "joints", *(["verdict"] * self.config.learning)))
+        self._parts = [part for part in PARTS if part != "verdict" or self.config.learning]
+        self._matcher = StepMatcher(self._parts)
         clock = listening_clock(self)
         self._arenas = Arenas(clock)
         self._learners, self._followed = Learners(clock), ""
@@ -72,6 +82,7 @@ class AgentNode(ManagedNode):
         """A step that waits may be acted on by now; one that was missed, the arena repeats."""
         self._watch.heard()
         self._watch.progress()
+        self._watch.took_in()
         self._act()
 
     def deactivate(self) -> None:
@@ -93,14 +104,11 @@ class AgentNode(ManagedNode):
         self._provenance.publish(codec.encode_provenance(account))
 
     def _make_subscriptions(self) -> None:
-        callbacks = [
+        callbacks: list[tuple[topics.Topic, Callable[[Message], None]]] = [
             (topics.ARENA_INFO, self._on_arena),
-            (topics.OBJECT_FEATURES, lambda m: self._on_part("features", m)),
-            (topics.JOINT_STATES, lambda m: self._on_part("joints", m)),
             (topics.PROGRAM, self._on_program),
+            *((PARTS[part], partial(self._on_part, part)) for part in self._parts),
         ]
-        if self.config.learning:
-            callbacks.append((topics.VERDICT, lambda m: self._on_part("verdict", m)))
         if self.config.weights == "topic":
             of_learner = self.config.learner
             callbacks.append((topics.LEARNER_INFO.within(of_learner), self._on_learner))
@@ -139,9 +147,14 @@ class AgentNode(ManagedNode):
         if before is None:
             return  # arena_info is on its way; the arena repeats a step that nobody answers
         self._watch.heard()
-        step = self._matcher.add(part, codec.header_stamp(message), message)
-        if step is not None:
-            self._on_step(step)
+        try:
+            step = self._matcher.add(part, codec.header_stamp(message), message)
+            if step is not None:
+                self._on_step(step)
+                self._watch.took_in()
+        except PaError as error:
+            self._watch.refused(str(error))
+            raise
 
     def _on_step(self, parts: dict[str, Message]) -> None:
         arena = self._arenas.current
@@ -214,9 +227,11 @@ class AgentNode(ManagedNode):
             self.agent.hold()
 
     def _answer_again(self) -> None:
-        """The arena repeats a step that was answered: the answer was lost."""
+        """The arena repeats a step: the answer was lost, or there was none."""
         if self._command is not None and self._command.stamp_ns == self._handled:
             self._commands_out.publish(codec.encode_command(self._command))
+        else:
+            self._act()
 
     # What people and the learner say
 
@@ -282,4 +297,5 @@ class AgentNode(ManagedNode):
         if isinstance(self.agent, LearningAgent):
             values["interrupted"] = str(self.agent.interrupted)
             values["lost_trajectories"] = str(self.agent.lost)
-        return *self._watch.state(self.agent, self._arenas, self._learners), values
+        lacking = [PARTS[part].name for part in self._matcher.lacking]
+        return *self._watch.state(self.agent, self._arenas, self._learners, lacking), values

@@ -38,6 +38,12 @@ class StepMatcher:
         self._partial = {k: v for k, v in self._partial.items() if k > stamp_ns}
         return step
 
+    @property
+    def lacking(self) -> list[str]:
+        """Parts that the newest incomplete step waits for; none if there is no such step."""
+        newest = self._partial[max(self._partial)] if self._partial else self._parts
+        return sorted(self._parts.difference(newest))
+
     def restart(self) -> None:
         """Another arena's clock begins anew."""
         self._partial.clear()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.answer import Wait
@@ -30,10 +30,20 @@ class Watch:
         self._foreign, self._foreign_at = "", -math.inf  # who else moved the arm, and when
         self._overtaken, self._overtaken_at = 0, -math.inf
         self._held, self._held_at = "", -math.inf  # why the arm was held, and when
+        self._took_in_at = clock()  # a whole step, and acted on it or knew why not
+        self._refused = ""  # why a step since then was not
 
     def heard(self) -> None:
         """A part of a step has come."""
         self._heard_at = self._clock()
+
+    def took_in(self) -> None:
+        """A step was whole, and acted on or waited with."""
+        self._took_in_at, self._refused = self._clock(), ""
+
+    def refused(self, reason: str) -> None:
+        """A step, or a part of one, was refused."""
+        self._refused = reason
 
     def progress(self) -> None:
         """A command was sent."""
@@ -58,9 +68,11 @@ class Watch:
         """Since the newest command."""
         return self._clock() - self._progress_at
 
-    def state(self, agent: Agent, arenas: Arenas, learners: Learners) -> tuple[int, str]:
-        """Level and message."""
-        trouble = self._trouble(agent, arenas)
+    def state(
+        self, agent: Agent, arenas: Arenas, learners: Learners, lacking: Sequence[str] = ()
+    ) -> tuple[int, str]:
+        """Level and message; `lacking`: topics that the newest step waits for."""
+        trouble = self._trouble(agent, arenas) or self._no_step(lacking)
         if trouble is not None:
             return trouble
         alarm = arenas.alarm or learners.alarm
@@ -103,7 +115,15 @@ class Watch:
             return ERROR, f"policy version stuck at {agent.version}{reason}; does learner_node run?"
         if agent.waiting and reason and self.idle_s > WAIT_S:
             return WARN, f"does not act with version {agent.version}{reason}"
-        if self.observation_age_s > QUIET_S:
+        return None
+
+    def _no_step(self, lacking: Sequence[str]) -> tuple[int, str] | None:
+        """Why it takes in no step, if it takes in none."""
+        missing = f"{' and '.join(lacking)} of the same stamp do not come" if lacking else ""
+        reason, age_s = self._refused or missing, self.observation_age_s
+        if reason and age_s < SAID_S and self._clock() - self._took_in_at > QUIET_S:
+            return WARN, f"takes in no step: {reason}"
+        if age_s > QUIET_S:
             name = topics.OBJECT_FEATURES.name
             return WARN, f"waits for observations ({name}): is sim_node gone, or paused?"
         return None

@@ -26,3 +26,13 @@ def test_steps_are_matched_by_stamp_in_any_order_and_old_ones_refused():
     assert matcher.add("b", 59, "b59") == {"a": "lonely", "b": "b59"}
     matcher.restart()
     assert matcher.add("a", 1, "a") is None and matcher.add("b", 1, "b") is not None
+
+
+def test_what_the_newest_step_waits_for_is_told():
+    matcher: Any = StepMatcher(("a", "b"))
+    assert matcher.lacking == []
+    matcher.add("a", 10, "a10")
+    matcher.add("b", 20, "b20")
+    assert matcher.lacking == ["a"]
+    matcher.add("a", 20, "a20")
+    assert matcher.lacking == []

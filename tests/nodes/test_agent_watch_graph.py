@@ -1,0 +1,54 @@
+"""An agent says that it acts only while it does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from graph import graph
+
+from agent_node.node import AgentNode
+from pa_ros.ros import topics
+from pa_ros.ros.health import OK, WARN
+from sim_node.node import SimNode
+
+pytestmark = pytest.mark.graph
+REAL_TIME = {"sim_node__mode": "real_time", "sim_node__design": "3-D"}
+
+
+def test_an_agent_that_can_take_in_no_step_says_why_until_it_can() -> None:
+    """Joint states first don't come, then lack a joint, then are whole."""
+    given = {**REAL_TIME, "agent_node__weights": "random"}
+    with graph(SimNode, AgentNode, remaps=["sim_node:joint_states:=whole"], **given) as probe:
+        out, joints = topics.JOINT_STATES.publisher(probe), 0
+
+        def pass_on(message: Any) -> None:
+            message.name, message.position = message.name[:joints], message.position[:joints]
+            message.velocity = message.velocity[:joints]
+            if joints:
+                out.publish(message)
+
+        def says(reason: str) -> bool:
+            said = f"takes in no step: {reason}"
+            return probe.until(lambda: probe.message("agent_node").startswith(said))
+
+        topic = topics.JOINT_STATES
+        probe.create_subscription(topic.type, "whole", pass_on, topic.reader)
+        assert says("joint_states of the same stamp do not come")
+        assert probe.health["/agent_node"].level == WARN
+        joints = 5
+        assert says("joint_states.name: expected")
+        assert probe.health["/agent_node"].level == WARN and not probe.count(topics.JOINT_COMMANDS)
+        joints = 6
+        assert probe.until(lambda: probe.message("agent_node") == "acting")
+        assert probe.health["/agent_node"].level == OK and probe.count(topics.JOINT_COMMANDS)
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "real_time"])
+def test_an_agent_of_another_arms_weights_says_so(mode: str) -> None:
+    trained = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
+    panda = {**REAL_TIME, "sim_node__mode": mode, "sim_node__arm": "panda"}
+    with graph(SimNode, AgentNode, **panda, **trained) as probe:
+        assert probe.until(lambda: "takes in no step: " in probe.message("agent_node"))
+        assert probe.health["/agent_node"].level == WARN
+        assert "expected" in probe.message("agent_node") and not probe.count(topics.JOINT_COMMANDS)
