@@ -43,9 +43,14 @@ class User:
 
     def set(self, name: str, value: Any) -> str:
         """Why a parameter cannot be set; empty: it is."""
-        request = SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg()]
-        )
+        return self._send(Parameter(name, value=value))
+
+    def delete(self, name: str) -> str:
+        """Why a parameter cannot be deleted; empty: it is."""
+        return self._send(Parameter(name, Parameter.Type.NOT_SET))
+
+    def _send(self, parameter: Parameter) -> str:
+        request = SetParameters.Request(parameters=[parameter.to_parameter_msg()])
         (result,) = self._call(self._set, request).results
         return "" if result.successful else str(result.reason)
 

@@ -25,6 +25,7 @@ pytestmark = pytest.mark.graph
 
 class Config(Managed):
     number: int = Field(1, ge=1, le=9, description="13 can't be configured, nor can 7 be activated")
+    name: str = Field("none", description="anything")
 
 
 class MissingError(PaError):
@@ -185,6 +186,15 @@ def test_a_configuration_that_fails_can_be_mended(user: User) -> None:
     assert node.entities == begun
     assert user.set("number", 3) == ""
     assert user.ask(CONFIGURE) == (True, "inactive") and node.config.number == 3
+
+
+@pytest.mark.parametrize("user", [{"small__autostart": False, "small__number": 13}], indirect=True)
+def test_a_parameter_that_somebody_deleted_has_its_default_again(user: User) -> None:
+    assert user.set("name", "x") == "" and user.delete("name") == ""
+    assert user.ask(CONFIGURE) == (False, "unconfigured")
+    assert user.node.get_parameter("name").value == "none"
+    assert user.set("number", 3) == "" and user.set("name", "y") == ""
+    assert user.ask(CONFIGURE) == (True, "inactive") and user.node.config.name == "y"
 
 
 @pytest.mark.parametrize(

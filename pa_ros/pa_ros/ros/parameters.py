@@ -31,9 +31,12 @@ def declare_settings(node: Node, kind: type[Settings]) -> None:
 
 
 def loosen_settings(node: Node, kind: type[Settings]) -> None:
-    """They may be set again, for the next `settings_from_parameters`."""
-    for path in kind.paths():
-        node.describe_parameter(path).read_only = False
+    """They may be set again, for the next `settings_from_parameters`; one that somebody deleted
+    has its default."""
+    for leaf in kind.leaves():
+        if not node.has_parameter(leaf.path):
+            node.declare_parameter(leaf.path, to_ros(leaf.default), describe(leaf))
+        node.describe_parameter(leaf.path).read_only = False
 
 
 def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
