@@ -41,6 +41,15 @@ def test_a_learner_started_again_takes_its_own_place_at_once(learners) -> None:
     assert learners.current is resumed
 
 
+def test_a_learner_started_again_where_the_clock_is_behind_is_followed_in_the_end(
+    learners, clock
+) -> None:
+    behind = replace(again(LEARNER, version=7), stamp_ns=LEARNER.stamp_ns - 60 * 10**9)
+    assert not learners.announce(behind)
+    clock.now += GONE_S
+    assert learners.heard(behind.learner_id) and learners.current is behind
+
+
 def test_weights_of_a_learner_that_never_announces_itself_are_said(learners, clock) -> None:
     assert not learners.weights("nobody")
     assert learners.alarm == ""  # its announcement may be on its way

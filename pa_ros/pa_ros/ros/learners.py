@@ -19,7 +19,8 @@ class Learners:
     """The learner that counts, and the others heard of.
 
     A learner that is started again, of the same run, takes its own place at once; one of another
-    run only once the learner that counts has said nothing for GONE_S.
+    run, or of an earlier stamp (another machine's clock), only once the learner that counts has
+    said nothing for GONE_S.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -87,9 +88,8 @@ class Learners:
         current = self.current
         if current is None or current.learner_id == learner.learner_id:
             return True
-        if current.run_id == learner.run_id:
-            return learner.stamp_ns >= current.stamp_ns
-        return not self._lives(current.learner_id)
+        again = current.run_id == learner.run_id and learner.stamp_ns >= current.stamp_ns
+        return again or not self._lives(current.learner_id)
 
     def _lives(self, learner_id: str) -> bool:
         return self._clock() - self._heard[learner_id] < GONE_S
