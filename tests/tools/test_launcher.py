@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from waiting import wait_for
 
+from pa_ros.cli import launch
 from pa_ros.core.errors import ConfigError
 from pa_ros.tools.launcher import ChildError, Patience, Supervisor, node_command, tail
 
@@ -45,6 +46,16 @@ def test_stop_interrupts_the_willing_and_kills_the_deaf(tmp_path):
         assert supervisor.stop() == {"a": -signal.SIGINT, "b": -signal.SIGKILL}
     assert not any(map(alive, pids))
     assert supervisor.names == []
+
+
+def test_a_launch_whose_learner_had_to_be_killed_says_so(tmp_path, capsys):
+    with Supervisor(tmp_path, patience=QUICK) as supervisor:
+        start(supervisor, tmp_path, "learner_node", DEAF)
+        start(supervisor, tmp_path, "sim_node", OBEDIENT)
+        assert launch.stop(supervisor, tmp_path) == 1
+    said = capsys.readouterr().err
+    assert "learner_node failed (killed by SIGKILL)" in said and "up" in said
+    assert "sim_node" not in said
 
 
 STARTING = """

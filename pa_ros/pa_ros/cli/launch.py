@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
+from pathlib import Path
 from typing import get_args
 
 from pa_ros.acting.config import Schedule
@@ -24,13 +26,14 @@ from pa_ros.tools.launch_params import (
     new_folder,
     packaged_names,
 )
-from pa_ros.tools.launcher import ChildError, Supervisor, tail
+from pa_ros.tools.launcher import ChildError, Supervisor, status_text, tail
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record_launch import start_recorded, start_recorder
 from pa_ros.tools.scenes import SceneFigures
 
 DEFAULT = "execute_3d"
 EXIT_FAILED = 1
+IN_ORDER = (0, -signal.SIGINT, -signal.SIGTERM)  # these two: before a child could handle them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,24 +99,23 @@ def run(options: argparse.Namespace) -> int:
                     watch(node, supervisor, display.refresh, interrupted)
             except ChildError as error:
                 print(f"pa_ros launch: {error}", file=sys.stderr)
-                _stop(supervisor)
+                stop(supervisor, folder / "log")
                 return EXIT_FAILED
             print("stopping")
-            statuses = _stop(supervisor)
-    failed = [name for name, status in statuses.items() if status > 0]
-    for name in failed:
-        log = folder / "log" / f"{name}.log"
-        print(f"pa_ros launch: {name} failed; the last lines of {log}:\n{tail(log)}",
-              file=sys.stderr)  # fmt: skip
-    return EXIT_FAILED if failed else 0
+            return stop(supervisor, folder / "log")
 
 
-def _stop(supervisor: Supervisor) -> dict[str, int]:
+def stop(supervisor: Supervisor, logs: Path) -> int:
     """Agents first, each leaving its arm at rest; the learner once all has come that they have
-    sent; then the arenas, and the rest last; each one's exit status."""
+    sent; then the arenas, and the rest last. The exit status; says who did not end in order."""
     statuses: dict[str, int] = {}
     for kind in (*reversed(NODES), ""):
         if named := [name for name in supervisor.names if name.endswith(kind)]:
             statuses |= supervisor.stop(named)
             print(f"stopped {', '.join(named)}")
-    return statuses
+    failed = {name: status for name, status in statuses.items() if status not in IN_ORDER}
+    for name, status in failed.items():
+        log = logs / f"{name}.log"
+        print(f"pa_ros launch: {name} failed ({status_text(status)}); the last lines of {log}:\n"
+              f"{tail(log)}", file=sys.stderr)  # fmt: skip
+    return EXIT_FAILED if failed else 0

@@ -110,7 +110,7 @@ class Supervisor:
             status = child.process.poll()
             if status is not None:
                 raise ChildError(
-                    f"{child.name} ended by itself ({_status_text(status)}); the last lines of "
+                    f"{child.name} ended by itself ({status_text(status)}); the last lines of "
                     f"{child.log}:\n{tail(child.log)}"
                 )
 
@@ -167,7 +167,8 @@ def tail(log: Path, lines: int = TAIL_LINES) -> str:
     return "\n".join(text.splitlines()[-lines:]) or "(it wrote nothing)"
 
 
-def _status_text(status: int) -> str:
+def status_text(status: int) -> str:
+    """An exit status in words; negative for the signal that ended the process."""
     if status >= 0:
         return f"exit status {status}"
     return f"killed by {signal.Signals(-status).name}"
