@@ -23,6 +23,7 @@ from pa_ros.bags.errors import (
     ForeignBagError,
     UnfinishedBagError,
 )
+from pa_ros.bags.index import connections_of
 from pa_ros.bags.repair import custom_data, storage_files
 from pa_ros.wire.definitions import installed_types
 from pa_ros.wire.interfaces import Message
@@ -56,12 +57,13 @@ class Bag:
                 self._reader = Reader(path)
                 self._reader.open()
                 opened.callback(self._reader.close)
-                _check_index(self._reader)
+                self._connections = connections_of(self._reader)
+            except ForeignBagError as error:
+                raise ForeignBagError(f"bag: {path}: {error}") from error
             except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
                 hint = f"; try `pa_ros record --repair {path}`" if path.is_dir() else ""
                 raise DamagedBagError(f"bag: {path}: {error}{hint}") from error
             opened.pop_all()
-        self._connections = {entry.topic: entry for entry in self._reader.connections}
         self._stores: dict[str, Typestore] = {}
 
     def __enter__(self) -> Bag:
@@ -73,12 +75,15 @@ class Bag:
     @property
     def types(self) -> dict[str, str]:
         """Type by topic."""
-        return {name: entry.msgtype for name, entry in self._connections.items()}
+        return {name: entries[0].msgtype for name, entries in self._connections.items()}
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages by topic, as the bag's index says."""
-        return {name: entry.msgcount for name, entry in self._connections.items()}
+        return {
+            name: sum(entry.msgcount for entry in entries)
+            for name, entries in self._connections.items()
+        }
 
     @property
     def first_ns(self) -> int:
@@ -103,12 +108,15 @@ class Bag:
 
     def qos(self, topic: str) -> list[Qos]:
         """Profiles that the topic's publishers offered."""
-        extra = self._connections[topic].ext
-        return list(extra.offered_qos_profiles) if isinstance(extra, ConnectionExtRosbag2) else []
+        found: list[Qos] = []
+        for entry in self._connections[topic]:
+            if isinstance(entry.ext, ConnectionExtRosbag2):
+                found += [one for one in entry.ext.offered_qos_profiles if one not in found]
+        return found
 
     def definition(self, topic: str) -> str:
         """Text of the topic's message definition; empty if the bag has none."""
-        return str(self._connections[topic].msgdef.data)
+        return str(self._connections[topic][0].msgdef.data)
 
     def check_edition(self) -> None:
         """Raises ForeignBagError for a recording of version 0.1."""
@@ -154,7 +162,10 @@ class Bag:
         Raises DamagedBagError where the file cannot be read further.
         """
         chosen = [
-            entry for name, entry in self._connections.items() if topics is None or name in topics
+            entry
+            for name, entries in self._connections.items()
+            if topics is None or name in topics
+            for entry in entries
         ]
         if not chosen:
             return
@@ -193,7 +204,7 @@ class Bag:
 
     def differs(self, topic: str) -> bool:
         """Whether a topic was recorded with another edition of its definition than is installed."""
-        type_name = self._connections[topic].msgtype
+        type_name = self._connections[topic][0].msgtype
         installed = installed_types()
         if type_name not in installed.fielddefs:
             return False
@@ -202,7 +213,7 @@ class Bag:
 
     def _store(self, topic: str) -> Typestore:
         if topic not in self._stores:
-            self._stores[topic] = _store_of(self._connections[topic])
+            self._stores[topic] = _store_of(self._connections[topic][0])
         return self._stores[topic]
 
 
@@ -222,16 +233,6 @@ def _store_of(entry: Connection) -> Typestore:
             error
         )
     return store
-
-
-def _check_index(reader: Reader) -> None:
-    """Raise whatever comes of names, counts and times that are of other kinds: rosbags takes them
-    as they stand in metadata.yaml."""
-    int(reader.start_time), int(reader.duration)
-    for entry in reader.connections:
-        found = entry.topic, entry.msgtype, entry.msgcount
-        if [*map(type, found)] != [str, str, int]:
-            raise ValueError(f"expected a topic's name, type and count, got {found}")
 
 
 def _check_inside(path: Path) -> None:

@@ -24,6 +24,7 @@ from pa_ros.bags.contents import (
     write_metadata,
 )
 from pa_ros.bags.errors import BagError, DamagedBagError
+from pa_ros.bags.index import messages_by_topic
 from pa_ros.bags.storage import STORAGES
 from pa_ros.bags.tail import finish
 from pa_ros.wire.definitions import hash_of
@@ -90,7 +91,7 @@ def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
         reader.open()
         try:
             topics = [_topic(connection) for connection in reader.connections]
-            counts = {entry.topic: entry.msgcount for entry in reader.connections}
+            counts = messages_by_topic(reader.connections)
             about = reader.metadata
         finally:
             reader.close()
