@@ -121,6 +121,35 @@ def test_one_altered_transition_is_found_and_named(
     assert "1 trajectories are not what the arena gives" in out and "\nEQUAL" not in out
 
 
+def test_what_no_arena_was_asked_about_is_not_called_equal(recorded, tmp_path, capsys):
+    """Under all-goals relabeling the weights don't tell of altered rewards."""
+
+    def begin_later(topic, message):
+        if topic != "/trajectories" or message.sequence not in (1, 2):
+            return [message]
+        return [replace(message, first_step=1, rewards=-message.rewards)]
+
+    copy = rewritten(recorded / "bag", tmp_path / "copy", begin_later)
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert "INCOMPLETE: 200 transitions of episodes whose beginning is not recorded" in out
+    assert "held against a fresh arena: 300 transitions" in out
+    assert "\nEQUAL" not in out and "DIFFERENT" not in out
+    assert main(["verify", "--no-arena", str(copy)]) == 0
+
+
+def test_the_rest_of_an_episode_that_the_arena_denied_is_not_said_to_lack_its_beginning(
+    tmp_path, capsys
+):
+    short = "--set=learner.schedule.trajectory_steps=25"
+    assert train(tmp_path, "--record", tmp_path / "bag", short, frames=200) == 0
+    alter = altered("rewards", 1, 12, lambda reward: -reward)
+    copy = rewritten(tmp_path / "bag", tmp_path / "copy", alter)
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert "1 trajectories are not what the arena gives" in out and "INCOMPLETE" not in out
+
+
 ALONE = ("--set=learner.relabeling.rule=none", "--set=learner.relabeling.programs_per_transition=1")
 
 

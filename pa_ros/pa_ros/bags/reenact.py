@@ -34,6 +34,7 @@ class Reenactment:
         self._condition = condition
         self._speeds = np.array(arena.speed_limits)
         self._stands: tuple[int, int] | None = None  # episode and step
+        self._denied: int | None = None  # episode that is not what the arena gives
         self._observed: tuple[Observation, Verdict]
 
     def check(self, trajectory: Trajectory) -> str | None:
@@ -44,14 +45,14 @@ class Reenactment:
         elif self._stands == start:
             observation, verdict = self._observed
         else:
-            self.skipped += len(trajectory)
+            self.skipped += 0 if trajectory.episode == self._denied else len(trajectory)
             return None
-        self._stands = None
+        self._stands = self._denied = None
         if trajectory.program != self._task.program:
             observation, verdict = self._task.set_program(trajectory.program)
         cause = self._compare(trajectory, 0, observation, None)
         if cause is not None:
-            return _named(trajectory, 0, cause)
+            return self._deny(trajectory, 0, cause)
         for t in range(len(trajectory)):
             observation, verdict = self._task.step(
                 trajectory.actions[t].astype(np.float64) * self._speeds
@@ -59,10 +60,19 @@ class Reenactment:
             self.checked += 1
             cause = self._compare(trajectory, t + 1, observation, verdict)
             if cause is not None:
-                return _named(trajectory, t, cause)
+                return self._deny(trajectory, t, cause)
         self._observed = (observation, verdict)
         self._stands = (trajectory.episode, observation.step)
         return None
+
+    def _deny(self, trajectory: Trajectory, t: int, cause: str) -> str:
+        """The transition's name and what is wrong with it; its episode ends here."""
+        self._denied = trajectory.episode
+        return (
+            f"transition {t} of trajectory {trajectory.sequence} of {trajectory.agent_id} "
+            f"(episode {trajectory.episode}, step {trajectory.first_step + t}): "
+            f"after the recorded action {cause}"
+        )
 
     def _compare(
         self, trajectory: Trajectory, row: int, observation: Observation, verdict: Verdict | None
@@ -84,11 +94,3 @@ class Reenactment:
                 f"reward {trajectory.rewards[row - 1]} recorded, the arena gives {verdict.reward}"
             )
         return None
-
-
-def _named(trajectory: Trajectory, t: int, cause: str) -> str:
-    return (
-        f"transition {t} of trajectory {trajectory.sequence} of {trajectory.agent_id} "
-        f"(episode {trajectory.episode}, step {trajectory.first_step + t}): "
-        f"after the recorded action {cause}"
-    )

@@ -40,6 +40,7 @@ class Verification:
     altered: int = 0  # trajectories that the arena denies
     named: list[str] = field(default_factory=list)  # the first of them, by transition
     reenacted: int = 0  # transitions that the arena was asked about
+    skipped: int = 0  # transitions that it could not be asked about
     note: str = ""  # what else to know
 
     @property
@@ -117,6 +118,11 @@ def verify(
         )
     if experience.unseen and not found.incomplete:
         found.incomplete = f"parts of the bag were damaged and not seen: {experience.unseen}"
+    if found.skipped and not found.incomplete:
+        found.incomplete = (
+            f"{found.skipped} transitions of episodes whose beginning is not recorded were not "
+            "held against the arena; --no-arena compares weights only"
+        )
     if not found.compared and not found.difference:
         found.incomplete = found.incomplete or "no weights are in the bag: nothing to compare with"
     return found
@@ -159,6 +165,7 @@ class _FreshArenas:
             self._made[description.arena_id] = Reenactment(description, *asked)
         name = self._made[description.arena_id].check(trajectory)
         found.reenacted = sum(arena.checked for arena in self._made.values())
+        found.skipped = sum(arena.skipped for arena in self._made.values())
         if name is not None:
             found.altered += 1
             if len(found.named) < NAMED:
