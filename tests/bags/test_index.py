@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +13,14 @@ import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from program_bags import START, TOPIC, identifiers, payload, storage_file, written
+from wrong_yaml import WRONG
 
 from pa_ros.bags.errors import DamagedBagError, ForeignBagError
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
 
 
-def edited(folder: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+def edited(folder: Path, change: Callable[[dict[str, Any]], Any]) -> Path:
     """A bag whose metadata.yaml went through `change`."""
     about = folder / "metadata.yaml"
     content = yaml.safe_load(about.read_text())
@@ -129,3 +131,16 @@ def test_a_topic_of_two_types_is_refused(tmp_path, second):
     file = merged(tmp_path / "merged.mcap", [OURS, second])
     with pytest.raises(ForeignBagError, match="/program: expected messages of one type, got"):
         Bag(file)
+
+
+@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+@pytest.mark.parametrize("where", ["custom_data", "relative_file_paths"])
+def test_an_index_of_wrong_yaml_is_refused_until_repaired(whole, tmp_path, text, where):
+    shutil.copytree(whole[0], tmp_path / "bag")
+    about = edited(tmp_path / "bag", lambda content: content.pop(where)) / "metadata.yaml"
+    inside = "\n".join(f"    {line}" for line in text.splitlines())
+    about.write_text(f"{about.read_text()}  {where}:\n{inside}\n")
+    with pytest.raises(DamagedBagError, match="--repair"):
+        Bag(tmp_path / "bag").custom
+    assert repair(tmp_path / "bag").messages == 12
+    assert identifiers(tmp_path / "bag") == list(range(12))

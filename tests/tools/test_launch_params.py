@@ -2,6 +2,7 @@
 
 import pytest
 import yaml
+from wrong_yaml import WRONG
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli.launch import DEFAULT
@@ -249,3 +250,10 @@ def test_what_is_to_be_added_to_is_a_list(value):
         extended({"sim_node": {"extensions": value}}, ["another.module"])
     with pytest.raises(ConfigError, match="learner_node: options: expected a list of texts, got"):
         in_step({"learner_node": {"options": value}}, "exact")
+
+
+@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+def test_a_file_of_wrong_yaml_is_refused(tmp_path, text):
+    (tmp_path / "params.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=r"params.yaml: \S"):
+        load_parameters(tmp_path / "params.yaml")

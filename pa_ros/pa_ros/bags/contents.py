@@ -13,6 +13,9 @@ from rosbags.interfaces import QosTime as _QosTime
 from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys.store import Typestore
 
+from pa_ros.bags.errors import DamagedBagError
+from pa_ros.core.yaml_text import read_yaml
+
 BAG_VERSION: Final = 9  # of rosbag2's metadata, as Jazzy writes it
 DISTRIBUTION: Final = "jazzy"
 METADATA: Final = "metadata.yaml"
@@ -106,6 +109,21 @@ def information(
         "custom_data": dict(custom) or None,
         "ros_distro": DISTRIBUTION,
     }
+
+
+def stated(folder: Path) -> dict[str, Any]:
+    """What a folder's metadata.yaml says, of whatever kinds; empty if there is none, or it is of
+    something else. Raises DamagedBagError if it is no YAML."""
+    try:
+        content = read_yaml((folder / METADATA).read_text())
+    except OSError:
+        return {}
+    except ValueError as error:
+        raise DamagedBagError(
+            f"bag: {folder}: {METADATA}: {error}; try `pa_ros record --repair {folder}`"
+        ) from error
+    about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    return about if isinstance(about, dict) else {}
 
 
 def write_metadata(folder: Path, content: dict[str, Any]) -> None:

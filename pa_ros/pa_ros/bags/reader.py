@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.claim import Claim
-from pa_ros.bags.contents import METADATA
+from pa_ros.bags.contents import METADATA, stated
 from pa_ros.bags.errors import (
     BagError,
     DamagedBagError,
@@ -236,17 +235,15 @@ def _store_of(entry: Connection) -> Typestore:
 
 
 def _check_inside(path: Path) -> None:
-    """DamagedBagError if metadata.yaml names a file that is not in the bag's own folder, or has no
-    list of files: rosbags opens such a bag, and can't close it."""
-    try:
-        about = yaml.safe_load((path / METADATA).read_text())["rosbag2_bagfile_information"]
-        names = [str(name) for name in about["relative_file_paths"]]
-        files = about.get("files", [])
-    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
+    """DamagedBagError if metadata.yaml is no YAML, names a file that is not in the bag's own
+    folder, or has no list of files: rosbags opens such a bag, and can't close it."""
+    about = stated(path)
+    names, files = about.get("relative_file_paths"), about.get("files", [])
+    if not isinstance(names, list):
         return  # a single file, or one that rosbags refuses
     if not isinstance(files, list):
         raise DamagedBagError(f"bag: {path}: {METADATA}: files: expected a list, got {files!r}")
-    for name in names:
+    for name in map(str, names):
         if Path(name).name != name:
             raise DamagedBagError(
                 f"bag: {path}: {METADATA}: expected files of this folder, got {name!r}"

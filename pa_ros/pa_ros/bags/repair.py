@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
@@ -21,6 +20,7 @@ from pa_ros.bags.contents import (
     BagTopic,
     FileContents,
     information,
+    stated,
     write_metadata,
 )
 from pa_ros.bags.errors import BagError, DamagedBagError
@@ -106,11 +106,12 @@ def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
 def custom_data(folder: Path) -> dict[str, str]:
     """custom_data of the metadata.yaml that is there, if one is."""
     try:
-        content = yaml.safe_load((folder / METADATA).read_text())
-        custom = content["rosbag2_bagfile_information"]["custom_data"] or {}
-        return {str(key): str(value) for key, value in custom.items()}
-    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
+        custom = stated(folder).get("custom_data")
+    except DamagedBagError:
         return {}
+    if not isinstance(custom, dict):
+        return {}
+    return {str(key): str(value) for key, value in custom.items()}
 
 
 def _number(path: Path) -> tuple[int, str]:

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.yaml_text import read_yaml
 from pa_ros.learning.folder import refuse_used
 
 CONFIG = Path(__file__).parents[1] / "config"
@@ -52,8 +53,8 @@ def load_parameters(path: Path) -> Parameters:
     learners or has another structure.
     """
     try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = read_yaml(path.read_text())
+    except (OSError, ValueError) as error:
         raise ConfigError(f"parameters: {path}: {error}") from error
     if not isinstance(content, dict) or not content:
         shown = type(content).__name__ if content else "nothing"
