@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from program_bags import START, TOPIC, identifiers, payload, storage_file, written
 from recorded_runs import train
-from rosbags.rosbag2 import Reader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pa_ros.bags.contents import reliable_qos, topic
@@ -100,6 +100,22 @@ def test_a_bag_is_split_by_time_and_size(tmp_path, storage, limits):
     (tmp_path / "bag" / "metadata.yaml").unlink()
     assert repair(tmp_path / "bag").messages == 10
     assert identifiers(tmp_path / "bag") == list(range(10))
+
+
+@pytest.mark.parametrize("name", ["run_9", "run", "run_0"])
+def test_files_are_in_order_whatever_the_bags_name_ends_in(tmp_path, name):
+    folder = tmp_path / name
+    written(folder, 30, split_s=2.0)
+    (folder / "metadata.yaml").unlink()
+    assert repair(folder).files == 15
+    assert identifiers(folder) == list(range(30))
+    for file in folder.glob("*.mcap"):  # as stock recorders call them
+        number = file.stem.removeprefix(f"{name}_") if file.stem != name else "0"
+        file.rename(folder / f"{name}_{number}.part")
+    for file in folder.glob("*.part"):
+        file.rename(file.with_suffix(".mcap"))
+    repair(folder)
+    assert identifiers(folder) == list(range(30))
 
 
 @settings(max_examples=40, deadline=None)
@@ -335,3 +351,43 @@ def test_info_compares_with_what_was_published(tmp_path, capsys):
         "msgs_schema/msg/Program  3 of 4 published, 2 before the first heard"
         in capsys.readouterr().out
     )
+
+
+def compressed(folder: Path, mode: CompressionMode) -> Path:
+    """A bag of three programs as stock tools compress it, by file or by message."""
+    bag = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    bag.set_compression(mode, CompressionFormat.ZSTD)
+    with bag:
+        name, text = TOPIC.type_name, TOPIC.definition
+        program = bag.add_connection("/program", name, msgdef=text, rihs01=TOPIC.digest)
+        for i in range(3):
+            bag.write(program, START + i, payload(i))
+    return folder
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_a_compressed_bag_is_read_and_told_of(tmp_path, capsys, mode):
+    bag = compressed(tmp_path / "bag", mode)
+    assert main(["bag", "info", str(bag)]) == 0
+    assert "/program  msgs_schema/msg/Program  3" in capsys.readouterr().out
+    if mode == CompressionMode.MESSAGE:
+        assert repair(bag).messages == 3
+    assert identifiers(bag) == [0, 1, 2]
+
+
+def test_what_to_do_with_compressed_files_without_an_index_is_said(tmp_path, capsys):
+    bag = compressed(tmp_path / "bag", CompressionMode.FILE)
+    (bag / "metadata.yaml").unlink()
+    for command in (["bag", "info"], ["record", "--repair"]):
+        assert main([*command, str(bag)]) == 2
+        assert "expected plain .mcap or .db3 files, got bag.mcap.zstd" in capsys.readouterr().err
+
+
+def test_a_file_that_a_repair_left_out_hides_no_numbers(tmp_path, capsys):
+    written(tmp_path / "bag", 4, split_s=2.0)
+    (tmp_path / "bag" / "bag_1.mcap").write_bytes(b"")
+    assert repair(tmp_path / "bag").messages == 2
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 1
+    out = capsys.readouterr().out
+    assert "NOT SEEN: bag_1.mcap: left out" in out and "2 of 2 published" in out
+    assert "not readable: bag:" not in out

@@ -141,6 +141,6 @@ def test_an_index_of_wrong_yaml_is_refused_until_repaired(whole, tmp_path, text,
     inside = "\n".join(f"    {line}" for line in text.splitlines())
     about.write_text(f"{about.read_text()}  {where}:\n{inside}\n")
     with pytest.raises(DamagedBagError, match="--repair"):
-        Bag(tmp_path / "bag").custom
+        Bag(tmp_path / "bag")
     assert repair(tmp_path / "bag").messages == 12
     assert identifiers(tmp_path / "bag") == list(range(12))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
+from pa_ros.bags.contents import stated
 from pa_ros.bags.errors import DamagedBagError
 from pa_ros.bags.losses import Losses
-from pa_ros.bags.repair import storage_files
 
 
 def losses_of(path: Path) -> dict[str, Losses]:
@@ -18,15 +18,21 @@ def losses_of(path: Path) -> dict[str, Losses]:
     its first message on is told apart.
     """
     numbers: dict[str, list[int]] = {}
-    for file in storage_files(path) if path.is_dir() else [path]:
+    for file in _files(path):
         if file.suffix == ".mcap":
             try:
                 with file.open("rb") as stream:
                     for _, channel, message in make_reader(stream).iter_messages():
                         numbers.setdefault(channel.topic, []).append(message.sequence)
             except Exception as error:  # whatever damaged bytes lead the reader to
-                raise DamagedBagError(f"bag: {file}: {error}") from error
+                said = f"{type(error).__name__}: {error}"
+                raise DamagedBagError(f"bag: {file}: {said}") from error
     return {name: _losses(found) for name, found in numbers.items() if all(found)}
+
+
+def _files(path: Path) -> list[Path]:
+    """Those that the index names; a file is one itself."""
+    return [path / str(name) for name in stated(path).get("relative_file_paths", [])] or [path]
 
 
 def _losses(numbers: list[int]) -> Losses:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,6 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from pa_ros.bags.claim import Claim
 from pa_ros.bags.contents import (
-    METADATA,
     RESERVE,
     BagTopic,
     FileContents,
@@ -70,8 +69,19 @@ def _repair(folder: Path, files: list[Path]) -> Repaired:
     custom = custom_data(folder)
     if notes or not custom:
         custom["pa_ros.repaired"] = "; ".join(notes) or "no byte was lost"
-    write_metadata(folder, information(name, topics.values(), contents, custom))
+    about = information(name, topics.values(), contents, custom)
+    write_metadata(folder, about | _of_messages(folder))
     return Repaired(sum(content.total for content in contents), len(contents), tuple(notes))
+
+
+def _of_messages(folder: Path) -> dict[str, str]:
+    """What metadata.yaml says of compressed messages, which files don't."""
+    try:
+        about = stated(folder)
+    except DamagedBagError:
+        return {}
+    found = {key: str(about.get(key)) for key in ("compression_mode", "compression_format")}
+    return found if found["compression_mode"].lower() == "message" else {}
 
 
 def storage_files(folder: Path) -> list[Path]:
@@ -79,9 +89,16 @@ def storage_files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise BagError(f"bag: {folder}: expected a folder, found none")
     found = [path for path in folder.iterdir() if path.suffix in _READERS]
+    packed = sorted(path.name for path in folder.iterdir() if path.suffix in (".zstd", ".zst"))
+    if packed:
+        raise BagError(
+            f"bag: {folder}: expected plain .mcap or .db3 files, got {', '.join(packed)}: unpack "
+            "them (unzstd) first"
+        )
     if not found:
         raise BagError(f"bag: {folder}: expected .mcap or .db3 files in it, found none")
-    return sorted(found, key=_number)
+    stems = {path.stem for path in found}
+    return sorted(found, key=lambda path: (_number(path, stems), path.name))
 
 
 def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
@@ -114,10 +131,14 @@ def custom_data(folder: Path) -> dict[str, str]:
     return {str(key): str(value) for key, value in custom.items()}
 
 
-def _number(path: Path) -> tuple[int, str]:
-    """`bag.mcap`, `bag_1.mcap`, …, `bag_10.mcap` in this order."""
-    number = re.search(r"_(\d+)$", path.stem)
-    return (int(number[1]) if number else 0, path.name)
+def _number(path: Path, stems: Collection[str]) -> int:
+    """0, 1, 2, … of `bag.mcap`, `bag_1.mcap`, `bag_2.mcap`, … and, as stock recorders call them, of
+    `bag_0.mcap`, `bag_1.mcap`, …; `bag` itself may end in a number."""
+    name, _, number = path.stem.rpartition("_")
+    of_others = any(re.fullmatch(rf"{re.escape(path.stem)}_\d+", stem) for stem in stems)
+    if not re.fullmatch(r"\d+", number) or (of_others and name not in stems):
+        return 0
+    return int(number)
 
 
 def _topic(connection: Connection) -> BagTopic:
