@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
+from pa_ros.cli.main import main
 from pa_ros.console.server import ConsoleServer, ConsoleSettings, PortError
 from pa_ros.core.errors import ConfigError
 
@@ -36,3 +37,8 @@ def test_each_start_has_a_token_of_its_own(capsys):
 def test_a_token_fits_into_an_address():
     with pytest.raises(ConfigError, match="token: expected letters"):
         ConsoleServer(ConsoleSettings(port=0, token="a/b?"))
+
+
+def test_a_namespace_that_ros_refuses_is_refused(capsys):
+    assert main(["console", "--namespace", "a b"]) == 2
+    assert "expected a namespace such as lab/arm_1" in capsys.readouterr().err

@@ -257,3 +257,11 @@ def test_a_file_of_wrong_yaml_is_refused(tmp_path, text):
     (tmp_path / "params.yaml").write_text(text)
     with pytest.raises(ConfigError, match=r"params.yaml: \S"):
         load_parameters(tmp_path / "params.yaml")
+
+
+@pytest.mark.parametrize("key", ["/ä b/sim_node", "/a b/sim_node", "/1/sim_node", "/a//sim_node"])
+def test_a_namespace_that_ros_refuses_is_refused(tmp_path, key):
+    path = tmp_path / "params.yaml"
+    path.write_text(yaml.dump({key: {"ros__parameters": {"seed": 1}}}, allow_unicode=True))
+    with pytest.raises(ConfigError, match=r"params.yaml: .*expected a namespace such as"):
+        load_parameters(path)

@@ -18,6 +18,7 @@ from waiting import DEADLINE_S, wait_for
 
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair
+from pa_ros.cli.main import main
 from pa_ros.core.experience import Observation
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
@@ -221,3 +222,39 @@ def test_a_full_disk_closes_the_bag_and_says_so(tmp_path):
     kept = [message.program for _, message in decoded(bag)]
     assert 15 <= len(kept) < 30 and set(kept) == {"X" * 100_000}
     assert information(bag)["message_count"] == len(kept)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [["--topics", "bad topic!"], ["--topics", "trajectories", ""], ["--topics", "{x}"],
+     ["--arenas", "a b"], ["--arenas", "a" * 300], ["--namespace", "a b"]],
+)  # fmt: skip
+def test_names_that_ros_refuses_leave_no_bag(tmp_path, capsys, asked):
+    assert main(["record", str(tmp_path / "bag"), *asked]) == 2
+    error = capsys.readouterr().err
+    assert "expected a n" in error or "namespace" in error
+    assert "Traceback" not in error and not (tmp_path / "bag").exists()
+
+
+def test_what_is_named_twice_is_recorded_once(tmp_path):
+    words = ["--topics", "trajectories", "/trajectories", "--arenas", "a", "a", "--duration", "0.1"]
+    assert main(["record", str(tmp_path / "one"), *words]) == 0
+    assert main(["record", str(tmp_path / "two"), *words[3:]]) == 0
+    names = [
+        [row["topic_metadata"]["name"] for row in information(tmp_path / bag)[
+            "topics_with_message_count"]]
+        for bag in ("one", "two")
+    ]  # fmt: skip
+    assert names[0] == ["/trajectories"]
+    assert names[1].count("/a/verdict") == 1 and len(names[1]) == len(set(names[1]))
+
+
+def test_a_recorder_that_fails_says_so(tmp_path, capsys, monkeypatch):
+    def fail(*_):
+        raise ValueError("what nobody expected")
+
+    monkeypatch.setattr("pa_ros.tools.record.Recorder._drain", fail)
+    assert main(["record", str(tmp_path / "bag")]) == 1
+    assert "ValueError: what nobody expected" in capsys.readouterr().err
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 0

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from pa_ros.cli.options import add_settings, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import signals_noted
+from pa_ros.ros.names import check_namespace
 from pa_ros.ros.process import die_with_parent
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def run(options: argparse.Namespace) -> int:
     die_with_parent()
     kind, serve_graph, serve_bag = _installed()
     settings = settings_from(options, kind)
+    check_namespace(options.namespace)
     os.nice(POLITE)
     with signals_noted() as interrupted:
         if options.bag is not None:

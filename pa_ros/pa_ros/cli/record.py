@@ -28,13 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_setting(parser, RecordingOptions, "duration_s", "--duration")
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
-    parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if the disk was full"
+    parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if recording ended by itself"
 
 
 def run(options: argparse.Namespace) -> int:
     """Record until a signal comes, the time is up, or the disk is full."""
     if options.repair:
-        if unused := asked(options, RecordingOptions):
+        unused = [*asked(options, RecordingOptions), *(["json"] if options.json else [])]
+        if unused:
             raise ConfigError(f"record --repair: expected it alone, got {', '.join(unused)}, too")
         return _repair(options.out)
     return _record(options, settings_from(options, RecordingOptions))

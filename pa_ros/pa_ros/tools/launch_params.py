@@ -13,6 +13,7 @@ import yaml
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.yaml_text import read_yaml
 from pa_ros.learning.folder import refuse_used
+from pa_ros.ros.names import check_namespace
 
 CONFIG = Path(__file__).parents[1] / "config"
 NODES = ("sim_node", "learner_node", "agent_node")  # in the order in which they are started
@@ -212,6 +213,8 @@ def _node_name(path: Path, key: object) -> str:
     name = str(key).rstrip("/").rpartition("/")[2]
     if name not in (*NODES, _EVERY):
         raise ConfigError(f"parameters: {path}: expected a node of {NODES} or /**, got {key!r}")
+    if (namespace := _namespace(key)) != _EVERY:
+        check_namespace(namespace, f"parameters: {path}: {key!r}")
     return name
 
 

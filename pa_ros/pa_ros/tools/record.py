@@ -9,6 +9,7 @@ the same whatever else the process does.
 from __future__ import annotations
 
 import json
+import logging
 import threading
 import time
 from collections import deque
@@ -26,14 +27,17 @@ from pa_ros.bags.contents import FOREVER, topic
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.losses import LOST, Losses
 from pa_ros.bags.writer import BagOptions, BagWriter
-from pa_ros.core.errors import PaError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
+from pa_ros.ros.names import check_namespace
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_class, message_type, register
+
+log = logging.getLogger(__name__)
 
 # Everything: what was asked, seen, done and judged, and what was learned from it.
 BAG_TOPICS = (
@@ -72,7 +76,7 @@ class Recorder:
     """Writes every message of some topics; a context manager that closes the bag.
 
     `counts`, `lost` and `failure` may be read at any time. A full disk closes the bag and sets
-    `failure`; nothing is recorded afterwards.
+    `failure`, as does whatever else ends its thread; nothing is recorded afterwards.
     """
 
     def __init__(
@@ -82,12 +86,13 @@ class Recorder:
         recorded: Iterable[Topic] = BAG_TOPICS,
         options: BagOptions | None = None,
     ) -> None:
-        """Names are resolved in the node's namespace. Raises BagError."""
-        self.failure: BagFullError | None = None
+        """Names are resolved in the node's namespace, and each is recorded once. Raises BagError,
+        or ConfigError for a name that ROS refuses."""
+        self.failure: BagError | None = None
         self._node = node
-        self._recorded = tuple(recorded)
+        self._recorded = {_resolved(node, one.name): one for one in recorded}
         self._types = installed_types()
-        for one in self._recorded:
+        for one in self._recorded.values():
             register(self._types, message_type(one.type))
         self._writer = BagWriter(folder, options)
         self._lines: list[_Line] = []
@@ -104,8 +109,8 @@ class Recorder:
             start_parameter_services=False,
         )
         try:
-            for one in self._recorded:
-                self._lines.append(self._line(one))
+            for full, one in self._recorded.items():
+                self._lines.append(self._line(full, one))
         except BaseException:
             self._writer.close()
             self._reader.destroy_node()
@@ -143,8 +148,7 @@ class Recorder:
             self.failure = error
         self._reader.destroy_node()
 
-    def _line(self, one: Topic) -> _Line:
-        name = self._reader.resolve_topic_name(one.name)
+    def _line(self, name: str, one: Topic) -> _Line:
         type_name = message_type(one.type)
         self._writer.add(topic(self._types, name, type_name, [offered_qos(one.writer)]))
         return _Line(self._reader, name, one)
@@ -161,6 +165,9 @@ class Recorder:
                 pass
         except BagFullError as error:
             self.failure = error
+        except Exception as error:  # of whatever kind: nobody else hears of it
+            log.exception("the recorder's thread has ended")
+            self.failure = BagError(f"record: recording ended: {type(error).__name__}: {error}")
 
     def _drain(self) -> int:
         """One turn: what has come on each topic; how much it was."""
@@ -199,7 +206,7 @@ class _Line:
         self.said: deque[bytes] = deque(maxlen=100)  # what goes into the metadata too
         self._keeps = one.type in (topics.PROVENANCE.type, topics.ARENA_INFO.type)
         self._subscription = node.create_subscription(
-            one.type, one.name, lambda _: None, reader_qos(one.reader), raw=True
+            one.type, name, lambda _: None, reader_qos(one.reader), raw=True
         )
 
     def take(self) -> Iterable[tuple[bytes, Any]]:
@@ -249,7 +256,9 @@ def offered_qos(profile: QoSProfile) -> Qos:
 
 
 def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
-    """All of pa_ros, of one arena or of a fleet's."""
+    """All of pa_ros, of one arena or of a fleet's. ConfigError for a namespace that ROS refuses."""
+    for arena in arenas:
+        check_namespace(arena, "arenas")
     within = [
         one.within(arena)
         for arena in arenas
@@ -260,9 +269,10 @@ def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
 
 
 def topics_named(node: Node, names: Iterable[str], arenas: Sequence[str] = ()) -> list[Topic]:
-    """Topics by name: ours, and any other that someone publishes now. Raises BagError."""
-    ours = {node.resolve_topic_name(one.name): one for one in topics_of(arenas)}
-    wanted = [node.resolve_topic_name(name) for name in names]
+    """Topics by name: ours, and any other that someone publishes now. Raises BagError, or
+    ConfigError for a name that ROS refuses."""
+    ours = {_resolved(node, one.name): one for one in topics_of(arenas)}
+    wanted = [_resolved(node, name) for name in names]
     strangers = [name for name in wanted if name not in ours]
 
     def unseen() -> list[str]:
@@ -275,6 +285,15 @@ def topics_named(node: Node, names: Iterable[str], arenas: Sequence[str] = ()) -
             f"record: expected topics that someone publishes, or {known}; got {unseen()}"
         )
     return [ours.get(name) or _stranger(node, name) for name in wanted]
+
+
+def _resolved(node: Node, name: str) -> str:
+    try:
+        return str(node.resolve_topic_name(name))
+    except RuntimeError as error:  # rcl's own
+        raise ConfigError(f"record: expected a name of a topic, got {name!r:.200}: {error}") from (
+            error
+        )
 
 
 def _stranger(node: Node, name: str) -> Topic:
