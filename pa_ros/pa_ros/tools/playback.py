@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Final
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -26,6 +26,10 @@ WINDOW: Final = 20  # messages of a topic that may be under way when not paced b
 ACK_S: Final = 5.0  # what a reader may take to acknowledge, an arena to come to a step
 ARENA_S: Final = 0.5  # in which an arena that listens to commands is seen to speak, too
 CLOCK_PERIOD_S: Final = 0.01
+LONGEST_S: Final = 1e9
+SLOWEST: Final = 1e-6  # of the rates that are paced
+FASTEST: Final = 1e6
+_LAST_NS: Final = 2**63 - 1  # that storages can ask for
 _SPIN_S: Final = 0.0005  # before a message is due: sleeping is not that exact
 _NAP_S: Final = 0.0002
 
@@ -42,16 +46,29 @@ class PlaybackOptions(Settings):
     SECTION: ClassVar[str] = "playback"
 
     rate: float = Field(
-        1.0, ge=0, description="times the recorded speed; 0: as fast as it is taken"
+        1.0, ge=0, le=FASTEST, description="times the recorded speed; 0: as fast as it is taken"
     )
     topics: tuple[str, ...] = Field((), description="full names, or their last parts; none: all")
-    start_s: float = Field(0.0, ge=0, description="seconds after the bag's first message")
-    duration_s: float = Field(0.0, ge=0, description="seconds of recorded time; 0: to the end")
+    start_s: float = Field(
+        0.0, ge=0, le=LONGEST_S, description="seconds after the bag's first message"
+    )
+    duration_s: float = Field(
+        0.0, ge=0, le=LONGEST_S, description="seconds of recorded time; 0: to the end"
+    )
     loop: bool = Field(False, description="again and again, until stopped")
     clock: bool = Field(False, description="publish /clock by the recorded times")
     wait_s: float = Field(
-        DISCOVERY_S, ge=0, description="seconds, at most, for someone to listen to each topic"
+        DISCOVERY_S,
+        ge=0,
+        le=LONGEST_S,
+        description="seconds, at most, for someone to listen to each topic",
     )
+
+    @model_validator(mode="after")
+    def _paced(self) -> PlaybackOptions:
+        if 0.0 < self.rate < SLOWEST:
+            raise ValueError(f"rate: expected 0 or at least {SLOWEST:g}, got {self.rate:g}")
+        return self
 
 
 @dataclass
@@ -185,7 +202,7 @@ class Player:
     def _messages(self, first_ns: int) -> Iterator[Recorded]:
         stop_ns = None
         if self._options.duration_s:
-            stop_ns = first_ns + int(self._options.duration_s * 1e9)
+            stop_ns = min(first_ns + int(self._options.duration_s * 1e9), _LAST_NS)
         return self._bag.messages(self._publishers, first_ns, stop_ns)
 
     def _sleep_until(self, due: float, stamp_ns: int, stopped: Callable[[], bool]) -> bool:
