@@ -244,6 +244,16 @@ def test_many_bags_at_another_rate(recorded, tmp_path, capsys):
     assert "7 trajectories, 700 transitions, 350 updates" in capsys.readouterr().out
 
 
+def test_a_bag_of_another_world_is_refused_before_anything_is_learned(recorded, tmp_path, capsys):
+    other = tmp_path / "b" / "bag"
+    assert train(tmp_path / "b", "--record", other, "--design", "3-D", frames=100) == 0
+    out = tmp_path / "out"
+    assert main(["train", "--out", str(out), "--from-bag", str(recorded / "bag"), str(other)]) == 2
+    error = capsys.readouterr().err
+    assert f"bag: {other}: expected a recording of the world" in error
+    assert not out.exists()
+
+
 def test_a_resumed_run_is_not_verified(recorded, tmp_path, capsys):
     assert train(tmp_path, frames=100) == 0
     assert train(tmp_path, "--resume", "--record", tmp_path / "bag", frames=200) == 0
@@ -275,10 +285,17 @@ def test_a_run_outlives_a_full_disk(tmp_path, monkeypatch):
         assert bag.counts["/trajectories"] == 1
 
 
+@pytest.mark.parametrize("refused", [["--set=learner.engine.device=xla"], ["--resume"], []])
+def test_a_run_that_is_refused_leaves_no_bag(recorded, tmp_path, refused):
+    out = tmp_path / "out" if refused else recorded  # which is used
+    assert train(out, "--record", tmp_path / "bag", *refused) == 2
+    assert not [*tmp_path.iterdir()]
+
+
 def test_an_existing_bag_is_refused_before_training(recorded, tmp_path, capsys):
     assert train(tmp_path, "--record", recorded / "bag") == 2
     assert "exists already" in capsys.readouterr().err
-    assert not (tmp_path / "checkpoint").exists()
+    assert not [*tmp_path.iterdir()]
 
 
 def test_one_of_several_arenas_is_chosen_by_its_namespace(recorded, tmp_path, capsys):

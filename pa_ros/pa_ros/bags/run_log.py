@@ -11,7 +11,7 @@ from typing import Any, Final
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import BagFullError
-from pa_ros.bags.writer import BagOptions, BagWriter
+from pa_ros.bags.writer import BagOptions, BagWriter, refuse_existing
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
@@ -40,7 +40,8 @@ _TOPICS = (
 class RunLog:
     """A `pa_ros.learning.loop.Log` that writes a bag; a context manager that closes it.
 
-    A full disk closes the bag readable and sets `failure`; the run goes on unrecorded.
+    The bag is there once the run begins: one that is refused leaves none. A full disk closes the
+    bag readable and sets `failure`; the run goes on unrecorded.
     """
 
     def __init__(
@@ -58,9 +59,9 @@ class RunLog:
         self._arena, self._design, self._seed = arena, design, seed
         self._programs, self._parameters = training_programs, parameters
         self._types = installed_types()
-        self._writer = BagWriter(folder, options)
-        for name, kind, qos in _TOPICS:
-            self._writer.add(topic(self._types, name, message_type(kind), [qos]))
+        refuse_existing(folder)
+        self._folder, self._options = folder, options
+        self._writer: BagWriter | None = None
         self._stamp_ns = 0
         self._flushed = time.monotonic()
         self._frames = 0  # since the newest weights written
@@ -69,13 +70,19 @@ class RunLog:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._writer is None:
+            return
         try:
             self._writer.close()
         except BagFullError as error:
             self._fail(error)
 
     def begin(self, run: LearningRun) -> None:
-        """What the run is, and the weights that it begins with."""
+        """What the run is, and the weights that it begins with. Raises BagError if there is a bag
+        by now, BagFullError if it cannot be made."""
+        self._writer = writer = BagWriter(self._folder, self._options)
+        for name, kind, qos in _TOPICS:
+            writer.add(topic(self._types, name, message_type(kind), [qos]))
         learner, run_id = run.learner, run.info.run_id
         about = learner_origin(
             NODE,
@@ -90,7 +97,7 @@ class RunLog:
         )
         about_arena = self._arena, self._design, self._seed, self._programs, run_id
         arena = describe(*about_arena, reward=learner.scoring.reward)
-        self._writer.custom = as_custom_data([about], [arena])
+        writer.custom = as_custom_data([about], [arena])
         self._write("/provenance", codec.encode_provenance(about))
         self._write("/arena_info", codec.encode_arena_info(arena))
         self._write("/learner_info", codec.encode_learner_info(run.info))
@@ -98,7 +105,7 @@ class RunLog:
 
     def add(self, trajectory: Trajectory, policy: PublishedPolicy) -> None:
         """A trajectory that was learned from, and the weights that came of it."""
-        if self.failure is not None:
+        if self.failure is not None or self._writer is None:
             return
         self._write("/trajectories", codec.encode_trajectory(trajectory))
         self._frames += len(trajectory)
@@ -111,9 +118,10 @@ class RunLog:
 
     def _write(self, name: str, message: Message) -> None:
         """Stamps grow, so that the order in the bag is the order of the run."""
+        assert self._writer is not None
+        write, payload = self._writer.write, to_cdr(self._types, message)
         self._stamp_ns = max(self._stamp_ns + 1, time.time_ns())
-        payload = to_cdr(self._types, message)
-        self._guarded(lambda: self._writer.write(name, payload, self._stamp_ns))
+        self._guarded(lambda: write(name, payload, self._stamp_ns))
 
     def _guarded(self, act: Any) -> None:
         if self.failure is None:

@@ -63,7 +63,7 @@ class BagWriter:
             folder.mkdir(parents=True)
             self._claim = Claim(folder)
         except FileExistsError:
-            raise BagError(f"bag: {folder} exists already, not overwriting") from None
+            raise _exists(folder) from None
         except OSError as error:
             raise BagFullError(f"bag: {folder}: {error}") from error
         try:
@@ -192,6 +192,16 @@ class BagWriter:
         self._claim.release()
         self.failure = BagFullError(f"bag: {self.folder}: {error}: {rest}")
         raise self.failure from error
+
+
+def refuse_existing(folder: Path) -> None:
+    """Raise BagError if there is something already."""
+    if os.path.lexists(folder):
+        raise _exists(folder)
+
+
+def _exists(folder: Path) -> BagError:
+    return BagError(f"bag: {folder} exists already, not overwriting")
 
 
 def _reserve(path: Path) -> None:

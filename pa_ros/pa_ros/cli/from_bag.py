@@ -24,6 +24,7 @@ from pa_ros.learning.loop import TrainConfig
 from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.codec import weights_checksum
+from pa_ros.wire.errors import WorldError
 from pa_ros.world import Scoring, reward_from
 
 log = logging.getLogger(__name__)
@@ -41,6 +42,8 @@ def run(options: argparse.Namespace) -> int:
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
         bags = [Experience(bag, options.namespace) for bag in opened]
         learner, about = _learner(options, bags[0])
+        for path, bag in zip(options.from_bag, bags, strict=True):
+            _check_world(path, bag, learner)
         stack.enter_context(claim(options.out))  # last: what is refused leaves no folder
         started = time.monotonic()
         found = learn(bags, learner, _Progress(learner))
@@ -75,6 +78,16 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         "preset": origin.preset,
         "arm": origin.arm,
     }
+
+
+def _check_world(path: Path, bag: Experience, learner: Learner) -> None:
+    """ConfigError if the bag's first trajectory is of another world than the learner's."""
+    try:
+        next(bag.lessons(learner.network.world), None)
+    except WorldError as error:
+        raise ConfigError(
+            f"bag: {path}: expected a recording of the world that is learned in: {error}"
+        ) from error
 
 
 def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, object]]:

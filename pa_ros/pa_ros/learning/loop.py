@@ -7,6 +7,7 @@ synchronous protocol"), so the same seed gives the same weights, bit for bit, ei
 from __future__ import annotations
 
 import logging
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -144,6 +145,10 @@ def train(
         )
     # First, so that settings which are refused leave no folder.
     learner = Learner(network, learner_config, training_programs, config.seed, environment.scoring)
+    if resume and not os.path.isdir(checkpoint_of(config.out)):
+        raise CheckpointError(
+            f"checkpoint: expected one at {checkpoint_of(config.out)}, found none"
+        )
     with claim(config.out, resume):
         extra = _resume(config, learner) if resume else {}
         learning = LearningRun(learner, environment.control_period_s, extra)
