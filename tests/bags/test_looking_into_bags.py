@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from films import captions
+from mcap.reader import make_reader
 from PIL import Image, ImageSequence
 from recorded_runs import rewritten, train
 
 from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
+from pa_ros.arena.movie import captioned
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import arenas_of
@@ -22,6 +25,7 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.core.experience import Observation, Verdict
+from pa_ros.core.signals import EXIT_INTERRUPTED
 from pa_ros.language import Program, parse
 from pa_ros.provenance.origins import describe
 from pa_ros.wire import codec
@@ -279,3 +283,68 @@ def test_steps_that_are_not_what_they_promise_are_refused(
     assert f"not readable: {reason}" in capsys.readouterr().out
     assert main(["bag", "export", str(bag), "--out", str(tmp_path / "out")]) == 2
     assert reason in capsys.readouterr().err
+
+
+def cut_off(bag: Path, copy: Path) -> Path:
+    """The bag, with a byte of its last chunk of messages altered: its first episode is whole."""
+    shutil.copytree(bag, copy)
+    file = next(copy.glob("*.mcap"))
+    with file.open("rb") as stream:
+        chunk = max(
+            make_reader(stream).get_summary().chunk_indexes, key=lambda c: c.chunk_start_offset
+        )
+    content = bytearray(file.read_bytes())
+    content[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    file.write_bytes(content)
+    return copy
+
+
+def test_an_export_that_is_refused_does_not_stand_in_the_way(learned, tmp_path, capsys):
+    out = tmp_path / "deep" / "out"
+    chosen = ["bag", "export", str(learned), "--out", str(out), "--episodes"]
+    assert main([*chosen, "99"]) == 2
+    assert (
+        "expected episodes that the bag has, got [99]; none was written" in capsys.readouterr().err
+    )
+    assert not out.exists()
+    assert main([*chosen, "1"]) == 0
+    assert (out / "episodes.csv").exists()
+
+
+def test_a_bag_without_episodes_is_refused(tmp_path, capsys):
+    with BagWriter(tmp_path / "bag") as bag:
+        for name, kind in (("/object_features", "ObjectFeatures"), ("/arena_info", "ArenaInfo")):
+            bag.add(topic(installed_types(), name, f"msgs_schema/msg/{kind}", [reliable_qos(1)]))
+        bag.add(topic(installed_types(), "/joint_states", "sensor_msgs/msg/JointState"))
+    assert main(["bag", "export", str(tmp_path / "bag"), "--out", str(tmp_path / "out")]) == 2
+    assert "expected episodes, got none" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_of_a_damaged_bag_it_is_said_how_many_episodes_were_exported(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pa_ros.bags.run_log.FLUSH_S", 0.0)  # a chunk for each
+    assert train(tmp_path / "run", "--record", tmp_path / "bag", frames=300) == 0
+    copy, out = cut_off(tmp_path / "bag", tmp_path / "copy"), tmp_path / "out"
+    assert main(["bag", "export", str(copy), "--out", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert "unreadable after" in error and "1 episodes are in" in error
+    assert "their table is episodes.csv.part" in error and not (out / "episodes.csv").exists()
+    with (out / "episodes.csv.part").open() as file:
+        assert [row["episode"] for row in csv.DictReader(file)] == ["0"]
+
+
+def test_a_film_that_is_interrupted_leaves_the_one_before(stepped, tmp_path, monkeypatch):
+    out = tmp_path / "films" / "film.gif"
+    arguments = ["bag", "film", str(stepped), "--episode", "7", "--side", "64", "--out", str(out)]
+    assert main(arguments) == 0
+    before, shown = out.read_bytes(), []
+
+    def interrupted(*given):
+        if len(shown) == 3:
+            raise KeyboardInterrupt
+        shown.append(given)
+        return captioned(*given)
+
+    monkeypatch.setattr("pa_ros.bags.film.captioned", interrupted)
+    assert main(arguments) == EXIT_INTERRUPTED
+    assert out.read_bytes() == before and [*out.parent.iterdir()] == [out]

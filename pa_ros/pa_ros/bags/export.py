@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.bags.episodes import RecordedEpisode
-from pa_ros.bags.errors import BagError
-from pa_ros.core.errors import ConfigError
+from pa_ros.bags.errors import BagError, ForeignBagError
+from pa_ros.core.errors import ConfigError, PaError
 
+TABLE = "episodes.csv"
 KINDS = ("npz", "parquet")
 COLUMNS = ("file", "episode", "evaluation", "steps", "missing_steps", "reward_per_step", "program")
 
@@ -30,33 +33,57 @@ def export(
 ) -> int:
     """Write `episode-<n>.<kind>` (`eval-<n>.<kind>`) and episodes.csv; how many.
 
-    An episode that was recorded more than once gets `-2`, `-3`, … behind its number. BagError if
-    refused, or, with the others written, if the bag has not all of `numbers`; ConfigError if the
-    kind is none of KINDS or lacks its extra.
+    An episode that was recorded more than once gets `-2`, `-3`, … behind its number. Until all is
+    written the table is called episodes.csv.part; where nothing is, nothing is left.
+    ForeignBagError if there are no episodes, BagError if refused, or, with the others written, if
+    the bag has not all of `numbers` or can't be read to its end; ConfigError if the kind is none of
+    KINDS or lacks its extra.
     """
     write = _writer(kind)
+    table, unfinished = folder / TABLE, folder / f"{TABLE}.part"
+    if os.path.lexists(table):
+        raise BagError(f"export: {table} exists already, not overwriting")
+    made = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
     written, missing = dict[str, int](), set(numbers or ())
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with (folder / "episodes.csv").open("x", newline="") as file:
-            table = csv.writer(file)
-            table.writerow(COLUMNS)
+        with unfinished.open("w", newline="") as file:
+            rows = csv.writer(file)
+            rows.writerow(COLUMNS)
             for episode in found:
                 if numbers is None or episode.number in numbers:
                     name = _name(episode, written, kind)
                     write(folder / name, episode.arrays())
-                    table.writerow(_line(name, episode))
+                    rows.writerow(_line(name, episode))
                     missing.discard(episode.number)
-    except FileExistsError as error:
-        raise BagError(f"export: {error.filename} exists already, not overwriting") from None
-    except OSError as error:
-        raise BagError(f"export: {error}") from error
+        if written:
+            unfinished.replace(table)
+    except (PaError, OSError) as error:
+        count = max(0, sum(written.values()) - isinstance(error, OSError))
+        said = f"; {count} episodes are in {folder}, their table is {unfinished.name}"
+        raise BagError(f"export: {error}{said if count else ''}") from error
+    finally:
+        if not written:
+            _leave_nothing(unfinished, made)
+    count = sum(written.values())
     if missing:
+        rest = f"{count} others are there" if count else "none was written"
         raise BagError(
-            f"export: {folder}: expected episodes that the bag has, got {sorted(missing)}, too; "
-            f"{sum(written.values())} others are there"
+            f"export: {folder}: expected episodes that the bag has, got {sorted(missing)}"
+            f"{', too' if count else ''}; {rest}"
         )
-    return sum(written.values())
+    if not count:
+        raise ForeignBagError("export: expected episodes, got none")
+    return count
+
+
+def _leave_nothing(unfinished: Path, made: Iterable[Path]) -> None:
+    """Remove an empty table, and the folders that were made for it."""
+    with suppress(OSError):
+        unfinished.unlink()
+    for folder in made:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def _writer(kind: str) -> Write:
