@@ -29,6 +29,7 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Reset, SetSpeed, Step
 from pa_ros.wire.records import Health, Origin, ProgramJudgement, ProgramRequest, StepContext
+from pa_ros.world import reward_from
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
@@ -51,6 +52,7 @@ def arena(message: Any) -> None:
     words = described.world.vocabulary
     ProgramBook(words).accept(ProgramRequest("p", f"NEAR(HAND, {words.words[0]})"))
     assert 0 < described.control_period < math.inf
+    reward_from(described.reward)
     NetworkConfig(world=described.world, hidden=4, attention=4).architecture.encode()
 
 

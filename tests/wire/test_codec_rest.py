@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary, parse
 from pa_ros.wire import codec, errors
 from pa_ros.wire.codec.services import SPEEDS
@@ -72,6 +73,7 @@ def test_arena_survives_the_wire():
         ("thresholds", (-0.1,), errors.RangeError),
         ("thresholds", (0.2, 0.3), errors.SizeError),
         ("episode_steps", 0, errors.RangeError),
+        pytest.param("world", f'{{"joints": {10**400}}}', ConfigError, id="world"),
     ],
 )
 def test_malformed_arenas_are_refused(field, value, error):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -71,8 +73,12 @@ def group(words: tuple[str, ...] = ("A",), name: str = "g", **changed: object) -
         ({"tolerance": 0.5}, "more than twice the tolerance 0.5 apart, got A .* and B"),
         ({"tolerance": 0.0}, "positive tolerance"),
         ({"scale": float("inf")}, "positive tolerance and scale"),
-        ({"of": {"A": (0.0, 1.0)}}, r"property group g: A: expected 1 numbers, got \(0.0, 1.0\)"),
+        ({"of": {"A": (0.0, 1.0)}}, r"property group g: A: expected 1 numbers .* got \(0.0, 1.0\)"),
         ({"of": {"A": (float("nan"),)}}, "A: expected 1 numbers"),
+        ({"of": {"A": (1e300,)}}, "A: expected 1 numbers of at most 1e\\+15, got"),
+        ({"scale": 1e300}, "scale of at most 1e\\+15, got 0.1 and 1e\\+300"),
+        ({"tolerance": 1e200}, "positive tolerance and scale of at most 1e"),
+        ({"tolerance": 10**400}, "positive tolerance and scale of at most 1e"),
         ({"of": {}}, "at least one value"),
         ({"words": ()}, "at least one word in g"),
         ({"name": "Größe"}, "lower-case ASCII name"),
@@ -145,6 +151,37 @@ def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
 def test_what_is_no_world_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match="world: expected"):
         World.from_json(text)
+
+
+HUGE = 10**400  # more than a float holds
+SIZES = {"name": "size", "words": ["SMALL"], "features": ["m"], "of": [["SMALL", [0.1]]],
+         "tolerance": 0.01, "scale": 1.0}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("group", "rest"),
+    [
+        ({"of": [["SMALL", [HUGE]]]}, {}),
+        ({"of": [["SMALL", [1e300]]]}, {}),
+        ({"tolerance": HUGE}, {}),
+        ({"scale": HUGE}, {}),
+        ({"scale": 1e300}, {}),
+        ({}, {"joints": HUGE}),
+        ({}, {"joints": 6.5}),
+        ({}, {"joints": 6.0}),
+        ({}, {"joints": True}),
+        ({}, {"joints": "6"}),
+    ],
+)
+def test_a_strangers_world_of_numbers_that_cannot_be_is_refused(
+    group: dict[str, object], rest: dict[str, object]
+) -> None:
+    world = {"objects": [SIZES | group], "words": [["size", ["SMALL"]]], "joints": 6}
+    world |= {"relations": ["NEAR"]} | rest
+    with pytest.raises(ConfigError, match="expected"):
+        World.from_json(json.dumps(world))
+    with pytest.raises(ConfigError, match="expected"):  # from YAML, which any integer fits into
+        World.from_data(world)
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,9 @@ def test_a_reward_goes_through_its_text_and_back() -> None:
         ('{"name": "sparse", "satisfied": "x"}', "finite numbers .* got satisfied = 'x'"),
         ('{"name": "sparse", "satisfied": NaN}', "finite numbers .* got satisfied = nan"),
         ('{"name": "sparse", "satisfied": true}', "finite numbers .* got satisfied = True"),
+        pytest.param(
+            f'{{"name": "sparse", "satisfied": {10**400}}}', "reward: .* that a float", id="huge"
+        ),
     ],
 )
 def test_a_text_that_is_no_reward_is_refused(text: str, message: str) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -221,11 +222,19 @@ class Settings(BaseModel):
 
 
 def read_json(text: str) -> Any:
-    """What JSON says; ValueError if it isn't, or is nested too deeply to be read."""
+    """What JSON says; ValueError if it isn't, is nested too deeply to be read, or has an integer
+    that no float holds."""
     try:
-        return json.loads(text)
+        return json.loads(text, parse_int=_integer)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
+
+
+def _integer(text: str) -> int:
+    value = int(text)
+    if abs(value) > sys.float_info.max:
+        raise ValueError(f"expected integers that a float holds, got {len(text)} digits")
+    return value
 
 
 def canonical_json(values: Any) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
-from math import dist, inf, isfinite, prod
+from math import dist, prod
 from operator import mul
 from typing import Any
 
@@ -26,6 +26,7 @@ MAX_GROUPS = 8
 MAX_WORDS = 128
 MAX_NUMBERS = 4096  # that say what all values look like
 MAX_KINDS = 4096  # combinations of one value of each group
+MAX_NUMBER = 1e15  # of a value or a scale: its square is finite in float32
 
 
 @dataclass(frozen=True)
@@ -111,12 +112,15 @@ class PropertyGroup:
         if not prototypes or not width:
             raise ConfigError(f"{self}: expected at least one value and one feature, got none")
         for value, numbers in prototypes.items():
-            if len(numbers) != width or not all(map(isfinite, numbers)):
-                raise ConfigError(f"{self}: {value}: expected {width} numbers, got {numbers}")
-        if not (0 < tolerance < inf and 0 < self.features.scale < inf):
+            if len(numbers) != width or not all(abs(n) <= MAX_NUMBER for n in numbers):
+                raise ConfigError(
+                    f"{self}: {value}: expected {width} numbers of at most {MAX_NUMBER:g}, "
+                    f"got {numbers}"
+                )
+        if not (0 < tolerance <= MAX_NUMBER and 0 < self.features.scale <= MAX_NUMBER):
             raise ConfigError(
-                f"{self}: expected a positive tolerance and scale, got {tolerance} and "
-                f"{self.features.scale}"
+                f"{self}: expected a positive tolerance and scale of at most {MAX_NUMBER:g}, "
+                f"got {tolerance} and {self.features.scale}"
             )
         for (one, here), (other, there) in combinations(prototypes.items(), 2):
             if dist(here, there) <= 2 * tolerance:
@@ -242,7 +246,7 @@ class ObjectSchema:
         """The inverse of `to_data`; ConfigError if it isn't."""
         try:
             return cls(tuple(_group(dict(one)) for one in data))
-        except (TypeError, ValueError, KeyError, AttributeError) as error:
+        except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
             raise ConfigError(
                 f"object schema: expected groups of properties as JSON: {error!r}, "
                 f"got {str(data)[:200]}"

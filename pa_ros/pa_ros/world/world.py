@@ -38,8 +38,8 @@ class World:
         words = len(self.vocabulary.words)
         if words > MAX_WORDS:
             raise ConfigError(f"world: words: expected 1 to {MAX_WORDS}, got {words}")
-        if not 1 <= self.joints <= MAX_JOINTS:
-            raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints}")
+        if type(self.joints) is not int or not 1 <= self.joints <= MAX_JOINTS:
+            raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints!r}")
         for relation in self.relations:
             RELATIONS[relation]
 
