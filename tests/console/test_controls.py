@@ -49,6 +49,29 @@ def test_a_block_is_put_where_its_handle_is_let_go():
     handle.remove.assert_called_once()
 
 
+@pytest.mark.parametrize("value", ["abc", "", "-3: RED CUBE", "0: RED CUBE", "7: RED CUBE", "1:"])
+def test_a_block_that_was_not_offered_is_none(value: str):
+    client, desk = MagicMock(), MagicMock()
+    desk.vocabulary.return_value = None
+    desk.examples.return_value = desk.arenas.return_value = ()
+    desk.blocks.return_value = (("RED CUBE", (0.1, 0.2, 0.03)),)
+    block, put = MagicMock(value="none"), MagicMock()
+    gui = client.gui
+    gui.add_dropdown.side_effect = lambda label, *_, **__: (
+        block if label == "Block" else MagicMock()
+    )
+    gui.add_button.side_effect = lambda label, **_: put if "Put" in label else MagicMock()
+    gui.add_vector2.return_value.value = (0.3, 0.3)
+    controls = Controls(client, desk)
+    controls.refresh()
+    block.value = value
+    block.on_update.call_args[0][0](SimpleNamespace(client=client))
+    put.on_click.call_args[0][0](None)
+    controls.refresh()
+    client.scene.add_transform_controls.assert_not_called()
+    desk.move.assert_not_called()
+
+
 def test_a_text_is_read_again_when_an_arena_is_known():
     client, desk = MagicMock(), MagicMock()
     desk.examples.return_value = desk.arenas.return_value = desk.blocks.return_value = ()

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import sys
 from itertools import groupby
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 from recorded_runs import rewritten, train
 
 from pa_ros.arena.appearance import look_of
+from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError, ProvenanceError
 from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
 from pa_ros.console.insight import logic_of
 from pa_ros.console.recorded import Replay
+from pa_ros.console.replay import Timeline
+from pa_ros.console.serve import serve_bag
+from pa_ros.console.server import ConsoleSettings
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 
 
@@ -95,6 +100,36 @@ def test_a_damaged_bag_is_one_line(recorded, tmp_path, capsys, monkeypatch):
     assert error.startswith("pa_ros console: bag:") and "Traceback" not in error
     with pytest.raises(BagError):
         Bag(tmp_path / "none")
+
+
+@pytest.mark.parametrize("wish", [-1000, -1, 2, 1000, float("nan"), float("inf"), float("-inf")])
+def test_a_slider_beyond_its_ends_stands_at_one(wish):
+    replay, page, client = MagicMock(), MagicMock(), MagicMock()
+    rows = [Row(step, 0, np.zeros((1, 16), np.float32), 0, "") for step in range(2)]
+    replay.episodes = [RecordedEpisode(number, False, rows) for number in range(2)]
+    episode, step = MagicMock(value=wish), MagicMock(value=0)
+    client.gui.add_slider.side_effect = [episode, step]
+    timeline = Timeline(replay, page)
+    timeline.controls(client)
+    episode.on_update.call_args[0][0](None)
+    step.value = wish
+    step.on_update.call_args[0][0](None)
+    timeline.tick(pages=1)
+    replay.moment.assert_called_once_with(*[1 if wish > 0 else 0] * 2)
+
+
+def test_a_page_that_cannot_be_drawn_ends_nothing(recorded, monkeypatch, capsys):
+    ticks = iter(range(3))
+
+    def tick(timeline, pages):
+        if next(ticks) == 0:
+            raise IndexError("no such row")
+
+    monkeypatch.setattr(Timeline, "tick", tick)
+    settings = ConsoleSettings(port=0, rate_hz=30.0)
+    finished = iter([False, False, True])
+    serve_bag(recorded, settings, None, lambda: next(finished), lambda *_: None)
+    assert "refused: timeline: [console.page] IndexError: no such row" in capsys.readouterr().err
 
 
 def test_without_its_extra_rerun_is_one_line(recorded, tmp_path, capsys, monkeypatch):

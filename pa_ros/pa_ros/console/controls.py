@@ -148,7 +148,9 @@ class Controls:
         put.on_click(put_there)
 
     def _chosen(self) -> int | None:
-        return None if self._block.value == NO_BLOCK else int(self._block.value.split(":")[0]) - 1
+        """The chosen block's place; None: none, or one that is not offered."""
+        offered = self._shown[2] if self._shown else ()
+        return offered.index(self._block.value) if self._block.value in offered else None
 
     def _take_hold(self) -> None:
         """A handle on the chosen block, of this page alone."""

@@ -14,6 +14,7 @@ from typing import Any
 from rclpy.node import Node
 
 from pa_ros.console import markup
+from pa_ros.console.asked import PageError, attempt
 from pa_ros.console.history import History
 from pa_ros.console.moment import Moment, looked
 from pa_ros.console.page import Page
@@ -70,7 +71,7 @@ class LiveConsole:
         self._todo.put(lambda: self._send(text))
 
     def choose(self, namespace: str) -> None:
-        self._todo.put(lambda: self._attend(namespace))
+        self._todo.put(lambda: self._choose(namespace))
 
     def ask(self, service: str, value: float = 0.0) -> None:
         self._todo.put(lambda: self._services.ask(service, value))
@@ -86,7 +87,7 @@ class LiveConsole:
     def tick(self, pages: int) -> None:
         """Do what was asked; renew the page if one is open, else rest."""
         while not self._todo.empty():
-            self._todo.get()()
+            attempt(self._refusals, "page", self._todo.get())
         now = time.monotonic()
         if now - self._surveyed > SURVEY_S:
             before, self._arenas = self._arenas, self._survey()
@@ -122,6 +123,11 @@ class LiveConsole:
         if self._sampler is not None:
             self._sampler.close()
             self._sampler = None
+
+    def _choose(self, namespace: str) -> None:
+        if namespace not in self._arenas:
+            raise PageError(f"expected an arena of {list(self._arenas)}, got {namespace!r}")
+        self._attend(namespace)
 
     def _attend(self, namespace: str) -> None:
         """Turn to the arena of a namespace."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -46,19 +47,19 @@ class Timeline:
             play = gui.add_button_group("Play", ("Play", "Stop"))
 
         def chosen(_: Any) -> None:
-            step.max = max(len(recorded[int(episode.value)].rows) - 1, 1)
+            step.max = max(len(recorded[_place(episode.value, recorded)].rows) - 1, 1)
             step.value = 0
-            self._go(int(episode.value), 0)
+            self._go(episode.value, 0)
 
         episode.on_update(chosen)
-        step.on_update(lambda _: self._go(int(episode.value), int(step.value)))
+        step.on_update(lambda _: self._go(episode.value, step.value))
         play.on_click(lambda _: self._play(play.value == "Play"))
         return episode
 
-    def _go(self, episode: int, step: int) -> None:
-        episode = min(episode, len(self._replay.episodes) - 1)
+    def _go(self, episode: float, step: float) -> None:
+        place = _place(episode, self._replay.episodes)
         with self._lock:
-            self._place = episode, min(step, len(self._replay.episodes[episode].rows) - 1)
+            self._place = place, _place(step, self._replay.episodes[place].rows)
 
     def _play(self, playing: bool) -> None:
         with self._lock:
@@ -73,6 +74,11 @@ class Timeline:
             ),
             "History",
         )
+
+
+def _place(wish: float, among: Sequence[object]) -> int:
+    """The place nearest to a number, which a page may have sent without its slider."""
+    return int(min(max(0, wish), len(among) - 1))  # 0 for NaN: `max` keeps its first
 
 
 def _summary(episode: RecordedEpisode) -> str:

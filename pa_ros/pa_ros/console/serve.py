@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import viser
@@ -13,6 +15,7 @@ from rclpy.node import Node
 
 from pa_ros.bags.reader import Bag
 from pa_ros.console import markup
+from pa_ros.console.asked import attempt
 from pa_ros.console.controls import Controls
 from pa_ros.console.live import LiveConsole
 from pa_ros.console.page import Page
@@ -20,6 +23,7 @@ from pa_ros.console.recorded import Replay
 from pa_ros.console.replay import Timeline
 from pa_ros.console.server import ConsoleServer, ConsoleSettings
 from pa_ros.ros.executor import spin_until, steady_timer
+from pa_ros.ros.refusals import Refusals
 from pa_ros.tools.client import client_node
 
 Announce = Callable[[str, str], None]
@@ -70,7 +74,7 @@ def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterat
         )
         live = LiveConsole(node, sampled, Page(server), namespace)
         visitors = Visitors(server, lambda client: Controls(client, live))
-        refreshed = [0.0]
+        refreshed, refusals = [0.0], Refusals(node.get_logger().warning)
 
         def tick() -> None:
             live.tick(server.pages)
@@ -78,7 +82,7 @@ def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterat
                 refreshed[0] = time.monotonic()
                 for controls in visitors.controls:
                     if isinstance(controls, Controls):
-                        controls.refresh()
+                        attempt(refusals, "controls", controls.refresh)
 
         timer = steady_timer(node, 1.0 / settings.rate_hz, tick)
         try:
@@ -112,7 +116,8 @@ def serve_bag(
             page = Page(server, learning=False)
             timeline = Timeline(replay, page)
             Visitors(server, timeline.controls)
+            refusals = Refusals(partial(print, "pa_ros console:", file=sys.stderr, flush=True))
             announce(server.address, server.watching)
             while not finished():
-                timeline.tick(server.pages)
+                attempt(refusals, "timeline", lambda: timeline.tick(server.pages))
                 time.sleep(1.0 / settings.rate_hz)

@@ -49,7 +49,8 @@ class ArenaServices:
             self._said = f"{name}: {error}"
             return
         self._said = f"{name}: asked, no answer yet"
-        client.call_async(request).add_done_callback(lambda future: self._answered(name, future))
+        answered = self._told(name, lambda future: self._answered(name, future))
+        client.call_async(request).add_done_callback(answered)
 
     def move(self, block: int, x: float, y: float) -> None:
         """Put a block, by its number in Ω without the hand, elsewhere on the table (m)."""
@@ -57,12 +58,12 @@ class ArenaServices:
 
         def named(future: Any) -> None:
             names = codec.decode_names(future.result())[1:]
-            if block >= len(names):
+            if not 0 <= block < len(names):
                 self._said = f"move: expected one of {len(names)} blocks, got number {block}"
                 return
             request = codec.encode_state_change(names[block], place)
             moving = self._client(SET_ENTITY_STATE).call_async(request)
-            moving.add_done_callback(lambda done: moved(names[block], done))
+            moving.add_done_callback(self._told("move", lambda done: moved(names[block], done)))
 
         def moved(name: str, future: Any) -> None:
             code, reason = codec.decode_result(future.result())
@@ -70,7 +71,18 @@ class ArenaServices:
 
         self._said = "move: asked, no answer yet"
         asked = self._client(GET_ENTITIES).call_async(GET_ENTITIES[1].Request())
-        asked.add_done_callback(named)
+        asked.add_done_callback(self._told("move", named))
+
+    def _told(self, name: str, answered: Callable[[Any], None]) -> Callable[[Any], None]:
+        """The callback of an answer; what it raises is said."""
+
+        def told(future: Any) -> None:
+            try:
+                answered(future)
+            except Exception as error:
+                self._said = f"{name}: {type(error).__name__}: {error}"
+
+        return told
 
     def _client(self, service: tuple[str, Any]) -> Any:
         """Made when it is first needed."""
