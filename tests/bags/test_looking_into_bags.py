@@ -14,9 +14,12 @@ from films import captions
 from mcap.reader import make_reader
 from PIL import Image, ImageSequence
 from recorded_runs import rewritten, train
+from rerun_files import columns
 
 from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
 from pa_ros.arena.movie import captioned
+from pa_ros.arena.rearranging import bodies, rearrange
+from pa_ros.arena.render import top_view
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import arenas_of
@@ -24,16 +27,21 @@ from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
+from pa_ros.core.body import Body
 from pa_ros.core.experience import Observation, Verdict
 from pa_ros.core.signals import EXIT_INTERRUPTED
 from pa_ros.language import Program, parse
 from pa_ros.provenance.origins import describe
+from pa_ros.tools.scenes import name_of
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
 from pa_ros.wire.records import Command, ProgramRequest, StepContext
+from pa_ros.world.schema import PAPER
 
 pytestmark = pytest.mark.xdist_group("looking into bags")  # its recordings are made once
 STEPS = 30
+Step = tuple[Observation, Verdict, Command | None, Program, bool]
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ARENA, DESIGN = preset_named("fast"), design_named("2-L")
 
 
@@ -45,7 +53,24 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "bag"
 
 
-def acted() -> list[tuple[Observation, Verdict, Command | None, Program, bool]]:
+def rearranged() -> list[Step]:
+    """An episode in which the first block is removed, and two others are put down later."""
+    task, found = ReachTask(ARENA, DESIGN, 3), list[Step]()
+    observation, verdict = task.reset(7)
+    kinds = [block.kind for block in task.episode.blocks]
+    for step in range(9):
+        if step == 3:
+            rearrange(task, kinds[1:], bodies(task)[2:])
+        if step == 6:
+            corners = [Body.at_rest(np.array([x, -0.4, 0.0]), UPRIGHT) for x in (-0.4, -0.3)]
+            spare = kinds[0].but(color="GREEN")
+            rearrange(task, [*kinds[1:], kinds[0], spare], [*bodies(task)[1:], *corners])
+        found.append((observation, verdict, None, task.program, False))
+        observation, verdict = task.step(np.full(6, 0.2))
+    return found
+
+
+def acted() -> list[Step]:
     """Two short episodes: training 7, evaluation 7; with the commands that led on."""
     task, rng, found = ReachTask(ARENA, DESIGN, 3), np.random.default_rng(0), []
     for evaluation in (False, True):
@@ -63,7 +88,17 @@ def acted() -> list[tuple[Observation, Verdict, Command | None, Program, bool]]:
 @pytest.fixture(scope="module")
 def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bag of the arena's topics, parts of a step in changing order, one step sent twice."""
-    folder, store = tmp_path_factory.mktemp("stepped") / "bag", installed_types()
+    return recorded(tmp_path_factory.mktemp("stepped") / "bag", acted())
+
+
+@pytest.fixture(scope="module")
+def changing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of the episode in which there are fewer blocks, then more."""
+    return recorded(tmp_path_factory.mktemp("changing") / "bag", rearranged())
+
+
+def recorded(folder: Path, steps: list[Step]) -> Path:
+    store = installed_types()
     with BagWriter(folder) as bag:
         clock = iter(range(10**18, 10**18 + 10**9, 1000))
         declared: set[str] = set()
@@ -77,7 +112,7 @@ def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
         about = describe(ARENA, DESIGN, 3, [parse("NEAR(HAND, RED)", DESIGN.vocabulary)], "x")
         write("/arena_info", codec.encode_arena_info(about))
-        for i, (observation, verdict, command, program, evaluation) in enumerate(acted()):
+        for i, (observation, verdict, command, program, evaluation) in enumerate(steps):
             if observation.step == 0:
                 request = ProgramRequest(observation.program_id, str(program))
                 write("/program", codec.encode_program(request))
@@ -118,13 +153,13 @@ def test_steps_are_put_together_as_they_were(stepped):
             assert row.policy_version == 4
 
 
-def test_the_stage_shows_what_was_recorded(stepped, learned):
+def test_the_stage_shows_what_was_recorded(stepped, learned, changing):
     """The features of the scene put up again are those recorded: blocks and hand are in place."""
-    for path, tolerance in ((stepped, 1e-5), (learned, 1e-5)):
+    for path, tolerance, every in ((stepped, 1e-5, 7), (learned, 1e-5, 7), (changing, 1e-5, 1)):
         with Bag(path) as bag:
             episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
         stage = Stage(episode, arena)
-        for row in episode.rows[::7]:
+        for row in episode.rows[::every]:
             stage.show(row)
             given = stage.task.simulation.objects()
             np.testing.assert_allclose(given[:, :3], row.objects[:, :3], atol=tolerance)
@@ -150,6 +185,39 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     assert main(["bag", "film", str(stepped), *arguments[:-1], str(movie)]) == 2
     assert "expected a file that ends in .gif or .mp4, got '.avi'" in capsys.readouterr().err
     assert not movie.exists()
+
+
+def test_a_film_goes_on_where_blocks_come_and_go(changing, tmp_path, capsys):
+    out = str(tmp_path / "film.gif")
+    assert main(["bag", "film", str(changing), "--episode", "7", "--side", "64", "--out", out]) == 0
+    assert "9 pictures" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["", "a-program-id", "NEAR(HAND, AND(CYLINDER, CAPSULE))"])
+def test_a_film_shows_no_target_where_none_is_known(stepped, text):
+    """Before the first program, and where it is gone or names nothing."""
+    with Bag(stepped) as bag:
+        episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
+    known = episode.rows[4]
+    for row in episode.rows[:4] + episode.rows[5:]:
+        row.program = text
+    stage, targets = Stage(episode, arena), []
+    for row in episode.rows[:9]:
+        stage.show(row)
+        targets.append(len(stage.task.verifier.targets))
+        top_view(stage.task, 64)
+    assert known.program and targets == [0] * 4 + [1] + [0] * 4
+
+
+def test_a_film_needs_no_block_that_has_a_word(stepped):
+    with Bag(stepped) as bag:
+        episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
+    spare = list(PAPER.features({"shape": "CAPSULE", "color": "MAGENTA"})[7:])
+    for row in episode.rows:
+        row.objects[1:, 7:] = spare
+    stage = Stage(episode, arena)
+    stage.show(episode.rows[0])
+    assert stage.task.verifier.targets == ()
 
 
 def test_a_film_tells_the_program_the_step_and_the_reward(stepped, tmp_path, monkeypatch):
@@ -179,6 +247,51 @@ def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
         np.testing.assert_allclose(arrays["stamp_s"], expected)
     assert main(["bag", "export", str(stepped), "--out", str(tmp_path / "out")]) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+def test_exported_objects_that_are_not_there_are_nan(changing, tmp_path):
+    assert main(["bag", "export", str(changing), "--out", str(tmp_path)]) == 0
+    steps = [observation.objects for observation, *_ in rearranged()]
+    counts = [len(objects) for objects in steps]
+    assert len(set(counts)) == 3
+    with np.load(tmp_path / "episode-000007.npz") as arrays:
+        assert arrays["objects"].shape == (9, max(counts), 16)
+        assert arrays["objects"].dtype == np.float32
+        for given, objects in zip(arrays["objects"], steps, strict=True):
+            np.testing.assert_array_equal(given[: len(objects)], objects)
+            assert np.isnan(given[len(objects) :]).all()
+
+
+def test_a_file_for_rerun_follows_blocks_that_come_and_go(changing, tmp_path):
+    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
+    path = tmp_path / "out.rrd"
+    assert main(["bag", "export", str(changing), "--rerun", str(path)]) == 0
+    told = columns(path)
+    with Bag(changing) as bag:
+        episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
+    stage = Stage(episode, arena)
+    seen: dict[str, int] = {}
+    for row in episode.rows:
+        stage.show(row)
+        for i, block in enumerate(stage.task.episode.blocks, start=1):
+            name = name_of(block.kind.words, DESIGN.vocabulary.row).lower().replace(" ", "_")
+            (pose,) = told[f"/world/blocks/{name} Transform3D:translation"][seen.get(name, 0)][1]
+            assert pose == pytest.approx(stage.task.simulation.positions[i].tolist(), abs=1e-6)
+            seen[name] = seen.get(name, 0) + 1
+    assert sorted(set(seen.values())) == [2, 6, 9]  # the last one, the one that left, the others
+
+
+def test_a_file_for_rerun_that_fails_is_not_left_behind(changing, tmp_path, monkeypatch):
+    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
+    path = tmp_path / "out.rrd"
+
+    def show(*_):
+        raise RuntimeError("no such scene")
+
+    monkeypatch.setattr(Stage, "show", show)
+    with pytest.raises(RuntimeError, match="no such scene"):
+        main(["bag", "export", str(changing), "--rerun", str(path)])
+    assert not path.exists()
 
 
 def test_episodes_that_are_not_there_are_said(stepped, tmp_path, capsys):

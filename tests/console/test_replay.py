@@ -9,6 +9,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 from recorded_runs import rewritten, train
+from rerun_files import columns
 
 from pa_ros.arena.appearance import look_of
 from pa_ros.bags.episodes import RecordedEpisode, Row
@@ -143,23 +144,6 @@ def test_without_its_extra_rerun_is_one_line(recorded, tmp_path, capsys, monkeyp
 def test_an_export_goes_to_one_place(recorded, capsys, given):
     assert main(["bag", "export", str(recorded), *given]) == 2
     assert "expected one of --out DIR and --rerun FILE.rrd" in capsys.readouterr().err
-
-
-def columns(path) -> dict[str, list]:
-    """What a file for Rerun says, by "entity component": (simulation time in s, value) in order."""
-    from rerun.chunk import RrdReader
-
-    found: dict[str, list] = {}
-    for chunk in RrdReader(path).stream():
-        batch = chunk.to_record_batch()
-        if "sim_time" not in batch.schema.names:
-            continue
-        times = [round(time.total_seconds(), 6) for time in batch.column("sim_time").to_pylist()]
-        for name in batch.schema.names:
-            if ":" in name:
-                rows = found.setdefault(f"{chunk.entity_path} {name}", [])
-                rows += zip(times, batch.column(name).to_pylist(), strict=True)
-    return {name: sorted(rows, key=lambda row: row[0]) for name, rows in found.items()}
 
 
 def test_a_file_for_rerun_says_what_is_recorded(recorded, tmp_path, capsys):

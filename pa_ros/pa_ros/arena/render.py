@@ -61,13 +61,17 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
         axes.plot(x, y, look.marker, color=look.rgb, ms=side, mec=edge, mew=size / 20)
     hand_x, hand_y = positions[0, :2].tolist()
     axes.plot(hand_x, hand_y, "o", color="white", mec="#555560", ms=size / 2, zorder=4)
-    axes.plot(*outline(task).T, ":", color="black", linewidth=1.0)
+    if task.verifier.targets:
+        axes.plot(*outline(task).T, ":", color="black", linewidth=1.0)
     picture, _ = canvas.print_to_buffer()  # type: ignore[no-untyped-call]
     return np.frombuffer(picture, dtype=np.uint8).reshape(side_px, side_px, 4)[..., :3].copy()
 
 
 def outline(task: ReachTask) -> Float64:
-    """The line that shows the program's relation, to the nearest target, from above: [M, 2] m."""
+    """The line that shows the program's relation, to the nearest target, from above: [M, 2] m.
+
+    There has to be a target.
+    """
     relation = task.program.relation
     hand, threshold = task.simulation.positions[0], task.scoring.threshold(relation)
     return RELATIONS[relation].outline(hand, nearest_target(task), threshold)

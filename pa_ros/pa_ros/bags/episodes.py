@@ -18,6 +18,7 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.world import Trajectory
+from pa_ros.world.schema import POSE
 
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
 JOINT_STATES: Final = "sensor_msgs/msg/JointState"
@@ -45,6 +46,11 @@ class Row:
     policy_version: int = -1  # of the weights that chose the action
     reward: float = float("nan")  # of this row's state
     distance: float = float("nan")  # m, to the nearest object that the program names
+
+    @property
+    def looks(self) -> bytes:
+        """What tells scenes of other objects apart: their features but for the poses."""
+        return np.ascontiguousarray(self.objects[:, len(POSE) :]).tobytes()
 
 
 @dataclass
@@ -74,7 +80,7 @@ class RecordedEpisode:
         return {
             "step": np.array([row.step for row in rows]),
             "stamp_s": np.array(stamps),
-            "objects": np.stack([row.objects for row in rows]),
+            "objects": _padded([row.objects for row in rows]),
             "joint_position": _stacked([row.joint_position for row in rows]),
             "joint_velocity": _stacked([row.joint_velocity for row in rows]),
             "action": _stacked([row.action for row in rows]),
@@ -83,6 +89,14 @@ class RecordedEpisode:
             "distance": np.array([row.distance for row in rows]),
             "program": np.array([row.program for row in rows]),
         }  # fmt: skip
+
+
+def _padded(rows: Sequence[Float32]) -> Float32:
+    """Objects of each row as one array, [T, N, F] with the largest N; NaN where a row has fewer."""
+    padded = np.full((len(rows), max(map(len, rows)), rows[0].shape[1]), np.nan, np.float32)
+    for into, row in zip(padded, rows, strict=True):
+        into[: len(row)] = row
+    return padded
 
 
 def _stacked(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,7 +15,7 @@ from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
-from pa_ros.core.experience import Float32
+from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.records import ArenaDescription
@@ -32,19 +31,28 @@ class Stage:
         config = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
         design = design_named(arena.design).with_relations(*arena.world.relations)
         self.task = ReachTask(config, design, arena.seed)
-        first = episode.rows[0]
-        design = self.task.design
-        kinds = [_kind(row, design) for i, row in enumerate(first.objects) if i != first.hand_index]
+        self._shown: str | None = None  # the program; none of the recording's yet
+        self._vocabulary, self._number = self.task.design.vocabulary, episode.number
+        self._furnish(episode.rows[0], episode.rows[0].joint_position)
+
+    def _furnish(self, row: Row, arm: Float64) -> None:
+        """Have a row's blocks on the table, and no program of the recording's in force."""
+        kinds = [
+            _kind(features, self.task.design)
+            for i, features in enumerate(row.objects)
+            if i != row.hand_index
+        ]
         blocks = tuple(Block(kind, 0.0, 0.0, 0.0) for kind in kinds)
-        start: Any = tuple(first.joint_position)
-        self._vocabulary = design.vocabulary
-        word = next(word for kind in kinds for word in kind.words & design.vocabulary.row.keys())
-        anything = parse(f"{self._vocabulary.relations[0]}(HAND, {word})", self._vocabulary)
-        self.task.reset_to(Episode(episode.number, "train", blocks, start, anything))
-        self._shown = ""
+        word, start = self._vocabulary.words[0], tuple(arm.tolist())
+        anything = f"{self._vocabulary.relations[0]}(HAND, OR({word}, NOT({word})))"
+        program = parse(anything, self._vocabulary)
+        self.task.reset_to(Episode(self._number, "train", blocks, start, program))
+        self._looks, self._shown = row.looks, None
 
     def show(self, row: Row) -> None:
-        """Put the arm and the blocks where a row says."""
+        """Put the arm and the blocks where a row says; BagError for blocks of another design."""
+        if row.looks != self._looks:
+            self._furnish(row, self.task.simulation.joint_position)
         data, model = self.task.simulation.data, self.task.simulation.model
         joints = self.task.config.joints
         if len(row.joint_position):

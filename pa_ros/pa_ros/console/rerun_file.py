@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +54,18 @@ def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = No
         for place, episode in enumerate(replay.episodes)
         if numbers is None or episode.number in numbers
     ]
-    with rerun.RecordingStream("pa_ros", recording_id=path.stem) as stream:
-        stream.save(str(path))
-        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        teller = _Teller(rerun, stream, replay.arena)
-        for place, episode in chosen:
-            moments = [replay.moment(place, step) for step in range(len(episode.rows))]
-            teller.tell(episode, moments)
-        stream.flush()
+    try:
+        with rerun.RecordingStream("pa_ros", recording_id=path.stem) as stream:
+            stream.save(str(path))
+            stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            teller = _Teller(rerun, stream, replay.arena)
+            for place, episode in chosen:
+                moments = [replay.moment(place, step) for step in range(len(episode.rows))]
+                teller.tell(episode, moments)
+            stream.flush()
+    except BaseException:
+        path.unlink(missing_ok=True)  # of what is half there nobody knows how much
+        raise
     return len(chosen)
 
 
@@ -70,12 +75,18 @@ class _Teller:
     def __init__(self, rerun: Any, stream: Any, arena: ArenaDescription) -> None:
         self._rerun, self._stream, self._arena = rerun, stream, arena
         self._said: dict[str, str] = {}  # texts, by entity
-        self._blocks: list[str] = []  # of the episode, by name
+        self._blocks: list[str] = []  # that are there, by name
         self._until_s = -arena.control_period  # where the simulation's time is not recorded
 
     def tell(self, episode: RecordedEpisode, moments: Sequence[Moment]) -> None:
-        """One episode, from its first step to its last."""
+        """One episode, from its first step to its last; anew where its blocks are others."""
         stage = Stage(episode, self._arena)
+        for _, part in groupby(moments, lambda moment: moment.row.looks):
+            self._part(stage, list(part))
+
+    def _part(self, stage: Stage, moments: Sequence[Moment]) -> None:
+        """Steps in a row with the same blocks."""
+        stage.show(moments[0].row)
         self._times = self._timelines(moments)
         row = self._arena.world.vocabulary.row
         kinds = [name_of(block.kind.words, row) for block in stage.task.episode.blocks]
@@ -103,7 +114,7 @@ class _Teller:
         }
 
     def _begin(self, kinds: Sequence[str]) -> list[str]:
-        """Names of an episode's blocks; what another left behind, and this one lacks, is gone."""
+        """Names of the blocks; what was there before, and is not now, is gone."""
         before, self._blocks = self._blocks, []
         for kind in kinds:
             name = kind.lower().replace(" ", "_")

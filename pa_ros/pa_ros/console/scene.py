@@ -68,7 +68,7 @@ class ArenaScene:
 
         Raises BagError if its joints are not known.
         """
-        of = moment.arena.arena_id, _looks(moment)
+        of = moment.arena.arena_id, moment.row.looks
         if of != self._of:
             if time.monotonic() - self._made_at < REBUILD_S:
                 return False
@@ -142,11 +142,6 @@ class ArenaScene:
                 if block.circle.visible:
                     block.circle.points = _outline(stage, data.geom(f"block{i}").xpos)
         self._server.flush()
-
-
-def _looks(moment: Moment) -> bytes:
-    """What tells blocks apart but for their poses."""
-    return np.ascontiguousarray(moment.observation.objects[:, 7:]).tobytes()
 
 
 def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
