@@ -1,5 +1,7 @@
 """The Gymnasium environment."""
 
+import copy
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -193,3 +195,51 @@ def test_an_episodes_program_may_be_asked_for() -> None:
         with pytest.raises(error, match=said):
             env.reset(seed=0, options=options)
     assert env.step(np.zeros(6, np.float32))[4]["program"]
+
+
+def same(one: object, other: object) -> bool:
+    """Whether two observations, or parts of them, are equal to the last bit."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    return np.array_equal(np.asarray(one), np.asarray(other))
+
+
+@pytest.mark.parametrize("observation", ["flat", "structured"])
+def test_a_deep_copy_goes_on_by_itself(observation: str) -> None:
+    """As one that was never copied; the original stays where it was, and does the same later."""
+    made = [gymnasium.make(ENV_ID, observation=observation) for _ in range(2)]
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (12, 6)).astype(np.float32)
+    for env in made:
+        env.reset(seed=3)
+        for action in actions[:4]:
+            env.step(action)
+    original, reference = made
+    copied = copy.deepcopy(original)
+    expected = [reference.step(action) for action in actions[4:]]
+    expected.append((*reference.reset(), 0.0, False, False))
+    expected += [reference.step(action) for action in actions]
+    for env in (copied, original):
+        found = [env.step(action) for action in actions[4:]]
+        found.append((*env.reset(), 0.0, False, False))
+        found += [env.step(action) for action in actions]
+        for one, other in zip(found, expected, strict=True):
+            assert same(one[0], other[0]) and one[1:] == other[1:]
+
+
+def test_a_copy_and_its_original_share_no_scene() -> None:
+    """Though the copy's next episodes have the same blocks."""
+    env = ReachEnv()
+    env.reset(seed=3)
+    before, copied = env.task.simulation.objects(), copy.deepcopy(env)
+    for _ in range(3):
+        copied.reset(seed=3)
+        copied.step(np.ones(6, np.float32))
+    assert np.array_equal(env.task.simulation.objects(), before)
+
+
+def test_a_running_arena_is_not_pickled() -> None:
+    env = ReachEnv()
+    env.reset(seed=3)
+    with pytest.raises(ConfigError, match=r"expected copy.deepcopy"):
+        pickle.dumps(env)

@@ -5,7 +5,6 @@ Observed as one flat vector, what a standard network needs, goal included; or as
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 import gymnasium
@@ -37,7 +36,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
     parts of the joint speed limits. With `observation="structured"` a `Dict` of objects, arm and
     program (`pa_ros.arena.structured`), for programs of any kind. Reward ±1, or as `reward` has
     it: one of `pa_ros.world`'s, its name, or its JSON. Episodes are truncated, never terminated.
-    `info` has the program, the distance (m) and whether it is satisfied.
+    `info` has the program, the distance (m) and whether it is satisfied. `copy.deepcopy` makes one
+    that goes on by itself from the same state; pickle refuses one that was reset (ConfigError).
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -67,12 +67,10 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         self.world = world_of(self.config, self.design)
         self.flat = FlatObservation(self.world, self.design, condition)
         self.observation_space: spaces.Space[Any] = self.flat.space
-        self._observed: Callable[[Observation], Any]
-        self._observed = lambda seen: self.flat(seen, self.task)
+        self.structured: StructuredObservation | None = None
         if observation == "structured":
             self.structured = StructuredObservation(self.world, self.design, program_rows)
             self.observation_space = self.structured.space
-            self._observed = lambda seen: self.structured(seen, self.task.program)
         self.action_space = spaces.Box(-1.0, 1.0, (self.world.actions,), np.float32)
         self._limits = np.array(self.config.joint_speed_limits)
         self._task: ReachTask | None = None
@@ -125,6 +123,11 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         if self._task is None:
             raise ConfigError("gym: expected a reset before the first step")
         return self._task
+
+    def _observed(self, seen: Observation) -> Any:
+        if self.structured is not None:
+            return self.structured(seen, self.task.program)
+        return self.flat(seen, self.task)
 
     def _new_task(self, seed: int) -> ReachTask:
         return ReachTask(self.config, self.design, seed, reward=self._reward)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from functools import lru_cache, partial
 from math import copysign, cos, sin
+from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
@@ -15,6 +17,7 @@ from pa_ros.arena.episodes import Episode
 from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError
 from pa_ros.arena.features import HAND_INDEX, object_features, template
 from pa_ros.arena.model import build
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.world.schema import PAPER, ObjectSchema
 
@@ -49,6 +52,19 @@ class Simulation:
         self._view_arrays(len(episode.blocks))
         mujoco.mj_kinematics(self.model, self.data)
         self._placed = True
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Simulation:
+        """In the same state, with a model, arrays and views of its own."""
+        other = memo[id(self)] = type(self)(self.config, self._schema)
+        if hasattr(self, "data"):
+            other.model, other.data = copy.copy(self.model), copy.copy(self.data)
+            other._template = self._template.copy()  # noqa: SLF001 - its own kind
+            other._view_arrays(len(self._position) - 1)  # noqa: SLF001 - its own kind
+            other._placed = self._placed  # noqa: SLF001 - its own kind
+        return other
+
+    def __reduce__(self) -> NoReturn:
+        raise ConfigError("simulation: expected copy.deepcopy, or to be made anew, got a pickler")
 
     def rest_height(self, kind: Kind) -> float:
         """Of the center of a block that lies on the table, m."""
