@@ -216,14 +216,15 @@ def test_a_deep_copy_goes_on_by_itself(observation: str) -> None:
             env.step(action)
     original, reference = made
     copied = copy.deepcopy(original)
-    expected = [reference.step(action) for action in actions[4:]]
-    expected.append((*reference.reset(), 0.0, False, False))
-    expected += [reference.step(action) for action in actions]
+
+    def later(env: gymnasium.Env[Any, Any]) -> list[tuple[Any, ...]]:
+        """To the end of this episode's actions, and through another episode."""
+        rest: list[tuple[Any, ...]] = [env.step(action) for action in actions[4:]]
+        return [*rest, env.reset(), *(env.step(action) for action in actions)]
+
+    expected = later(reference)
     for env in (copied, original):
-        found = [env.step(action) for action in actions[4:]]
-        found.append((*env.reset(), 0.0, False, False))
-        found += [env.step(action) for action in actions]
-        for one, other in zip(found, expected, strict=True):
+        for one, other in zip(later(env), expected, strict=True):
             assert same(one[0], other[0]) and one[1:] == other[1:]
 
 

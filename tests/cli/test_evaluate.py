@@ -5,7 +5,10 @@ import json
 import pytest
 
 from pa_ros.cli.main import main
+from pa_ros.evaluation.scoring.benchmark import Benchmark
+from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED
 from pa_ros.evaluation.studies.generalization import CONDITIONS
+from pa_ros.learning.loop import TrainConfig
 
 pytestmark = pytest.mark.xdist_group("evaluate")  # its checkpoint is made once
 
@@ -28,6 +31,16 @@ def test_each_condition_by_its_name(checkpoint: str, condition: str, tmp_path, c
     assert figures["eval.condition"] == condition and figures["eval.design"] == "3-D"
     assert -1.0 <= figures["eval.reward_per_step"] <= 1.0
     assert "NEAR(HAND, " in capsys.readouterr().out
+
+
+def test_episodes_are_none_that_training_had(checkpoint: str, tmp_path):
+    """Their seed is the one of studies, and of no run."""
+    report = tmp_path / "eval.json"
+    arguments = ["eval", "--checkpoint", checkpoint, "--condition", "train", "--episodes", "1"]
+    assert main([*arguments, "--json", str(report)]) == 0
+    seed = json.loads(report.read_text())["eval.seed"]
+    assert seed == EPISODES_SEED == Benchmark.leaf("seed").default
+    assert seed != TrainConfig.leaf("seed").default
 
 
 def test_all_conditions_at_once(checkpoint: str, tmp_path, capsys, monkeypatch):

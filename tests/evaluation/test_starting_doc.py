@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pa_ros.cli.main import build_parser
+from pa_ros.cli.main import build_parser, main
+from pa_ros.evaluation.scoring.agents import load_agent
+from pa_ros.evaluation.scoring.evaluate import evaluate
 
 PAGE = Path(__file__).parents[2] / "docs/starting.md"
 COMMANDS = [
@@ -31,6 +33,22 @@ def test_a_policy_is_scored_on_all_conditions(capsys):
     scores = {line.split()[0]: float(line.split()[1]) for line in lines}
     assert {"train", "eval", "only-color", "reach-new-both"} <= scores.keys()
     assert scores["train"] > 0.8
+
+
+def test_the_command_that_is_said_to_give_the_same_does(capsys, monkeypatch):
+    """To the last digit that it prints."""
+    said = r"`pa_ros (eval --checkpoint shipped:3-D --condition all[^`]*)`"
+    (command,) = re.findall(said, PAGE.read_text())
+    (episodes, seed) = re.findall(r"condition, (\d+), seed=([\d_]+)\)", PAGE.read_text())[0]
+    monkeypatch.setattr("pa_ros.cli.evaluate.conditions_of", lambda _: ("only-shape", "depth-4"))
+    assert main(shlex.split(command)) == 0
+    agent = load_agent(Path("shipped:3-D"))
+    for line in capsys.readouterr().out.splitlines()[:2]:
+        condition, normalized, *_ = line.split()
+        scores = evaluate(
+            agent.arena, agent.design, agent.policy, condition, int(episodes), int(seed)
+        )
+        assert normalized == f"{scores.normalized.mean:.3f}"
 
 
 @pytest.mark.parametrize("page", [PAGE, PAGE.parents[1] / "README.md"])

@@ -16,11 +16,9 @@ from pa_ros.core.experience import Float64, Observation
 from pa_ros.core.settings import Settings
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.blind import BLIND, blind_policy
-from pa_ros.evaluation.scoring.evaluate import reference_scores, run_episodes
+from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED, reference_scores, run_episodes
 from pa_ros.evaluation.scoring.rewards import EpisodeScore
 from pa_ros.evaluation.scoring.tables import TableError, read_rows, write_rows
-
-EPISODES_SEED = 2_000_003  # apart from training's episodes and from those scored during training
 
 MakePolicy = Callable[[], Callable[[Observation], Float64]]
 

@@ -26,6 +26,7 @@ from pa_ros.language import LOGICS, MIN_MAX, Program
 
 # From what an agent sees, and the program, to joint velocities in rad/s [J].
 AgentPolicy = Callable[[Observation, Program], Float64]
+EPISODES_SEED = 2_000_003  # apart from training's episodes and from those scored during training
 REFERENCES = ("scripted", "random")
 
 
@@ -34,7 +35,7 @@ class EvaluationConfig(ArenaChoice):
 
     condition: str = Field("eval", description="that episodes are drawn from")
     episodes: int = Field(100, ge=1, description="how many")
-    seed: int = Field(0, ge=0, description="of the episodes")
+    seed: int = Field(EPISODES_SEED, ge=0, description="of the episodes")
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
         MIN_MAX.name, description="what AND and OR of degrees are"
     )

@@ -17,9 +17,9 @@ from pa_ros.arena import ArenaConfig, Design, conditions_for
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.evaluation.scoring.agents import TrainedAgent, without_training
-from pa_ros.evaluation.scoring.benchmark import EPISODES_SEED, Benchmark, Scorer
+from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.blind import BLIND
-from pa_ros.evaluation.scoring.evaluate import REFERENCES
+from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED, REFERENCES
 from pa_ros.evaluation.scoring.intervals import gain_over, normalized_interval
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.evaluation.scoring.tables import TableError
