@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from pa_ros.arena.appearance import check_looks
 from pa_ros.arena.conditions import condition_named
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.arena.designs import Design
@@ -45,7 +46,9 @@ class ReachTask:
         reward: Reward | None = None,
     ) -> None:
         """`seed` and an episode's index fix it; `n_blocks` replaces the design's number, `reward`
-        the paper's ±1."""
+        the paper's ±1. ConfigError for a value that looks like nothing (`arena.appearance`)."""
+        check_looks(design.values)
+        check_looks({group: [value] for group, value in design.novel.items()})
         self.config = config
         self.scoring = scoring_of(config, design, reward)
         self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)

@@ -1,0 +1,71 @@
+"""What a newcomer says of looks is used, or refused by group, value and what is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from pa_ros.arena import ReachTask, preset_named
+from pa_ros.arena.appearance import APPEARANCES, Look, look_of
+from pa_ros.arena.designs import Design, Kind, kinds
+from pa_ros.core.errors import ConfigError
+from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
+
+
+def designed(**values: tuple[str, ...]) -> Design:
+    """All combinations of some values, each a word."""
+    groups = (PropertyGroup(name, words, OneHot(words)) for name, words in values.items())
+    schema = ObjectSchema(tuple(groups))
+    train = kinds(values)
+    count = min(4, len(train))
+    return Design("own", values, schema.vocabulary, train, n_blocks=count, schema=schema)
+
+
+def test_a_color_of_ones_own_is_seen_in_grey() -> None:
+    design = designed(shape=("CUBE", "SPHERE"), color=("RED", "ORANGE"))
+    ReachTask(preset_named("fast"), design, 0).reset(0)
+    assert look_of(Kind(color="ORANGE", shape="CUBE")) == Look()
+    assert look_of(Kind(color="RED", shape="CUBE")).rgba != Look.rgba
+
+
+def test_a_shape_that_is_none_of_ours_is_refused_before_the_first_episode() -> None:
+    design = designed(shape=("CUBE", "CONE"), color=("RED", "BLUE"))
+    with pytest.raises(ConfigError, match=r"shape: CONE: .* of \['CUBE'.*'CAPSULE'\], got 'CONE'"):
+        ReachTask(preset_named("fast"), design, 0)
+
+
+@pytest.fixture
+def weight(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """A group with a look of its own."""
+    monkeypatch.setattr(APPEARANCES, "_items", {**dict(items()), "weight": request.param})
+    look_of.cache_clear()
+    yield "weight"
+    look_of.cache_clear()
+
+
+def items() -> Iterator[tuple[str, Any]]:
+    return ((name, APPEARANCES[name]) for name in APPEARANCES)
+
+
+@pytest.mark.parametrize(
+    ("weight", "why"),
+    [
+        (lambda look, value: replace(look, scale={"HEAVY": 2.0}[value]), "KeyError"),
+        (lambda look, value: None, "expected a Look, got None"),
+        (lambda look, value: replace(look, density=-1.0), "density: .* got -1.0"),
+        (lambda look, value: replace(look, density=float("nan")), "density: .* got nan"),
+        (lambda look, value: replace(look, scale=0.0), "scale: .* got 0.0"),
+        (lambda look, value: replace(look, scale="big"), "scale: .* got 'big'"),
+        (lambda look, value: replace(look, rgba="red"), "rgba: .* got 'red'"),
+        (lambda look, value: replace(look, rgba="1 1 1"), "rgba: .* got '1 1 1'"),
+        (lambda look, value: replace(look, rgba=None), "rgba: .* got None"),
+    ],
+    indirect=["weight"],
+)
+def test_a_look_that_cannot_be_is_refused_by_its_group_and_value(weight: str, why: str) -> None:
+    design = designed(color=("RED", "BLUE"), **{weight: ("LIGHT", "HEAVY")})
+    with pytest.raises(ConfigError, match=f"appearance of weight: LIGHT: .*{why}"):
+        ReachTask(preset_named("fast"), design, 0)
