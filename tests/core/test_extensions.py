@@ -23,7 +23,12 @@ def test_an_extension_is_a_file_or_a_module_and_runs_once(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("text", "why"),
-    [("1 / 0", "ZeroDivisionError"), ("def", "SyntaxError"), (None, "No such file")],
+    [
+        ("1 / 0", "ZeroDivisionError"),
+        ("def", "SyntaxError"),
+        ("exit(0)", "SystemExit: 0"),
+        (None, "No such file"),
+    ],
 )
 def test_an_extension_that_cannot_be_imported_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, why: str

@@ -50,7 +50,7 @@ def _load(extension: str) -> ModuleType:
         return importlib.import_module(extension)
     except PaError:
         raise
-    except Exception as error:  # whatever code of others raises
+    except (Exception, SystemExit) as error:  # whatever code of others raises
         raise ConfigError(
             f"extension: expected a module or a file that can be imported, got {extension!r}: "
             f"{type(error).__name__}: {error}"
