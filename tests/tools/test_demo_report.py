@@ -11,7 +11,7 @@ from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.demo.scenes import (
-    FARTHER_M,
+    FARTHER,
     DemoProgram,
     demo_programs,
     draw_learning_curve,
@@ -49,17 +49,23 @@ def test_a_design_that_holds_nothing_out_is_refused():
         demo_programs(design_named("2-C"))
 
 
-@pytest.mark.parametrize("name", ["2-L", "3-D"])
-def test_scenes_name_the_right_number_of_blocks_out_of_reach(name):
-    design = design_named(name)
+@pytest.mark.parametrize(
+    "design",
+    [TWO_L, design_named("3-D"), TWO_L.with_relations("ABOVE"), TWO_L.with_relations("BEHIND")],
+    ids=lambda design: f"{design.name} {design.vocabulary.relations[0]}",
+)
+def test_scenes_name_the_right_number_of_blocks_out_of_reach(design):
     for program in demo_programs(design):
         scene = find_scene(ARENA, design, 5, program)
         task = ReachTask(ARENA, design, 5)
         # What sim_node's Reset service does with the scene's condition and number.
         task.reset(scene.episode.index, scene.condition)
-        _, verdict = task.set_program(parse(program.text, design.vocabulary))
+        asked = parse(program.text, design.vocabulary)
+        _, verdict = task.set_program(asked)
+        assert asked.relation == design.vocabulary.relations[0]
         assert len(task.verifier.targets) == program.targets
-        assert verdict.distance == scene.distance >= FARTHER_M
+        assert verdict.distance == scene.distance
+        assert scene.distance >= FARTHER * task.scoring.threshold(asked.relation)
 
 
 def test_a_program_without_a_scene_is_refused():

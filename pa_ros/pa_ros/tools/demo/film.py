@@ -11,6 +11,7 @@ from pa_ros.arena.render import draw
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.language import parse
 from pa_ros.tools.demo.scenes import DemoProgram, demo_programs, find_scene
+from pa_ros.world.relations import RELATIONS
 
 EVERY = 2  # control steps for each picture
 HELD = 8  # steps that a reached target is shown for
@@ -54,11 +55,11 @@ def _executed(
     """What to say at each picture's step, the task being there, and whether it is reached."""
     parsed = parse(program.text, agent.design.vocabulary)
     observation, verdict = task.set_program(parsed)
-    policy, held = agent.policy, 0
+    policy, held, unit = agent.policy, 0, RELATIONS[parsed.relation].unit
     for step in range(LONGEST + 1):
         held = held + 1 if verdict.satisfied else 0
         if step % EVERY == 0 or held == HELD:
-            state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} m away"
+            state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
             yield f"{program.kind}   step {step}   {state}", verdict.satisfied
         if held == HELD:
             return

@@ -22,13 +22,14 @@ from pa_ros.language import MIN_MAX, parse, relevance, satisfying
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor
+from pa_ros.world.relations import RELATIONS
 
 FULL, FEWER = "eval", "only-color"
 """Conditions of scenes: as in training; and with one block alone of a color, so fewer blocks."""
 
 SCENES_SEARCHED = 1000
-FARTHER_M = 0.4
-"""From hand to target at a scene's start: twice NEAR's threshold, so that the arm must move."""
+FARTHER = 2.0
+"""Thresholds of the relation from hand to target at a scene's start, so that the arm must move."""
 MOST_POINTS, EPISODES_A_POINT = 60, 4  # of the learning curve
 
 
@@ -47,37 +48,42 @@ class Scene:
 
     condition: str  # FULL or FEWER
     episode: Episode
-    distance: float  # m, hand to the nearest block that the program names, at the start
+    distance: float  # the relation's measure of the nearest block that is named, at the start
 
 
 def demo_programs(design: Design) -> list[DemoProgram]:
-    """Six programs: one trained, five never trained. ConfigError if nothing is held out."""
+    """Six programs of the design's first relation: one trained, five never trained.
+
+    ConfigError if nothing is held out.
+    """
     if not design.held_out:
         raise ConfigError(f"demo: expected a design with held-out targets, got {design.name}")
     known, new = design.train[0], design.held_out[0]
     first, last = [*design.values][0], [*design.values][-1]
     other = next(kind for kind in design.train if kind[last] == known[last] and kind != known)
     trained, held_out = known.conjunction, new.conjunction
+    relation = design.vocabulary.relations[0]
     without = f"AND({', '.join([f'NOT({known[first]})', *[*other.values()][1:]])})"
     return [
-        DemoProgram("trained", f"NEAR(HAND, {trained})"),
-        DemoProgram("held out", f"NEAR(HAND, {held_out})"),
-        DemoProgram(f"{first} alone", f"NEAR(HAND, {known[first]})"),
-        DemoProgram(f"{last} alone", f"NEAR(HAND, {new[last]})"),
-        DemoProgram("NOT", f"NEAR(HAND, {without})"),
-        DemoProgram("OR of two", f"NEAR(HAND, OR({trained}, {held_out}))", targets=2),
+        DemoProgram("trained", f"{relation}(HAND, {trained})"),
+        DemoProgram("held out", f"{relation}(HAND, {held_out})"),
+        DemoProgram(f"{first} alone", f"{relation}(HAND, {known[first]})"),
+        DemoProgram(f"{last} alone", f"{relation}(HAND, {new[last]})"),
+        DemoProgram("NOT", f"{relation}(HAND, {without})"),
+        DemoProgram("OR of two", f"{relation}(HAND, OR({trained}, {held_out}))", targets=2),
     ]
 
 
 def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProgram) -> Scene:
     """The first scene of a seed that lets a program show something.
 
-    The program names exactly as many blocks as it should, none of them within FARTHER_M. Scenes
+    The program names exactly as many blocks as it should, none of them nearer than FARTHER. Scenes
     as in training come first; where they cannot do (2 x 2 blocks and a color alone), one with
     fewer blocks. Raises ConfigError if none does.
     """
     task = ReachTask(config, design, seed)
     parsed = parse(program.text, design.vocabulary)
+    farther = FARTHER * task.scoring.threshold(parsed.relation)
     for condition in (FULL, FEWER):
         drawn_from = condition_named(condition, design)
         for index in range(SCENES_SEARCHED):
@@ -87,11 +93,11 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
                 continue
             task.reset_to(episode)
             _, verdict = task.set_program(parsed)
-            if verdict.distance >= FARTHER_M:
+            if verdict.distance >= farther:
                 return Scene(condition, episode, verdict.distance)
     raise ConfigError(
         f"demo: no scene of design {design.name} in which {program.text} names "
-        f"{program.targets} block(s) at least {FARTHER_M} m away"
+        f"{program.targets} block(s) at least {farther:g} {RELATIONS[parsed.relation].unit} away"
     )
 
 
