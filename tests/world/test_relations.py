@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf, nan, pi
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,6 +18,7 @@ from pa_ros.core.experience import Float64
 from pa_ros.world import Scoring
 from pa_ros.world.relations import RELATIONS, Relation, register
 from pa_ros.world.relations.frames import in_base
+from pa_ros.world.relations.relation import circle
 
 BLOCK = np.array([0.3, 0.3, 0.03])  # 45° to the left of the x axis, as the base sees it
 OUT, LEFT = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 0]) / 2**0.5  # from the base; its left
@@ -132,3 +134,33 @@ def test_scoring_refuses_what_it_does_not_know() -> None:
         Scoring.of(["NEAR", "ABOVE"], (0.2,))
     with pytest.raises(ConfigError, match="relation ABOVE: expected the hand's pose"):
         Scoring.of(["ABOVE"]).of_targets((1,), objects, "ABOVE")
+
+
+def far(hand: Any, objects: Any) -> Any:
+    return np.sqrt(((objects - hand)[..., :3] ** 2).sum(-1))
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"measure": lambda hand, objects: 0.5}, "measure: expected numbers .*got 0.5"),
+        ({"measure": lambda hand, objects: np.zeros(2)}, "measure: expected numbers"),
+        ({"measure": lambda hand, objects: far(hand, objects)[..., None]}, "measure: expected"),
+        ({"measure": lambda hand, objects: np.nan * far(hand, objects)}, "measure: .*got .*nan"),
+        ({"measure": lambda hand, objects: far(hand, objects[:, :]).mean(0)}, "measure: "),
+        ({"measure": lambda hand, objects: 1 / 0}, "measure: .* ZeroDivisionError"),
+        ({"goal": lambda hand, target, threshold: None}, "goal: expected numbers .*got None"),
+        ({"outline": lambda hand, target, threshold: np.zeros(2)}, "outline: expected .* 2"),
+    ],
+)
+def test_a_relation_that_measures_no_numbers_is_refused_where_it_is_made(
+    changed: dict[str, Any], why: str
+) -> None:
+    own: dict[str, Any] = {
+        "name": "OWN", "meaning": "", "measure": far, "unit": "m", "threshold": 0.1,
+        "goal": lambda hand, target, threshold: target,
+        "outline": lambda hand, target, threshold: circle(target, threshold),
+    }  # fmt: skip
+    Relation(**own)
+    with pytest.raises(ConfigError, match=f"relation OWN: {why}"):
+        Relation(**{**own, **changed})

@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
-from pa_ros.world import Reward, Scoring, Sparse, reward_from
+from pa_ros.world import REWARDS, Reward, Scoring, Sparse, reward_from
 
 
 def scene(*positions: tuple[float, float, float]) -> Float32:
@@ -136,3 +136,65 @@ def test_a_reward_goes_through_its_text_and_back() -> None:
 def test_a_text_that_is_no_reward_is_refused(text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         reward_from(text)
+
+
+@dataclass(frozen=True)
+class Needs(Reward):
+    height: float
+
+    def __call__(self, satisfied: Any, measure: Any) -> Any:
+        return satisfied * self.height
+
+
+@dataclass(frozen=True)
+class Abstract(Reward):
+    pass
+
+
+@dataclass(frozen=True)
+class Paying(Reward):
+    def __call__(self, satisfied: Any, measure: Any) -> Any:
+        return self.pays(satisfied, measure)
+
+    @staticmethod
+    def pays(satisfied: Any, measure: Any) -> Any:
+        return satisfied * 1.0
+
+
+@pytest.mark.parametrize("text", ["own", '{"name": "own"}'])
+@pytest.mark.parametrize(
+    ("kind", "why"),
+    [
+        (Needs, "height"),
+        (Abstract, "abstract"),
+        (lambda satisfied, measure: 1.0, "TypeError"),
+        (lambda: Sparse, "frozen dataclass"),
+    ],
+)
+def test_what_is_no_reward_is_refused_when_it_is_chosen(
+    kind: Any, why: str, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(REWARDS, "_items", {"own": kind})
+    with pytest.raises(ConfigError, match=f"reward own: .*{why}"):
+        reward_from(text)
+
+
+@pytest.mark.parametrize(
+    ("pays", "why"),
+    [
+        (lambda satisfied, measure: np.zeros(3), "a finite number, got array"),
+        (lambda satisfied, measure: np.where(satisfied, 1.0, np.nan), "finite numbers .* got .*nan"),
+        (lambda satisfied, measure: None, "a finite number, got None"),
+        (lambda satisfied, measure: 1.0, r"finite numbers \[2\], got 1.0"),
+        (lambda satisfied, measure: 1.0 if satisfied else 0.0, "ValueError"),
+        (lambda satisfied, measure: 1 / 0, "ZeroDivisionError"),
+    ],
+)
+def test_a_reward_that_pays_no_number_is_refused_when_it_is_chosen(
+    pays: Any, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(REWARDS, "_items", {"own": Paying})
+    assert reward_from("own") == Paying()
+    monkeypatch.setattr(Paying, "pays", staticmethod(pays))
+    with pytest.raises(ConfigError, match=f"reward own: .*{why}"):
+        reward_from("own")

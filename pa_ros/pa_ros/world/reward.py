@@ -6,7 +6,9 @@ from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
-from pa_ros.core.errors import ConfigError
+import numpy as np
+
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.registry import Registry
 from pa_ros.core.settings import canonical_json, read_json
 
@@ -58,23 +60,46 @@ def reward_from(text: str) -> Reward:
     """A registered reward by its name, or by the JSON of `Reward.to_json`.
 
     What the JSON leaves out has its default. ConfigError for an unknown name, with the known ones,
-    and for parameters that are none of its own, or no finite numbers.
+    for parameters that are none of its own, or no finite numbers, and for what is registered but
+    isn't as `Reward` says.
     """
     if not text.lstrip().startswith("{"):
-        return REWARDS[text]()
+        return _made(text)
     try:
         values = read_json(text)
-        kind = REWARDS[str(values.pop("name"))]
+        name = str(values.pop("name"))
+        known = asdict(_made(name))
     except (ValueError, KeyError) as error:
         raise ConfigError(
             f"reward: expected a name, or JSON with name and parameters: {error!r}: "
             f"got {text[:200]!r}"
         ) from error
-    known = asdict(kind())
-    for name, value in values.items():
+    for parameter, value in values.items():
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if name not in known or not number or not abs(value) < float("inf"):
+        if parameter not in known or not number or not abs(value) < float("inf"):
             raise ConfigError(
-                f"reward: expected finite numbers of {list(known)}, got {name} = {value!r}"
+                f"reward: expected finite numbers of {list(known)}, got {parameter} = {value!r}"
             )
-    return kind(**{name: type(known[name])(value) for name, value in values.items()})
+    return _made(name, **{key: type(known[key])(value) for key, value in values.items()})
+
+
+def _made(name: str, **parameters: Any) -> Reward:
+    """A registered reward, asked for one state and for two, so that it fails here if at all."""
+    kind: Any = REWARDS[name]
+    try:
+        reward = kind(**parameters)
+        if not isinstance(reward, Reward):
+            raise ConfigError(f"expected a Reward that is a frozen dataclass, got {reward!r}")
+        one, two = reward(True, 0.1), reward(np.array([True, False]), np.array([0.1, 0.5]))
+        if np.shape(one) != () or not np.isfinite(np.asarray(one, np.float64)):
+            raise ConfigError(f"expected a finite number, got {one!r}")
+        if np.shape(two) != (2,) or not np.isfinite(np.asarray(two, np.float64)).all():
+            raise ConfigError(f"expected finite numbers [2], got {two!r}")
+    except PaError as error:
+        raise ConfigError(f"reward {name}: {error}") from error
+    except Exception as error:  # whatever code of others raises
+        raise ConfigError(
+            f"reward {name}: expected what docs/extending.md says of rewards, got "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    return reward

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 from typing import Literal
 
@@ -53,6 +54,26 @@ class Relation:
                 f"relation {self.name}: arity: expected 2, {self.name}(HAND, e), got {self.arity}"
             )
         self.check(self.threshold)
+        hand, places = IDENTITY, np.stack([IDENTITY] * 3)
+        places[:, :3] = (0.3, 0.1, -0.2), (-0.1, 0.2, 0.1), (0.2, -0.3, 0.4)
+        self._probe("measure", (3,), lambda: self.measure(hand, places))
+        hands, scenes = np.stack([[hand]] * 2), np.stack([places] * 2)
+        self._probe("measure", (2, 3), lambda: self.measure(hands, scenes))
+        for what, shape, call in (("goal", (3,), self.goal), ("outline", (None, 2), self.outline)):
+            self._probe(what, shape, partial(call, hand[:3], places[0, :3], self.threshold))
+
+    def _probe(self, what: str, shape: tuple[int | None, ...], call: Callable[[], object]) -> None:
+        """ConfigError unless the call gives numbers of a shape, none of them NaN."""
+        where = f"relation {self.name}: {what}: expected numbers {list(shape)}, none of them NaN"
+        try:
+            given = call()
+            numbers = np.asarray(given, np.float64)
+        except Exception as error:  # whatever code of others raises
+            raise ConfigError(f"{where}, got {type(error).__name__}: {error}") from error
+        fits = isinstance(given, np.ndarray) and len(shape) == given.ndim
+        fits = fits and all(n in (None, m) for n, m in zip(shape, numbers.shape, strict=True))
+        if not fits or np.isnan(numbers).any():
+            raise ConfigError(f"{where}, got {given!r}")
 
     def check(self, threshold: float) -> None:
         """Raise ConfigError for a threshold that cannot be."""
