@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from pa_ros.arena import ENV_ID, ReachEnv, conditions_for, design_named
+from pa_ros.arena import (
+    ENV_ID,
+    ArenaConfig,
+    ReachEnv,
+    conditions_for,
+    design_named,
+    preset_named,
+)
 from pa_ros.arena.errors import CommandError
 from pa_ros.arena.references import scripted_action
 from pa_ros.core.errors import ConfigError
@@ -154,9 +161,24 @@ def test_bad_options_are_refused() -> None:
         ReachEnv().step(np.zeros(6, dtype=np.float32))
     with pytest.raises(ConfigError, match="eval"):
         ReachEnv(design="2-C", condition="eval").reset()
+    with pytest.raises(ConfigError, match=r"unknown design: .* got \['2-L'\]"):
+        ReachEnv(design=["2-L"])  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="arm: expected none beside an ArenaConfig of jaco, got"):
+        ReachEnv(ArenaConfig(), arm="panda")
+    assert ReachEnv(preset_named("fast", "panda"), arm="panda").config.arm == "panda"
+    for options in ("abc", ["program"], 3):
+        with pytest.raises(ConfigError, match="options: expected a mapping"):
+            ReachEnv().reset(options=options)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("action", [np.zeros(5), np.zeros(1), 0.5, "x", None, np.full(6, np.nan)])
+@pytest.mark.parametrize("rows", [-1, 0, "a", 2.5, True, None, 10**9])
+def test_a_program_that_there_is_no_such_room_for_is_refused(rows: Any) -> None:
+    with pytest.raises(ConfigError, match="program_rows: expected an integer of 1 to"):
+        ReachEnv(observation="structured", program_rows=rows)
+
+
+@pytest.mark.parametrize("action", [np.zeros(5), np.zeros(1), 0.5, "x", None, np.full(6, np.nan),
+                                    [10**400] * 6, [10**5000] * 6, np.full(6, 1 + 2j)])  # fmt: skip
 def test_an_action_that_is_none_is_refused_and_nothing_moves(action: Any) -> None:
     env = ReachEnv()
     env.reset(seed=0)

@@ -35,8 +35,9 @@ def test_each_start_has_a_token_of_its_own(capsys):
 
 
 def test_a_token_fits_into_an_address():
-    with pytest.raises(ConfigError, match="token: expected letters"):
-        ConsoleServer(ConsoleSettings(port=0, token="a/b?"))
+    for token in ("a/b?", "Schlüssel", "²"):
+        with pytest.raises(ConfigError, match="token: expected ASCII letters"):
+            ConsoleServer(ConsoleSettings(port=0, token=token))
 
 
 def test_a_namespace_that_ros_refuses_is_refused(capsys):

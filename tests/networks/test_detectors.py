@@ -16,6 +16,7 @@ from pa_ros.networks.detectors import degrees
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import TensorError
 from pa_ros.world.labels import labels
+from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup, Real
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +64,13 @@ def test_p_tells_the_block_that_is_meant(scene):
     p = dict(zip(names, actor.relevance(observation, program), strict=True))
     assert p["hand"] == pytest.approx(1.0) and p["RED CUBE"] > 0.8
     assert all(degree < 0.2 for name, degree in p.items() if name not in ("hand", "RED CUBE"))
+
+
+def test_words_of_objects_are_those_that_are_true_of_them() -> None:
+    """Also of groups with a `_` in their name, and of those that are numbers."""
+    size = PropertyGroup("size", ("LARGE",), Real(("m",), {"LARGE": (0.08,)}, 0.01))
+    kind = PropertyGroup("kind_of_thing", ("MUG", "TEA_POT"), OneHot(("MUG", "TEA_POT")))
+    schema = ObjectSchema((kind, size))
+    row = schema.features({"kind_of_thing": "TEA_POT", "size": "LARGE"})
+    objects = np.stack([np.zeros_like(row), row, np.zeros_like(row)])
+    assert labels(objects, 0, schema) == ("hand", "LARGE TEA_POT", "block 2")

@@ -5,6 +5,7 @@ Observed as one flat vector, what a standard network needs, goal included; or as
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import gymnasium
@@ -49,16 +50,22 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         condition: str = "train",
         render_mode: str | None = None,
         reward: Reward | str | None = None,
-        arm: str = "jaco",
+        arm: str | None = None,
         observation: Literal["flat", "structured"] = "flat",
         program_rows: int = PROGRAM_ROWS,
     ) -> None:
-        """`program_rows`: instructions that there is room for in a structured observation."""
+        """`arm`: "jaco" unless given; an ArenaConfig has its own. `program_rows`: instructions that
+        there is room for in a structured observation."""
         if observation not in ("flat", "structured"):
             raise ConfigError(f"gym: observation: expected flat or structured, got {observation!r}")
         if render_mode not in (None, "rgb_array"):
             raise ConfigError(f"gym: render_mode: expected None or rgb_array, got {render_mode!r}")
-        self.config = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm)
+        own = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm or "jaco")
+        if arm not in (None, own.arm):
+            raise ConfigError(
+                f"gym: arm: expected none beside an ArenaConfig of {own.arm}, got {arm!r}"
+            )
+        self.config = own
         self.design = design if isinstance(design, Design) else design_named(design)
         reward = reward_from(reward) if isinstance(reward, str) else reward
         if not isinstance(reward, (Reward, type(None))):
@@ -85,6 +92,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         options, ProgramError for a text that is none, and NamesNothingError for one that names none
         of the blocks of that episode, which begins all the same.
         """
+        if not isinstance(options, (Mapping, type(None))):
+            raise ConfigError(f"gym: options: expected a mapping, got {options!r}")
         asked = dict(options or {})
         program = asked.pop("program", None)
         if asked:
@@ -104,9 +113,11 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         """Raises CommandError for an action that is not [J] finite numbers; then nothing moves."""
         expected = f"gym: action: expected [{len(self._limits)}] numbers in [-1, 1], got"
         try:
+            if np.iscomplexobj(action):
+                raise TypeError("complex numbers")
             parts = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise CommandError(f"{expected} {action!r}") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            raise CommandError(f"{expected} {type(action).__name__}: {error}") from error
         if parts.shape != self._limits.shape:
             raise CommandError(f"{expected} {list(parts.shape)}")
         observation, verdict = self.task.step(parts * self._limits)

@@ -20,6 +20,7 @@ from pa_ros.language.flat import COPY, compile_program
 from pa_ros.world.world import World
 
 PROGRAM_ROWS = 24  # instructions; the paper's conditions need 11, random programs 6 deep about 16
+MOST_ROWS = 4096
 OPERATIONS = 4
 
 
@@ -34,6 +35,11 @@ class StructuredObservation:
     """
 
     def __init__(self, world: World, design: Design, program_rows: int = PROGRAM_ROWS) -> None:
+        """ConfigError for a number of rows that no program needs."""
+        if type(program_rows) is not int or not 1 <= program_rows <= MOST_ROWS:
+            raise ConfigError(
+                f"gym: program_rows: expected an integer of 1 to {MOST_ROWS}, got {program_rows!r}"
+            )
         self._world = world
         self._vocabulary, self._rows = design.vocabulary, program_rows
         blocks = (condition_named(name, design).n_blocks for name in conditions_for(design))

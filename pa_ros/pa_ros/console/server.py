@@ -42,8 +42,8 @@ class ConsoleServer:
     def __init__(self, settings: ConsoleSettings) -> None:
         """Raises PortError if the port is taken, ConfigError for a token that no address holds."""
         self.token = settings.token or os.environ.get(TOKEN) or secrets.token_urlsafe(16)
-        if not self.token.replace("-", "").replace("_", "").isalnum():
-            raise ConfigError(f"token: expected letters, digits, - and _, got {self.token!r}")
+        if not (self.token.isascii() and self.token.replace("-", "").replace("_", "").isalnum()):
+            raise ConfigError(f"token: expected ASCII letters, digits, - and _, got {self.token!r}")
         self.reflections = settings.light == "full"
         _check_free(settings.port)
         with contextlib.redirect_stdout(io.StringIO()):  # its banner has no token in its address

@@ -29,7 +29,7 @@ class Registry(Generic[T]):
         """ConfigError, with the known names, for a name that is none."""
         try:
             return self._items[name]
-        except KeyError:
+        except (KeyError, TypeError):  # a name is text
             raise ConfigError(
                 f"unknown {self.kind}: expected one of {list(self)}, got {name!r}"
             ) from None
