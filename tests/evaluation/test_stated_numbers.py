@@ -224,9 +224,9 @@ def sentences() -> dict[str, str]:
         f"less well by two of the ten (600 and 605, the worst {hurried['worst_seed']:.2f})"
     )
     plain = summary(f"{slow}.no-dropout")[new]
-    later = median(frames(f"{three}{slow}.no-dropout")) - median(frames(f"{three}{slow}"))
+    costs = median(frames(f"{three}{slow}.no-dropout")) - median(frames(f"{three}{slow}"))
     found["hidden properties, slow"] = (
-        f"Without hidden properties all ten are solved, {later:,.0f} frames later, and the worst "
+        f"Without hidden properties all ten are solved, {costs:,.0f} frames later, and the worst "
         f"of them reaches new kinds at {plain['worst_seed']:.2f}"
     )
     found["worst new, slow"] = f"both new {worst[0]:.2f}, {worst[1]:.2f} and {worst[2]:.2f}"
