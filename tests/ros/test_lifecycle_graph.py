@@ -157,6 +157,16 @@ def test_a_cleanup_ends_the_goal_under_way_and_others_are_rejected_until_configu
     client.destroy()
 
 
+@pytest.mark.parametrize("user", [{"small__use_sim_time": True}], indirect=True)
+def test_a_time_before_zero_is_refused_and_later_ones_are_believed(user: User) -> None:
+    node, out = user.node, topics.ROS_CLOCK.publisher(user.probe)
+    before, after = (topics.ROS_CLOCK.type() for _ in range(2))
+    before.clock.sec, after.clock.sec = -5, 7
+    steady_timer(user.probe, 0.05, lambda: out.publish(after if node.refusals.total else before))
+    assert user.probe.until(lambda: node.get_clock().now().nanoseconds == 7 * 10**9)
+    assert set(node.refusals.counts) == {"wire.range"}
+
+
 @pytest.mark.parametrize("wanted", [{"number": ACTIVATE}, {"number": 99}, {"label": "activated"}])
 def test_a_transition_that_there_is_not_is_refused_and_counted(user: User, wanted) -> None:
     assert user.ask(**wanted) == (False, "active")

@@ -16,7 +16,7 @@ from pa_ros.ros.executor import is_of_spinning
 from pa_ros.ros.health import ERROR, WARN, HealthReporter
 from pa_ros.ros.parameters import declare_settings, loosen_settings, settings_from_parameters
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import Topic
+from pa_ros.ros.topics import ROS_CLOCK, Topic
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
 from pa_ros.wire.records import Health
@@ -54,6 +54,7 @@ class ManagedNode(LifecycleNode, ABC):
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self.refusals = Refusals(self.get_logger().warning)
         self.exit_status = 0  # of the process, if all else goes well
+        self._guard_clock()
         self._settings, self._configured = settings, False
         self._error: Exception | None = None  # of the newest transition
         declare_settings(self, settings)
@@ -67,6 +68,20 @@ class ManagedNode(LifecycleNode, ABC):
             for trigger in (self.trigger_configure, self.trigger_activate):
                 trigger()
                 self._raise()
+
+    def _guard_clock(self) -> None:
+        """Under `use_sim_time`: a time before zero is refused, which rclpy takes for a bug."""
+        source, topic = self._time_source, ROS_CLOCK.name
+        believed = source.clock_callback
+
+        def hear(message: Message) -> None:
+            codec.decode_clock(message)
+            believed(message)
+
+        source.clock_callback = self.refusals.guard(topic, hear)
+        for subscription in self.subscriptions:
+            if subscription.callback == believed:
+                subscription.callback = source.clock_callback
 
     # What a node of ours says
 

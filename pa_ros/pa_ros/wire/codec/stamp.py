@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pa_ros.wire import errors
 from pa_ros.wire.interfaces import Clock
 
 _NS = 1_000_000_000
@@ -32,5 +33,8 @@ def encode_clock(stamp_ns: int, into: Clock | None = None) -> Clock:
 
 
 def decode_clock(message: Clock) -> int:
-    """Simulation time in nanoseconds."""
-    return read_stamp(message.clock)
+    """Simulation time in nanoseconds. Raises RangeError for one before zero."""
+    stamp_ns = read_stamp(message.clock)
+    if stamp_ns < 0 or message.clock.sec < 0:
+        raise errors.RangeError("clock", "a time of at least zero, in ns", stamp_ns)
+    return stamp_ns
