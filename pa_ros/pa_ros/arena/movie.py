@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -48,8 +49,14 @@ def captioned(picture: Picture, lines: Sequence[str]) -> Picture:
 
 
 def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int:
-    """Write pictures of one size, `period_s` each; how many. RenderError if the file can't be."""
+    """Write pictures of one size, `period_s` each; how many. RenderError if the file can't be.
+
+    Until all are there the file, if there was one, is as it was.
+    """
     check_movie(path)
+    path = path.resolve()  # a link stays one
+    replaces = path.is_file() or not path.exists()
+    into = path.with_name(f".{path.stem}.part{path.suffix}") if replaces else path
     write = _write_mp4 if path.suffix.lower() == ".mp4" else _write_gif
     count = 0
 
@@ -60,9 +67,16 @@ def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int
             yield picture
 
     try:
-        write(path, counted(), period_s)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(into, counted(), period_s)
+        if replaces:
+            into.replace(path)
     except OSError as error:
         raise RenderError(f"film: {path}: {error}") from error
+    finally:
+        if replaces:
+            with suppress(OSError):
+                into.unlink()
     return count
 
 
@@ -74,10 +88,11 @@ def _write_gif(path: Path, pictures: Iterator[Picture], period_s: float) -> None
         Image.fromarray(one).quantize(palette=palette, dither=Image.Dither.NONE)
         for one in chain([opening], pictures)
     )
-    next(reduced).save(
-        path, format="GIF", save_all=True, append_images=reduced, loop=0, optimize=True,
-        duration=round(1000 * period_s),
-    )  # fmt: skip
+    with path.open("wb") as file:
+        next(reduced).save(
+            file, format="GIF", save_all=True, append_images=reduced, loop=0, optimize=True,
+            duration=round(1000 * period_s),
+        )  # fmt: skip
 
 
 def _palette(opening: Picture) -> Image.Image:

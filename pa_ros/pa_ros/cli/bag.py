@@ -9,7 +9,7 @@ from pa_ros.bags.errors import ForeignBagError, ProvenanceError
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.film import add_look, check_look
-from pa_ros.cli.options import add_extension
+from pa_ros.cli.options import add_extension, file_to_write
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import printable_lines
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     export.add_argument("--format", help="npz or parquet (npz)")
     film = actions.add_parser("film", help="an episode as a GIF or MP4, from what was recorded")
-    film.add_argument("--out", type=Path, required=True, metavar="FILE.gif|FILE.mp4")
+    film.add_argument("--out", type=file_to_write, required=True, metavar="FILE.gif|FILE.mp4")
     film.add_argument("--episode", type=int, required=True, metavar="N")
     film.add_argument("--evaluation", action="store_true", help="the evaluation episode N")
     add_look(film)
