@@ -104,7 +104,7 @@ def score_on(
         def show() -> None:
             bar.update(task, completed=sum(job.kept.exists() for job in jobs))
 
-        cluster.run(jobs, show, bar.console.print)
+        cluster.run(jobs, show, partial(bar.console.print, markup=False, soft_wrap=True))
 
 
 @dataclass(frozen=True)

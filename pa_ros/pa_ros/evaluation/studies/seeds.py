@@ -113,7 +113,7 @@ class SeedsProgress:
 
     def tell(self, line: str) -> None:
         """Print a line above the bar."""
-        self._bar.console.print(line, markup=False)
+        self._bar.console.print(line, markup=False, soft_wrap=True)
 
 
 def progress_bar() -> Progress:
