@@ -29,7 +29,7 @@ def sent(group: int, number: int) -> bool:
 @contextmanager
 def command(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """`pa_ros` as a process with a group of its own, of which nothing is left."""
-    heard = ("env", "--default-signal=INT")  # pytest-xdist's processes ignore it, and so their own
+    heard = ("env", "--default-signal=INT,HUP")  # which pytest-xdist and nohup have ignored
     line = [*heard, sys.executable, "-m", "pa_ros", *map(str, arguments)]
     pipe = subprocess.PIPE
     with subprocess.Popen(

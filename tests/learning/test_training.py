@@ -283,7 +283,7 @@ def without_room(monkeypatch, name: str, times: int, after: int = 0) -> None:
     original, left = getattr(kind, name), [after + times]
 
     def full(path: Path, *arguments: Any) -> Any:
-        if name == "replace" and path.name != "progress.csv.part":
+        if name == "replace" and path.name != ".progress.part.csv":
             return original(path, *arguments)
         left[0] -= 1
         if 0 <= left[0] < times:

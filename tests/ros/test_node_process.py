@@ -23,7 +23,7 @@ LOOPBACK, MULTICAST = "0100007F", "0100FFEF"  # 127.0.0.1; 239.255.0.1, bound on
 
 def start(node: str, *arguments: str, **variables: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", f"{node}.main", *arguments],
+        ["env", "--default-signal=HUP", sys.executable, "-m", f"{node}.main", *arguments],
         env={**os.environ, **variables},
         stderr=subprocess.PIPE,
         text=True,
@@ -152,9 +152,12 @@ def test_what_a_large_message_took_is_given_back():
 )
 def test_a_node_stops_cleanly_when_asked(number, autostart):
     process = start("sim_node", *ros_arguments({"autostart": autostart}))
-    wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=DEADLINE_S)
+    try:
+        wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=DEADLINE_S)
+    finally:
+        process.kill()
     assert process.returncode == 0
     assert "Traceback" not in errors
 

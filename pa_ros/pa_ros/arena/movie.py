@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -15,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from pa_ros.arena.constants import COLOR_RGBA
 from pa_ros.arena.errors import RenderError
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.files import written_beside
 
 Picture = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")
@@ -54,9 +54,6 @@ def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int
     Until all are there the file, if there was one, is as it was.
     """
     check_movie(path)
-    path = path.resolve()  # a link stays one
-    replaces = path.is_file() or not path.exists()
-    into = path.with_name(f".{path.stem}.part{path.suffix}") if replaces else path
     write = _write_mp4 if path.suffix.lower() == ".mp4" else _write_gif
     count = 0
 
@@ -67,16 +64,10 @@ def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int
             yield picture
 
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(into, counted(), period_s)
-        if replaces:
-            into.replace(path)
+        with written_beside(path) as beside:
+            write(beside, counted(), period_s)
     except OSError as error:
         raise RenderError(f"film: {path}: {error}") from error
-    finally:
-        if replaces:
-            with suppress(OSError):
-                into.unlink()
     return count
 
 

@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file, and the folders that it needs; until all of it is there it is as it was.
+@contextmanager
+def written_beside(path: Path) -> Iterator[Path]:
+    """A path to write to, which becomes `path` at the end, and is gone where that is not reached:
+    until then `path` is as it was. Makes the folders that are needed.
 
-    Line ends are written as they are. What is no file (/dev/stdout) is written to. OSError leaves
-    nothing that fills the disk.
+    A link stays one. What is no file (/dev/stdout) is itself written to.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    path = path.resolve()  # a link stays one
-    replaces = path.is_file() or not path.exists()
-    into = path.with_name(f"{path.name}.part") if replaces else path
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    beside = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
-        with into.open("w", newline="") as file:
+        yield beside
+        beside.replace(path)
+    finally:
+        with suppress(OSError):
+            beside.unlink()
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file by `written_beside`; line ends as they are. An OSError names it."""
+    try:
+        with written_beside(path) as beside, beside.open("w", newline="") as file:
             file.write(text)
-        if replaces:
-            into.replace(path)
+            file.flush()
     except OSError as error:
-        if replaces:
-            into.unlink(missing_ok=True)
         error.filename = error.filename or str(path)
         raise

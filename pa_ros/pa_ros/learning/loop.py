@@ -7,7 +7,6 @@ synchronous protocol"), so the same seed gives the same weights, bit for bit, ei
 from __future__ import annotations
 
 import logging
-import os
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -31,7 +30,7 @@ from pa_ros.language import PRODUCT, Program
 from pa_ros.learning.checkpoints import check_facts, read_metadata, restore, save_checkpoint
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError
-from pa_ros.learning.folder import checkpoint_of, claim
+from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.progress import Progress
@@ -145,7 +144,7 @@ def train(
         )
     # First, so that settings which are refused leave no folder.
     learner = Learner(network, learner_config, training_programs, config.seed, environment.scoring)
-    if resume and not os.path.isdir(checkpoint_of(config.out)):
+    if resume and not holds_checkpoint(config.out):
         raise CheckpointError(
             f"checkpoint: expected one at {checkpoint_of(config.out)}, found none"
         )
