@@ -9,7 +9,9 @@ import pytest
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
+from pa_ros.console.asked import attempt
 from pa_ros.console.controls import Controls
+from pa_ros.ros.refusals import Refusals
 from pa_ros.world.schema import PAPER
 
 
@@ -52,6 +54,7 @@ def test_a_block_is_put_where_its_handle_is_let_go():
 @pytest.mark.parametrize("value", ["abc", "", "-3: RED CUBE", "0: RED CUBE", "7: RED CUBE", "1:"])
 def test_a_block_that_was_not_offered_is_none(value: str):
     client, desk = MagicMock(), MagicMock()
+    desk.do.side_effect = lambda act: act()
     desk.vocabulary.return_value = None
     desk.examples.return_value = desk.arenas.return_value = ()
     desk.blocks.return_value = (("RED CUBE", (0.1, 0.2, 0.03)),)
@@ -70,6 +73,38 @@ def test_a_block_that_was_not_offered_is_none(value: str):
     controls.refresh()
     client.scene.add_transform_controls.assert_not_called()
     desk.move.assert_not_called()
+
+
+@pytest.mark.parametrize("label", ["Time", "Speed", "Begin"])
+@pytest.mark.parametrize("value", ["", "Go  on", "nan", "1e999", 7])
+def test_a_button_that_was_not_offered_is_refused(label: str, value: object):
+    client, desk = MagicMock(), MagicMock()
+    desk.vocabulary.return_value = None
+    groups = {name: MagicMock(value=value) for name in ("Words", "Time", "Speed", "Begin")}
+    client.gui.add_button_group.side_effect = lambda label, *_, **__: groups[label]
+    Controls(client, desk)
+    groups[label].on_click.call_args[0][0](None)
+    refused: list[str] = []
+    refusals = Refusals(refused.append)
+    attempt(refusals, "page", desk.do.call_args[0][0])
+    desk.ask.assert_not_called()
+    assert refusals.counts == {"console.page": 1}
+    assert "expected a button of" in refused[0] and repr(value) in refused[0]
+
+
+@pytest.mark.parametrize(
+    ("label", "value", "asked"),
+    [("Time", "Pause", ("pause", 1)), ("Speed", "0.5", ("speed", 0.5)),
+     ("Begin", "Next scene", ("reset", -1))],
+)  # fmt: skip
+def test_a_button_asks_for_its_service(label: str, value: str, asked: tuple[str, float]):
+    client, desk = MagicMock(), MagicMock()
+    desk.do.side_effect = lambda act: act()
+    groups = {name: MagicMock(value=value) for name in ("Words", "Time", "Speed", "Begin")}
+    client.gui.add_button_group.side_effect = lambda label, *_, **__: groups[label]
+    Controls(client, desk)
+    groups[label].on_click.call_args[0][0](None)
+    desk.ask.assert_called_once_with(*asked)
 
 
 def test_a_text_is_read_again_when_an_arena_is_known():

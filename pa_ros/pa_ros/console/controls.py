@@ -5,12 +5,14 @@ Each such page has controls of its own, so that nobody else can type into them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import viser
 
 from pa_ros.console import markup
+from pa_ros.console.asked import PageError
 from pa_ros.console.page import ORDER
 from pa_ros.language import Vocabulary
 
@@ -22,6 +24,9 @@ SPEEDS = ("0.5", "1", "2", "5")
 
 class Desk(Protocol):
     """What controls ask for. Called on viser's threads; returns at once."""
+
+    def do(self, act: Callable[[], object]) -> None:
+        """Have something done soon; what it raises is refused."""
 
     def vocabulary(self) -> Vocabulary | None:
         """The arena's words; None: no arena is known."""
@@ -121,16 +126,32 @@ class Controls:
             episode = gui.add_number("Scene", 0, min=0, step=1, hint="number of an episode")
             reset = gui.add_button_group("Begin", ("This scene", "Next scene"))
         self._choice.on_update(_by_hand(lambda: self._desk.choose(self._choice.value)))
-        act: dict[str, Callable[[], None]] = {
-            "Pause": lambda: ask("pause", 1),
-            "Go on": lambda: ask("pause", 0),
-            "Step": lambda: ask("step", 1),
-            "This scene": lambda: ask("reset", episode.value),
-            "Next scene": lambda: ask("reset", -1),
-        }
-        pause.on_click(lambda _: act[pause.value]())
-        reset.on_click(lambda _: act[reset.value]())
-        speed.on_click(lambda _: ask("speed", float(speed.value)))
+        self._switch(
+            pause,
+            {
+                "Pause": lambda: ask("pause", 1),
+                "Go on": lambda: ask("pause", 0),
+                "Step": lambda: ask("step", 1),
+            },
+        )
+        self._switch(
+            reset,
+            {
+                "This scene": lambda: ask("reset", episode.value),
+                "Next scene": lambda: ask("reset", -1),
+            },
+        )
+        self._switch(speed, {times: partial(ask, "speed", float(times)) for times in SPEEDS})
+
+    def _switch(self, group: Any, acts: Mapping[str, Callable[[], None]]) -> None:
+        """What each button of a group does; a page may say another one than it was offered."""
+
+        def press(chosen: object) -> None:
+            if not isinstance(chosen, str) or chosen not in acts:
+                raise PageError(f"expected a button of {list(acts)}, got {chosen!r}")
+            acts[chosen]()
+
+        group.on_click(lambda _: self._desk.do(partial(press, group.value)))
 
     def _blocks(self) -> None:
         """Which block is dragged: by its handle in the scene, or to a place that is typed."""
@@ -141,11 +162,12 @@ class Controls:
             put = gui.add_button("Put it there")
         self._block.on_update(_by_hand(self._take_hold))
 
-        def put_there(_: Any) -> None:
+        def put_there() -> None:
             if (number := self._chosen()) is not None:
-                self._desk.move(number, *map(float, to.value))
+                x, y = map(float, to.value)
+                self._desk.move(number, x, y)
 
-        put.on_click(put_there)
+        put.on_click(lambda _: self._desk.do(put_there))
 
     def _chosen(self) -> int | None:
         """The chosen block's place; None: none, or one that is not offered."""

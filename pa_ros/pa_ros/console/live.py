@@ -44,7 +44,7 @@ class LiveConsole:
     def __init__(self, node: Node, sampled: Node, page: Page, namespace: str) -> None:
         """`sampled` is served by no executor (see Sampler)."""
         self._node, self._sampled, self._page = node, sampled, page
-        self._todo: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._todo: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._refusals = Refusals(node.get_logger().warning)
         self.figures, self.history = GraphFigures(), History()
         watch_diagnostics(node, self.figures)
@@ -57,6 +57,9 @@ class LiveConsole:
         self._attend(namespace)
 
     # What controls ask for, on any thread
+
+    def do(self, act: Callable[[], object]) -> None:
+        self._todo.put(act)
 
     def vocabulary(self) -> Vocabulary | None:
         return self._vocabulary
