@@ -69,7 +69,7 @@ def variants_figure(
     frames.xaxis.set_major_locator(MaxNLocator(5))
     frames.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     figure.suptitle(
-        f"{path.stem.removesuffix('-variants')}, one thing changed: each dot is a seed, the line "
+        f"{path.stem.removesuffix('-variants')}, something changed: each dot is a seed, the line "
         "the 95 % interval of their mean",
         fontsize=10,
     )
