@@ -229,28 +229,28 @@ def sentences() -> dict[str, str]:
         for tag in ("no-dropout", "warmup-1000")
     ]
     found["missed least, slow"] = (
-        f"Without hidden properties all ten are solved, {costs[0]:,.0f} frames later, and the "
+        f"Without hidden properties all ten are solved, {costs[0]:,.0f} frames delay, and the "
         f"worst of them reaches new kinds at {plain['worst_seed']:.2f}; with an early first update "
-        f"all ten are, {costs[1]:,.0f} frames later, the worst at {early['worst_seed']:.2f}."
+        f"all ten are, {costs[1]:,.0f} frames delay, the worst at {early['worst_seed']:.2f}."
     )
     both = ".no-dropout.warmup-1000"
-    later = median(frames(f"{three}{slow}{both}")) - median(frames(f"{three}{slow}"))
+    delay = median(frames(f"{three}{slow}{both}")) - median(frames(f"{three}{slow}"))
     assert summary(f"{slow}{both}")[new]["seeds_above_0_9"] == 8
     found["both of these, slow"] = (
-        f"Without both all ten are solved, {later:,.0f} frames later, but two of them (601 and "
+        f"Without both all ten are solved, {delay:,.0f} frames later, but two of them (601 and "
         f"608) reach new kinds at {summary(f'{slow}{both}')[new]['worst_seed']:.2f} and"
     )
     found["worst new, slow"] = f"both new {worst[0]:.2f}, {worst[1]:.2f} and {worst[2]:.2f}"
     found["both new, slow"] = (
         f"after 100,000 frames, score {summary(slow)[new]['normalized']:.2f} in reaching blocks"
     )
-    whole = rows("canonical-2L.paper-protocol-seeds")
-    assert [row["frames"] for row in whole] == ["2e+06", "2e+06"]
-    learned, told_none = (
-        " and ".join(f"{float(row[of]):.2f}".replace("-", "−") for row in whole)
+    pair = rows("canonical-2L.paper-protocol-seeds")
+    assert [row["frames"] for row in pair] == ["2e+06", "2e+06"]
+    trained, held = (
+        " and ".join(f"{float(row[of]):.2f}".replace("-", "−") for row in pair)
         for of in ("final_train", "final_held_out")
     )
-    found["paper, canonical 2-L"] = f"all 2M frames: train {learned}, held out {told_none} | holds"
+    found["paper, canonical 2-L"] = f"all 2M frames: train {trained}, held out {held} | holds"
     long, second = rows("programmable-3D.paper-protocol-seeds")
     found["paper 3-D, second seed"] = (
         f"Seed 1, to {float(second['frames']) / 1e6:.2f}M: train {float(second['final_train']):.2f}"
