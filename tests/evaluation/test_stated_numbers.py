@@ -229,9 +229,9 @@ def sentences() -> dict[str, str]:
         for tag in ("no-dropout", "warmup-1000")
     ]
     found["missed least, slow"] = (
-        f"Without hidden properties all ten are solved, {costs[0]:,.0f} frames delay, and the "
+        f"Without hidden properties all ten are solved, {costs[0]:,.0f} frames later, and the "
         f"worst of them reaches new kinds at {plain['worst_seed']:.2f}; with an early first update "
-        f"all ten are, {costs[1]:,.0f} frames delay, the worst at {early['worst_seed']:.2f}."
+        f"all ten are, {costs[1]:,.0f} frames later, the worst at {early['worst_seed']:.2f}."
     )
     both = ".no-dropout.warmup-1000"
     delay = median(frames(f"{three}{slow}{both}")) - median(frames(f"{three}{slow}"))
