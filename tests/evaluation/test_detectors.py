@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pa_ros.acting.actor import Actor
 from pa_ros.arena import design_named, world_of
+from pa_ros.arena.conditions import novel
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.studies.detectors import (
@@ -19,6 +21,7 @@ from pa_ros.evaluation.studies.detectors import (
     extremes,
     named,
 )
+from pa_ros.language import MIN_MAX, PRODUCT, Logic, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 
@@ -44,10 +47,25 @@ def test_right_detectors_are_found_right(novice: TrainedAgent):
             assert row.on > 0.999 and row.best_distractor < 0.001
     unseen = {row.word: row for row in rows if not row.seen}
     assert set(unseen) == {"new shape", "new color"}
-    # logits of new blocks are all equal: 1 - (1 - (3/4)^3) (3/4) and 1 - (1 - (4/5)^3) (4/5)^2
-    assert unseen["new shape"].on == pytest.approx(1 - (1 - 0.75**3) * 0.75, abs=1e-4)
-    assert unseen["new color"].on == pytest.approx(1 - (1 - 0.8**3) * 0.8**2, abs=1e-4)
+    # degrees of new blocks are all equal, 1/4 and 1/5: so much each known word is true of them
+    assert unseen["new shape"].on == pytest.approx(0.75, abs=1e-4)
+    assert unseen["new color"].on == pytest.approx(0.8, abs=1e-4)
     assert unseen["new color"].best_distractor < 0.001
+
+
+@pytest.mark.parametrize("logic", [MIN_MAX, PRODUCT], ids=lambda logic: logic.name)
+def test_a_new_property_is_as_true_as_the_agent_that_acts_takes_it(
+    novice: TrainedAgent, logic: Logic
+):
+    agent = replace(novice, logic=logic)
+    design, group = agent.design, "color"
+    look = next(DetectorView(agent).looks(UNSEEN, 1))
+    found = {row.word: row for row in accuracies(0, design, UNSEEN, [look])}
+    expression = novel(design.values[group], design.spare(group))
+    program = parse(f"NEAR(HAND, {expression})", design.vocabulary)
+    p = Actor.of(agent.snapshot, logic).relevance(look.observation, program)[1:]
+    new = [design.novel[group] in block.kind.words for block in look.episode.blocks]
+    assert found[f"new {group}"].on == pytest.approx(np.mean(np.array(p)[new]), abs=1e-6)
 
 
 def test_exchanged_detectors_are_found_wrong(novice: TrainedAgent):

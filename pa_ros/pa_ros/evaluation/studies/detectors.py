@@ -17,7 +17,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED
-from pa_ros.language import parse, relevance, satisfying
+from pa_ros.language import Logic, parse, relevance, satisfying
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor
 
@@ -36,6 +36,7 @@ class Look:
     targets: tuple[int, ...]  # objects that the program names
     words: tuple[str, ...]
     phi: Float32  # [V, N]
+    logic: Logic  # that Φ is sharpened for
     p: NDArray[np.float64]  # [N]
     observation: Observation
     hand: tuple[float, float]  # m, table frame
@@ -88,7 +89,7 @@ class DetectorView:
         p = relevance(task.program, phi.tolist(), vocabulary.row, hand, logic)
         first, *blocks = [(float(x), float(y)) for x, y, _ in task.simulation.positions]
         return Look(task.episode, observation.step, task.verifier.targets, vocabulary.words, phi,
-                    np.array(p), observation, first, tuple(blocks))  # fmt: skip
+                    logic, np.array(p), observation, first, tuple(blocks))  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,9 +144,13 @@ def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
 
 
 def _degrees(look: Look, expression: str, design: Design) -> NDArray[np.float64]:
-    """Soft truth of an expression for each block, [N - 1]; the hand is object 0."""
+    """Soft truth of an expression for each block, [N - 1], by the logic in which the agent acts.
+
+    The hand is object 0.
+    """
     program = parse(f"{design.vocabulary.relations[0]}(HAND, {expression})", design.vocabulary)
-    return np.array(relevance(program, look.phi.tolist(), design.vocabulary.row, 0)[1:])
+    row, logic = design.vocabulary.row, look.logic
+    return np.array(relevance(program, look.phi.tolist(), row, 0, logic)[1:])
 
 
 def _judged(
