@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from newcomers import example, trained
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.update import Engine
+from pa_ros.learning.algorithms import ALGORITHMS, Algorithm
+from pa_ros.learning.algorithms.dpg.builder import make_engine
+from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.inference import TorchActor
@@ -63,3 +69,64 @@ def test_its_settings_are_options_and_its_values_join_the_protocol() -> None:
     assert changed.learner.value("temperature") == 0.3
     with pytest.raises(ConfigError, match="temperature"):
         protocol_named("ours", "crr").with_options(["learner.temperature=0"])
+
+
+class InheritedConfig(DPGConfig):
+    """Says DPG's name."""
+
+
+class NamelessConfig(LearnerConfig):
+    """Says none."""
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [(InheritedConfig, "InheritedConfig, got 'dpg'"), (NamelessConfig, "NamelessConfig, got None")],
+)
+def test_settings_that_say_another_algorithms_name_are_refused(
+    config: type[LearnerConfig], said: str
+) -> None:
+    expected = f"algorithm mine: expected ALGORITHM = 'mine' in {said}"
+    with pytest.raises(ConfigError, match=f"^{expected}$"):
+        ALGORITHMS.register("mine", Algorithm(config, make_engine))
+    assert "mine" not in ALGORITHMS
+
+
+class MissingConfig(LearnerConfig):
+    """Of an algorithm without an engine."""
+
+    ALGORITHM: ClassVar[str] = "missing"
+
+
+class RaisingConfig(LearnerConfig):
+    """Of an algorithm whose engine cannot be made."""
+
+    ALGORITHM: ClassVar[str] = "raising"
+
+
+def raises(*_: Any) -> Engine:
+    raise KeyError("critic")
+
+
+def makes_none(*_: Any) -> Any:
+    return None
+
+
+@pytest.mark.parametrize(
+    ("config", "make", "said"),
+    [
+        (RaisingConfig, raises, "algorithm raising: expected what .* got KeyError: 'critic'"),
+        (MissingConfig, makes_none, "algorithm missing: expected an Engine, got None"),
+    ],
+)
+def test_an_engine_that_cannot_be_made_is_refused_by_the_algorithms_name(
+    config: type[LearnerConfig], make: Any, said: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    known = type(ALGORITHMS)("algorithm")
+    monkeypatch.setattr("pa_ros.learning.learner.ALGORITHMS", known)
+    monkeypatch.setattr("pa_ros.learning.protocols.ALGORITHMS", known)
+    known.register(config.ALGORITHM, Algorithm(config, make))
+    with pytest.raises(ConfigError, match=f"^{said}$"):
+        trained(tmp_path, algorithm=config.ALGORITHM)
+    assert not list(tmp_path.iterdir())

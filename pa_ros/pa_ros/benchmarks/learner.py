@@ -115,8 +115,8 @@ def repeated(update: Update, batches: Sequence[Batch]) -> Callable[[int], None]:
 def engine_of(learner: Learner, **changes: object) -> Engine:
     """A new engine for the learner's table, with some settings of the engine replaced."""
     config = learner.config.changed(**{f"engine.{name}": v for name, v in changes.items()})
-    make_engine = ALGORITHMS[config.ALGORITHM].make_engine
-    return make_engine(learner.network, config, learner.table, np.random.default_rng(0))
+    algorithm = ALGORITHMS[config.ALGORITHM]
+    return algorithm.engine(learner.network, config, learner.table, np.random.default_rng(0))
 
 
 def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:

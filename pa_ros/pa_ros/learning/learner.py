@@ -78,7 +78,7 @@ class Learner:
         scoring: Scoring | None = None,
         n_objects: int | None = None,
     ) -> None:
-        """`config` says by which algorithm; ConfigError if it is not registered.
+        """`config` says by which algorithm; ConfigError if that is not registered or is none.
 
         `scoring` is the arena's, which relabeling asks; unless given, the paper's reward
         at the relations' own thresholds. `n_objects`: of the arena's scenes, the hand included;
@@ -103,7 +103,7 @@ class Learner:
         goals = self._relabeler.rewards_kept if self._relabeler else 0
         self.replay = ReplayBuffer(config.replay.capacity_frames, network.world, n_objects, goals)
         algorithm = ALGORITHMS[config.ALGORITHM]
-        self.engine = algorithm.make_engine(network, config, self.table, self.rng)
+        self.engine = algorithm.engine(network, config, self.table, self.rng)
         kept = config.schedule.versions_kept
         self.published: deque[PolicySnapshot] = deque([self._snapshot(0)], maxlen=kept)
 
