@@ -104,6 +104,8 @@ def test_unknown_arms_and_presets_are_refused_with_the_known_ones() -> None:
         ({"joints": ARMS["jaco"].joints * 3}, "1 to 16 joints, got 18"),
         ({"joints": ARMS["jaco"].joints[:1] * 6}, "different joint names"),
         ({"speeds": {"fast": (1.0,) * 5}}, "preset fast: expected 6, got 5"),
+        ({"speeds": {}}, r"speeds: expected those of some of \['paper', 'fast'\], got \[\]"),
+        ({"speeds": {"slow": (1.0,) * 6}}, r"expected those of some of .*, got \['slow'\]"),
     ],
 )
 def test_arms_that_make_no_sense_are_refused(change, shown) -> None:  # type: ignore[no-untyped-def]

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, PositiveFloat, model_validator
 
+from pa_ros.arena import constants
 from pa_ros.arena.arms import ARMS
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings
@@ -128,7 +129,8 @@ class ArenaConfig(Settings):
 
 # The arm's speeds come with each. In `fast` it passes through blocks (but touches the table): the
 # setting in which learning takes the fewest frames. In `paper` it pushes them.
-_VALUES: dict[str, dict[str, Any]] = {"paper": {}, "fast": {"arm_touches_blocks": False}}
+_VALUES: dict[str, dict[str, Any]] = {name: {} for name in constants.PRESETS}
+_VALUES["fast"]["arm_touches_blocks"] = False
 
 
 def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:

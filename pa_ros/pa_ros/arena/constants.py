@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+PRESETS = ("paper", "fast")  # names; their values are in pa_ros.arena.config
+
 TABLE_SIDE_M = 1.6
 TABLE_THICKNESS_M = 0.04
 FLOOR_DEPTH_M = 0.5  # below the table top; catches what falls off

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import TYPE_CHECKING
 
+from pa_ros.arena.constants import PRESETS
 from pa_ros.core.errors import ConfigError
 from pa_ros.world.world import MAX_JOINTS
 
@@ -55,6 +56,11 @@ class Arm:
         if len(set(self.joint_names)) < count:
             raise ConfigError(
                 f"arm {self.name}: expected different joint names, got {self.joint_names}"
+            )
+        if not self.speeds or not set(self.speeds) <= set(PRESETS):
+            raise ConfigError(
+                f"arm {self.name}: speeds: expected those of some of {list(PRESETS)}, "
+                f"got {list(self.speeds)}"
             )
         for preset, speeds in self.speeds.items():
             if len(speeds) != count:
