@@ -138,6 +138,28 @@ def test_a_model_that_is_not_the_arm_is_refused(mjcf, shown, monkeypatch, tmp_pa
         task_of(preset_named("fast")).reset(0)
 
 
+def raises(*_: object) -> str:
+    raise KeyError("links")
+
+
+def gives_none(*_: object) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("mjcf", "shown"),
+    [
+        (raises, "expected MJCF bodies, got KeyError: 'links'"),
+        (gives_none, "expected MJCF bodies as text, got None"),
+    ],
+)
+def test_an_arm_whose_bodies_cannot_be_made_is_refused_by_name(mjcf, shown, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    other = replace(ARMS["jaco"], mjcf=mjcf)
+    monkeypatch.setattr("pa_ros.arena.model.ARMS", {"jaco": other})
+    with pytest.raises(ConfigError, match=f"^arm jaco: {shown}$"):
+        task_of(preset_named("fast")).reset(0)
+
+
 def test_the_pandas_chain_is_the_published_one() -> None:
     """Upright at zero: 0.333 + 0.316 + 0.384 m high and 0.088 m out, then flange and hand down."""
     task = panda()

@@ -46,7 +46,7 @@ def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
     <geom name="table" type="box" pos="0 0 {-c.TABLE_THICKNESS_M / 2}"
       size="{c.TABLE_SIDE_M / 2} {c.TABLE_SIDE_M / 2} {c.TABLE_THICKNESS_M / 2}"
       contype="{SOLID}" conaffinity="0" rgba="0.6 0.5 0.4 1"/>
-    {ARMS[config.arm].mjcf(config, _arm_contact(config))}
+    {ARMS[config.arm].bodies(config, _arm_contact(config))}
     {blocks}
   </worldbody>
   <actuator>{_actuators(config)}</actuator>

@@ -74,6 +74,18 @@ class Arm:
         """In the order of commands and of the arm's features."""
         return tuple(joint.name for joint in self.joints)
 
+    def bodies(self, config: ArenaConfig, attributes: str) -> str:
+        """What `mjcf` gives; ConfigError, with the arm's name, if it raises or that is no text."""
+        try:
+            text = self.mjcf(config, attributes)
+        except Exception as error:  # whatever code of others raises
+            raise ConfigError(
+                f"arm {self.name}: expected MJCF bodies, got {type(error).__name__}: {error}"
+            ) from error
+        if not isinstance(text, str):
+            raise ConfigError(f"arm {self.name}: expected MJCF bodies as text, got {text!r}")
+        return text
+
     @property
     def settings(self) -> dict[str, tuple[float, ...]]:
         """What `ArenaConfig` takes from the arm where it is not told otherwise."""
