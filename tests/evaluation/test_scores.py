@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
+from pa_ros.arena.appearance import Look
 from pa_ros.evaluation.scoring import training
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.evaluate import by_program, evaluate, reference_scores, run_episodes
 from pa_ros.evaluation.scoring.intervals import mean_interval, normalized_interval
 from pa_ros.evaluation.scoring.rewards import normalized
 from pa_ros.evaluation.scoring.tables import TableError
+from pa_ros.world.relations import RELATIONS
 
 FAST, TWO_L = preset_named("fast"), design_named("2-L")
 
@@ -103,3 +105,36 @@ def test_scores_that_were_cut_are_no_mean_of_the_rest(tmp_path):
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
     with pytest.raises(TableError, match="expected episodes 0 to 2, got 2"):
         scorer.reference("random", "eval")
+
+
+def test_scores_of_another_arm_look_or_relation_of_one_name_are_not_its(monkeypatch):
+    benchmark = Benchmark(design=TWO_L, arena=FAST, episodes=3)
+    jaco, near = ARMS["jaco"], RELATIONS["NEAR"]
+    arms, relations = {"jaco": jaco}, {"NEAR": near}
+    for room in ("arena.model", "evaluation.scoring.benchmark"):
+        monkeypatch.setattr(f"pa_ros.{room}.ARMS", arms)
+    for room in ("world.scoring", "evaluation.scoring.benchmark"):
+        monkeypatch.setattr(f"pa_ros.{room}.RELATIONS", relations)
+    first, *others = jaco.joints
+    changes = [
+        (arms, "jaco", replace(jaco, joints=(replace(first, max_torque=9.0), *others))),
+        (arms, "jaco", replace(jaco, joints=(replace(first, limits=(-4.0, 4.0)), *others))),
+        (
+            arms,
+            "jaco",
+            replace(jaco, mjcf=lambda *given: jaco.mjcf(*given).replace("0.99", "1.99")),
+        ),
+        (relations, "NEAR", replace(near, threshold=0.1)),
+        (relations, "NEAR", replace(near, measure=lambda *given: 2 * near.measure(*given))),
+        (relations, "NEAR", replace(near, goal=lambda hand, place, threshold: place)),
+    ]
+    digests = [benchmark.digest]
+    assert digests == [Benchmark(design=TWO_L, arena=FAST, episodes=3).digest]
+    for known, name, changed in changes:
+        with monkeypatch.context() as only_here:
+            only_here.setitem(known, name, changed)
+            digests.append(benchmark.digest)
+    assert benchmark.digest == digests[0]
+    monkeypatch.setattr("pa_ros.evaluation.scoring.benchmark.look_of", lambda _: Look(density=2.0))
+    digests.append(benchmark.digest)
+    assert len(set(digests)) == len(digests) == 8

@@ -27,8 +27,18 @@ def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
     Bodies are the arm's, the last one `hand`, then `block0` …, so that the hand and the blocks are
     consecutive. Raises ConfigError for an arm that isn't what `Arm` says.
     """
+    try:
+        model = mujoco.MjModel.from_xml_string(mjcf(config, looks))
+    except ValueError as error:
+        raise ConfigError(f"arm {config.arm}: expected MJCF bodies, got: {error}") from error
+    _check(model, ARMS[config.arm], len(looks))
+    return model
+
+
+def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:
+    """The arena as text: all that its physics depends on. Raises ConfigError as `Arm.bodies`."""
     blocks = "".join(_block(config, i, look) for i, look in enumerate(looks))
-    text = f"""
+    return f"""
 <mujoco model="programmable reaching">
   <compiler angle="radian" autolimits="true"/>
   <option timestep="{config.timestep_s}" integrator="implicitfast"
@@ -51,12 +61,6 @@ def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
   </worldbody>
   <actuator>{_actuators(config)}</actuator>
 </mujoco>"""
-    try:
-        model = mujoco.MjModel.from_xml_string(text)
-    except ValueError as error:
-        raise ConfigError(f"arm {config.arm}: expected MJCF bodies, got: {error}") from error
-    _check(model, ARMS[config.arm], len(looks))
-    return model
 
 
 def _check(model: mujoco.MjModel, arm: Arm, blocks: int) -> None:

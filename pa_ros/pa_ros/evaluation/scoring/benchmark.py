@@ -7,10 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from pa_ros import __version__
-from pa_ros.arena import ArenaConfig, Design, ReachTask, conditions_for
+from pa_ros.arena import ARMS, ArenaConfig, Design, ReachTask, conditions_for, scoring_of
+from pa_ros.arena.appearance import look_of
+from pa_ros.arena.model import mjcf
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.core.settings import Settings
@@ -19,6 +22,10 @@ from pa_ros.evaluation.scoring.blind import BLIND, blind_policy
 from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED, reference_scores, run_episodes
 from pa_ros.evaluation.scoring.rewards import EpisodeScore
 from pa_ros.evaluation.scoring.tables import TableError, read_rows, write_rows
+from pa_ros.world.relations import RELATIONS, Relation
+
+PLACES = ((0.3, 0.1, 0.2), (0.4, 0.2, 0.03), (0.3, 0.1, 0.03), (-0.2, 0.4, 0.03), (0.5, -0.3, 0.3))
+"""Of a hand, then of objects, m in the base's frame: two relations differ at some, if they do."""
 
 MakePolicy = Callable[[], Callable[[Observation], Float64]]
 
@@ -35,15 +42,39 @@ class Benchmark(Settings):
 
     @property
     def digest(self) -> str:
-        """12 hexadecimal digits of what the scores of given weights depend on."""
-        content = repr((self, __version__))
+        """12 hexadecimal digits of what the scores of given weights depend on.
+
+        What names stand for counts: arm, blocks and relations as they are here. ConfigError for
+        an arm or a look that is none.
+        """
+        content = repr((self, self._physics(), self._relations(), __version__))
         return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+    def _physics(self) -> tuple[object, ...]:
+        """Of the arm and of every block that may be on the table."""
+        looks = [look_of(kind) for kind in self.design.extended_pool]
+        return ARMS[self.arena.arm].joints, mjcf(self.arena, looks)
+
+    def _relations(self) -> list[tuple[object, ...]]:
+        """Of each: threshold, what it measures of some places, where the script sends the hand."""
+        return [
+            (name, threshold, *_probed(RELATIONS[name], threshold))
+            for name, threshold in scoring_of(self.arena, self.design).thresholds.items()
+        ]
 
     def check(self, condition: str) -> None:
         """ConfigError unless the arena knows the condition for this design."""
         known = conditions_for(self.design)
         if condition not in known:
             raise ConfigError(f"benchmark: expected a condition of {known}, got {condition!r}")
+
+
+def _probed(relation: Relation, threshold: float) -> tuple[list[float], list[float]]:
+    """Measures of PLACES for a hand at one of its own, and the goal at the first, rounded."""
+    hand, *objects = np.array(PLACES)
+    measures = relation.of_places(hand, np.array(objects))
+    goal = relation.goal(hand, objects[0], threshold)
+    return measures.round(9).tolist(), goal.round(9).tolist()
 
 
 class Scorer:
