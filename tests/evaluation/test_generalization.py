@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from newcomers import example
 
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import ReachTask, conditions_for, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring import benchmark
 from pa_ros.evaluation.scoring.agents import TrainedAgent, without_training
@@ -35,6 +36,18 @@ def test_all_conditions_of_the_paper_in_its_order():
     assert list(names[: len(ISSUE)]) == ISSUE
     assert names == CONDITIONS
     assert not {"eval", "reach-new-both"} & set(conditions_of(design_named("2-C")))
+
+
+def test_conditions_of_own_groups_and_of_several_relations_are_among_all() -> None:
+    example("sizes")
+    design = design_named("sizes").with_relations("NEAR", "ABOVE")
+    own = "only-size not-size train-near train-above eval-near eval-above".split()
+    names = conditions_of(design)
+    assert list(names[-len(own) :]) == own
+    assert set(conditions_for(design)) - set(names) == {"blocks-4"}
+    assert set(names) - set(conditions_for(design)) == {"random"}
+    for name in ("2-L", "3-D-exact"):
+        assert set(conditions_of(design_named(name))) <= set(CONDITIONS)
 
 
 def quiet(_: str) -> None:

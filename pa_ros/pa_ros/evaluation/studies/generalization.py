@@ -55,9 +55,14 @@ class Row:
 
 
 def conditions_of(design: Design) -> tuple[str, ...]:
-    """Those of CONDITIONS that mean something in a design."""
-    known = {*conditions_for(design), RANDOM_WEIGHTS}
-    return tuple(name for name in CONDITIONS if name in known)
+    """All that mean something in a design: those of CONDITIONS, then its own in its order.
+
+    Of numbers of blocks, those of CONDITIONS alone.
+    """
+    known = conditions_for(design)
+    ours = [name for name in CONDITIONS if name in (*known, RANDOM_WEIGHTS)]
+    own = [name for name in known if name not in ours and not name.startswith("blocks-")]
+    return (*ours, *own)
 
 
 def generalize(
