@@ -33,7 +33,7 @@ from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
-from pa_ros.learning.progress import Progress
+from pa_ros.learning.progress import Progress, Rewards
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
@@ -153,9 +153,9 @@ def train(
         learning = LearningRun(learner, environment.control_period_s, extra)
         if run_log is not None:
             run_log.begin(learning)
-        wall_s = _wall_s(extra)
-        logs = run_log, watcher
-        with _Run(config, learning, environment, max_speed, evaluate, wall_s, resume, *logs) as run:
+        wall_s, rewards = _wall_s(extra), Rewards.of(extra) if resume else Rewards()
+        told = wall_s, rewards, resume, run_log, watcher
+        with _Run(config, learning, environment, max_speed, evaluate, *told) as run:
             run.until(config.frames, stopped)
         return learner
 
@@ -227,6 +227,7 @@ class _Run:
         max_speed: Float64,
         evaluate: Evaluate | None,
         wall_s: float,
+        rewards: Rewards,
         resume: bool,
         run_log: Log | None,
         watcher: Watcher | None,
@@ -240,7 +241,7 @@ class _Run:
         overlap = config.overlap and learning.info.policy_lag > 0
         self._transport = _Transport(learning, overlap, run_log)
         self._frames = learner.counters.frames
-        self._rewards: list[float] = []  # since the last row
+        self._rewards = rewards
         resumed_frames = self._frames if resume else None
         self._progress = Progress(config.out / "progress.csv", resumed_frames)
 
@@ -282,7 +283,7 @@ class _Run:
             observation, verdict = self._environment.step(velocity)
             self._frames += 1
             rewards.append(verdict.reward)
-        self._rewards += rewards
+        self._rewards.add(rewards)
         if self._watcher is not None:
             self._watcher.episode(self._frames, len(rewards), float(np.mean(rewards)))
 
@@ -300,14 +301,14 @@ class _Run:
             "frames": float(self._frames),
             "wall_s": time.monotonic() - self._started,
             "updates": float(learner.counters.updates),
-            "behaviour.reward_per_step": float(np.mean(self._rewards)),
+            "behaviour.reward_per_step": self._rewards.mean,
             **{name: learner.metrics().get(name, float("nan")) for name in _FIGURES},
         }
         if self._evaluate is not None:
             actor = Actor(learner.network, learner.config.acting.inference, logic=PRODUCT)
             actor.load(learner.snapshot())
             row |= self._evaluate(actor)
-        self._rewards = []
+        self._rewards = Rewards()
         try:
             self._progress.add(row)
         except OSError as error:
@@ -329,7 +330,7 @@ class _Run:
         self._transport.drain()
         config = self._config
         about = config.seed, config.design, config.preset, config.arm
-        extra = self._learning.facts(self._started, *about)
+        extra = {**self._learning.facts(self._started, *about), **self._rewards.facts}
         save_checkpoint(checkpoint_of(self._config.out), self._learner, extra)
 
 

@@ -4,13 +4,56 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, isnan, nan
 from pathlib import Path
+from typing import Any
 
 from pa_ros.core.files import write_whole
 from pa_ros.learning.errors import CheckpointError
 
 Row = Mapping[str, float] | Mapping[str, str]
+
+
+@dataclass
+class Rewards:
+    """Of the steps since the last row."""
+
+    total: float = 0.0  # NaN: of some of them it is not known
+    steps: int = 0
+
+    @classmethod
+    def of(cls, extra: Mapping[str, Any]) -> Rewards:
+        """Those that a run's checkpoint goes on from; an older one does not say them.
+
+        CheckpointError where they are no numbers.
+        """
+        if "reward_sum" not in extra:
+            return cls(total=nan)
+        total, steps = extra["reward_sum"], extra.get("reward_steps")
+        if not (isinstance(total, int | float) and isfinite(total)):
+            raise CheckpointError(f"checkpoint: reward_sum: expected a number, got {total!r}")
+        if not (type(steps) is int and steps >= 0):
+            raise CheckpointError(f"checkpoint: reward_steps: expected a count, got {steps!r}")
+        return cls(float(total), steps)
+
+    @property
+    def facts(self) -> dict[str, float]:
+        """For the checkpoint; {} where they are not known."""
+        known = {"reward_sum": self.total, "reward_steps": self.steps}
+        return {} if isnan(self.total) else known
+
+    @property
+    def mean(self) -> float:
+        """Reward per step."""
+        return self.total / self.steps
+
+    def add(self, rewards: Sequence[float]) -> None:
+        """Of an episode; summed one by one, so that a sum that was kept goes on the same."""
+        for reward in rewards:
+            self.total += reward
+        self.steps += len(rewards)
 
 
 class Progress:
