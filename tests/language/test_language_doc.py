@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from pa_ros.cli.main import main
@@ -14,6 +16,18 @@ from pa_ros.language.errors import ProgramError
 
 DOC = (Path(__file__).parents[2] / "docs" / "language.md").read_text("utf-8")
 EXAMPLES = re.findall(r"^\$ pa_ros (.*)\n((?:(?!\$|```).*\n)+)", DOC, flags=re.MULTILINE)
+
+BLOCKS = re.findall(r"^```python\n(.*?)^```", DOC, flags=re.MULTILINE | re.DOTALL)
+
+
+def test_the_code_runs_and_gives_what_the_page_says() -> None:
+    names: dict[str, Any] = {}
+    for block in BLOCKS:
+        exec(compile(block, "docs/language.md", "exec"), names)
+    phi, p, row = names["phi"], names["p"], names["vocabulary"].row
+    for i, red_or_no_cube in enumerate((phi[0, row["RED"]], 1 - phi[1, row["CUBE"]])):
+        expected = [1.0, *red_or_no_cube[1:].tolist()]  # the hand's first
+        np.testing.assert_allclose(p[i], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(("command", "printed"), EXAMPLES)
@@ -32,7 +46,7 @@ def test_the_table_lists_every_code() -> None:
     ]
     codes = {kind.code for kind in kinds if kind is not ProgramError}
     assert set(re.findall(r"^\| `(program\.\w+)` \|", DOC, flags=re.MULTILINE)) == codes
-    assert len(EXAMPLES) == 10
+    assert len(EXAMPLES) == 10 and len(BLOCKS) == 1
 
 
 def test_the_table_names_the_limits() -> None:
