@@ -213,9 +213,10 @@ def test_an_episodes_program_may_be_asked_for() -> None:
         ({"program": "NEAR(HAND"}, ProgramError, "expected"),
         ({"program": "NEAR(HAND, A)"}, NamesNothingError, "A"),
         ({"programme": "x"}, ConfigError, r"expected 'program' alone, got \['programme'\]"),
+        ({1: 2, "a": 3}, ConfigError, r"expected 'program' alone, got \['1', 'a'\]"),
     ):
         with pytest.raises(error, match=said):
-            env.reset(seed=0, options=options)
+            env.reset(seed=0, options=options)  # type: ignore[arg-type]
     assert env.step(np.zeros(6, np.float32))[4]["program"]
 
 

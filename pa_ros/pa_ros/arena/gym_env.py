@@ -97,7 +97,9 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         asked = dict(options or {})
         program = asked.pop("program", None)
         if asked:
-            raise ConfigError(f"gym: options: expected 'program' alone, got {sorted(asked)}")
+            raise ConfigError(
+                f"gym: options: expected 'program' alone, got {sorted(map(str, asked))}"
+            )
         parsed = None if program is None else parse(str(program), self.world.vocabulary)
         super().reset(seed=seed)
         if seed is not None or self._task is None:
