@@ -6,7 +6,7 @@ import pytest
 
 from pa_ros.cli.main import main
 from pa_ros.evaluation.pictures import learning
-from pa_ros.evaluation.pictures.learning import is_curves, learning_figure
+from pa_ros.evaluation.pictures.learning import algorithms_figure, is_curves, learning_figure
 from pa_ros.evaluation.scoring.tables import TableError
 from pa_ros.evaluation.studies.experiments import experiment_named, summarize, write_table
 
@@ -123,3 +123,20 @@ def test_a_mean_of_many_goes_on_past_the_shortest_seed_and_the_band_is_explained
     assert [max(line.get_xdata()) for line in means] == [6000.0, 6000.0]
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "95 % interval of the mean" in labels and "mean of the seeds" in labels
+
+
+@pytest.mark.parametrize("seeds", [1, 5])
+def test_every_algorithm_is_drawn_and_looks_like_no_other(tmp_path, monkeypatch, seeds):
+    curves = {seed: rows(0.1, 0.9) for seed in range(seeds)}
+    summaries = [summarize(seed, own) for seed, own in curves.items()]
+    table = write_table(tmp_path, experiment_named("programmable-2L"), curves, summaries)
+    figures = []
+    monkeypatch.setattr(learning, "save", lambda figure, path: figures.append(figure))
+    algorithms_figure(tmp_path / "algorithms.png", {f"mine{i}": table for i in range(9)})
+    lines = figures[0].axes[0].get_lines()
+    labels = [line for line in lines if line.get_label().startswith("mine")]
+    assert [line.get_label().split(",")[0] for line in labels] == [f"mine{i}" for i in range(9)]
+    looks = {(line.get_color(), line.get_marker()) for line in labels}
+    assert len(looks) == 9
+    curves_drawn = [line for line in lines if len(line.get_xdata()) and line.get_alpha() is None]
+    assert looks < {(line.get_color(), line.get_marker()) for line in curves_drawn}

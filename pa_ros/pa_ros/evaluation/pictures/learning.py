@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
+from itertools import cycle, product
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ Scores = Mapping[float, Mapping[float, float]]
 """Of each seed, by frames."""
 FEW = 4  # seeds up to which each is a line of its own: their mean would say nothing of any
 _STYLES = ("-", "--", ":", "-.")
+_MARKERS = ("", "o", "s", "^")
 _SEVERAL = ("#268bd2", "#d33682", "#859900", "#b58900")
 _CURVES = (
     ("train_greedy.normalized", "training programs", "#b58900"),
@@ -67,10 +69,11 @@ def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
     figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
     column, _, _ = _CURVES[1]
     found = []
-    for (label, table), color in zip(tables.items(), _SEVERAL, strict=False):
+    looks = cycle(product(_MARKERS, _SEVERAL))
+    for (label, table), (marker, color) in zip(tables.items(), looks, strict=False):
         rows, setting = _read(table)
         found.append(_scores(rows, column))
-        _curve(axes, found[-1], f"{label}, {len(found[-1])} seeds, held out", color)
+        _curve(axes, found[-1], f"{label}, {len(found[-1])} seeds, held out", color, marker)
     title = f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}"
     _finish(figure, axes, title, found)
     save(figure, path)
@@ -83,16 +86,20 @@ def _scores(rows: Sequence[Mapping[str, float]], column: str) -> Scores:
     }
 
 
-def _curve(axes: Axes, scores: Scores, label: str, color: str) -> None:
-    """Few seeds each in a style; many thin, with their mean over those that came so far."""
+def _curve(axes: Axes, scores: Scores, label: str, color: str, marker: str = "") -> None:
+    """Few seeds each in a style; many thin, with their mean over those that came so far.
+
+    `marker` is at some points of all but the thin ones.
+    """
     many = len(scores) > FEW
+    thick: dict[str, Any] = {"marker": marker, "markevery": 0.1, "markersize": 5, "color": color}
     for own, style in zip(scores.values(), _STYLES * len(scores), strict=False):
-        look: dict[str, Any] = {"linewidth": 0.8, "alpha": 0.35} if many else {"linestyle": style}
-        axes.plot(list(own), list(own.values()), color=color, **look)
-    axes.plot([], [], color=color, linewidth=2, label=label)
+        thin = {"linewidth": 0.8, "alpha": 0.35, "color": color}
+        axes.plot(list(own), list(own.values()), **(thin if many else thick | {"linestyle": style}))
+    axes.plot([], [], linewidth=2, label=label, **thick)
     if many:
         frames, intervals = _means(scores)
-        axes.plot(frames, [i.mean for i in intervals], color=color, linewidth=2)
+        axes.plot(frames, [i.mean for i in intervals], linewidth=2, **thick)
         axes.fill_between(
             frames, [i.low for i in intervals], [i.high for i in intervals],
             color=color, alpha=0.2, linewidth=0,
