@@ -1,11 +1,13 @@
-"""A bag for all tests of a file."""
+"""Bags for all tests of a file, or of several that are of one xdist_group."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from acted_episodes import acted, rearranged, recorded
 from program_bags import storage_file, written
+from recorded_runs import train
 
 
 @pytest.fixture(scope="module")
@@ -13,3 +15,23 @@ def whole(tmp_path_factory) -> tuple[Path, bytes]:
     folder = tmp_path_factory.mktemp("whole") / "bag"
     written(folder, 12, 200)
     return folder, storage_file(folder).read_bytes()
+
+
+@pytest.fixture(scope="session")
+def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of transitions: three episodes of a run in one process."""
+    folder = tmp_path_factory.mktemp("learned")
+    assert train(folder, "--record", folder / "bag", frames=300) == 0
+    return folder / "bag"
+
+
+@pytest.fixture(scope="session")
+def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of the arena's topics, parts of a step in changing order, one step sent twice."""
+    return recorded(tmp_path_factory.mktemp("stepped") / "bag", acted())
+
+
+@pytest.fixture(scope="session")
+def changing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of the episode in which there are fewer blocks, then more."""
+    return recorded(tmp_path_factory.mktemp("changing") / "bag", rearranged())
