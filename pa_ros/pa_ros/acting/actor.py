@@ -103,26 +103,38 @@ class Actor:
         self._tensors, self._version = snapshot.tensors, snapshot.version
 
     def act(self, observation: Observation, program: Program) -> Float32:
-        """The greedy action, [J] in [-1, 1]; ProgramError if it is of another vocabulary."""
+        """The greedy action, [J] in [-1, 1].
+
+        ProgramError if the program is of another vocabulary, PolicyError if objects or arm are of
+        another size.
+        """
         if self._inference is None:
             raise PolicyError("policy: expected weights before acting, got none")
-        return self._inference.act(
-            observation.objects,
-            self.network.world.arm(observation),
-            program,
-            observation.hand_index,
-        )
+        arm = self._arm(observation)
+        return self._inference.act(observation.objects, arm, program, observation.hand_index)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: how far it takes the program to mean each object; empty if that has no degrees,
-        or there are no weights yet."""
+        or there are no weights yet. Raises what `act` raises."""
         if self._inference is None or not self.network.family.evaluates_programs:
             return ()
-        arm = self.network.world.arm(observation)
+        arm = self._arm(observation)
         phi = degrees(self.network, self._tensors, observation.objects, arm, self.logic)
         rows = self.network.vocabulary.row
         hand = observation.hand_index
         return tuple(relevance(program, phi.tolist(), rows, hand, self.logic))
+
+    def _arm(self, observation: Observation) -> Float32:
+        """Arm part of Ω, [A]; PolicyError for objects or an arm that these weights don't see."""
+        world = self.network.world
+        arm = world.arm(observation)
+        features = observation.objects.shape[-1], arm.size
+        if features != (world.object_features, world.arm_features):
+            raise PolicyError(
+                f"policy: expected {world.object_features} features of an object and "
+                f"{world.arm_features} of the arm, got {features[0]} and {features[1]}"
+            )
+        return arm
 
     def explore(self, observation: Observation, program: Program) -> Float32:
         """The action with this episode's exploration noise, clipped to [-1, 1], [J]."""

@@ -23,12 +23,18 @@ def target_one_hots(program: Program, vocabulary: Vocabulary) -> Float32:
     """The target's properties as one-hots over the vocabulary, [V], then, where it has several, one
     of the relation, [V + R].
 
-    Raises UnsupportedProgramError unless the program is an AND of one word of each group.
+    Raises UnsupportedProgramError unless the program is an AND of one word of each group, and asks
+    for one of the vocabulary's relations.
     """
     words, target = program.words, program.target
     flat = isinstance(target, Word) or (
         isinstance(target, And) and all(isinstance(part, Word) for part in target.operands)
     )
+    rows = vocabulary.relation_row
+    if program.relation not in rows:
+        raise UnsupportedProgramError(
+            f"canonical networks: expected a relation of {', '.join(rows)}, got {program}"
+        )
     found = [sum(word in group.words for word in words) for group in vocabulary.groups]
     if not (flat and len(words) == len(found) and set(found) == {1}):
         groups = ", ".join(group.name for group in reversed(vocabulary.groups))
@@ -38,7 +44,7 @@ def target_one_hots(program: Program, vocabulary: Vocabulary) -> Float32:
     one_hots = np.zeros(len(vocabulary.words) + vocabulary.relation_inputs, np.float32)
     one_hots[[vocabulary.row[word] for word in words]] = 1.0
     if vocabulary.relation_inputs:
-        one_hots[len(vocabulary.words) + vocabulary.relation_row[program.relation]] = 1.0
+        one_hots[len(vocabulary.words) + rows[program.relation]] = 1.0
     return one_hots
 
 
