@@ -43,6 +43,7 @@ class _Pursuit:
     request: Request
     watch: ExecutionWatch
     sent_at: float | None = None
+    arena: str = ""  # whose verdict was the newest when its program was sent first
     judged: bool = False
     verdict: Verdict | None = None  # the newest under this program
 
@@ -56,7 +57,7 @@ class ProgramGoals:
         self._current: _Pursuit | None = None
         self._held = ""  # id of a program that is not to be pursued any more
         self._served = 0
-        self._listening = False
+        self._heard = ""  # the arena of the newest verdict; empty: none was heard
         self._program_out = topics.PROGRAM.publisher(node)
         self._verdicts: Any = None  # from the first goal on: nobody else needs them
         self._timer: Any = None
@@ -122,7 +123,7 @@ class ProgramGoals:
             self._verdicts = topics.VERDICT.subscribe(
                 self._node, self._refusals.guard(topics.VERDICT.name, self._on_verdict)
             )
-        if self._listening:
+        if self._heard:
             self._send()
         self._timer = steady_timer(self._node, FEEDBACK_S, self._tell)
 
@@ -130,14 +131,18 @@ class ProgramGoals:
         """Put the program in force; its verdicts will be heard from the first on."""
         assert self._current is not None
         self._current.sent_at = time.monotonic()
+        self._current.arena = self._current.arena or self._heard
         self._program_out.publish(codec.encode_program(self._current.request))
 
     def _on_verdict(self, message: Message) -> None:
-        self._listening, current = True, self._current
+        self._heard, current = codec.arena_of(message), self._current
         if current is None:
             return
         if current.sent_at is None:
             self._send()
+            return
+        if self._heard != current.arena:
+            self._lose(current, f"verdicts of the arena {current.arena!r}", repr(self._heard))
             return
         verdict = codec.decode_verdict(message)
         execution = current.watch.observe(verdict)
@@ -169,16 +174,18 @@ class ProgramGoals:
             return
         verdicts = self._node.resolve_topic_name(topics.VERDICT.name)  # as it is remapped
         if self._node.count_publishers(verdicts) == 0:
-            error = ArenaGoneError(
-                "execute_program: expected an arena that sends verdicts, got none"
-            )
-            self._refusals.refuse(EXECUTE_PROGRAM[0], error)
-            self._finish(current.goal.abort, code=error.code, reason=str(error))
+            self._lose(current, "an arena that sends verdicts", "none")
             return
         unheard = current.sent_at is not None and not current.judged
         if unheard and time.monotonic() - (current.sent_at or 0.0) > RESEND_S:
             self._send()
         current.goal.feedback(codec.encode_goal_feedback(self._progress(current)))
+
+    def _lose(self, current: _Pursuit, expected: str, got: str) -> None:
+        """The arena that was to execute the program is not there any more."""
+        error = ArenaGoneError(f"execute_program: expected {expected}, got {got}")
+        self._refusals.refuse(EXECUTE_PROGRAM[0], error)
+        self._finish(current.goal.abort, code=error.code, reason=str(error))
 
     def _progress(self, current: _Pursuit) -> GoalProgress:
         objects: tuple[str, ...] = ()

@@ -1,0 +1,92 @@
+"""A goal between its acceptance and its end, by verdicts made up."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
+
+import pytest
+from learners import WORLD
+
+from agent_node.goals import ProgramGoals
+from pa_ros.core.experience import Verdict
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire import codec
+from pa_ros.wire.records import GoalResult, ProgramGoal, ProgramJudgement
+
+TEXT = "NEAR(HAND, AND(RED, CUBE))"
+
+
+class Pursuing:
+    """A node that serves goals without a graph."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.heard: dict[str, Any] = {}  # callbacks by topic
+        self.sent: list[Any] = []  # programs
+        self.results: list[GoalResult] = []
+        self.refusals = Refusals(lambda _: None)
+        monkeypatch.setattr("agent_node.goals.GoalServer", self._serve)
+        node = Mock()
+        node.get_name.return_value, node.get_fully_qualified_name.return_value = "a", "/a"
+        node.create_subscription = lambda _, name, callback, *rest, **more: self.heard.update(
+            {name: callback}
+        )
+        node.create_publisher.return_value = SimpleNamespace(publish=self.sent.append)
+        acting: Any = SimpleNamespace(
+            agent=Mock(), refusals=self.refusals, active=True, arena=Mock(world=WORLD), seen=None
+        )
+        ProgramGoals(node, acting)
+
+    def _serve(self, node: Any, action: Any, start: Any, cancel: Any) -> None:
+        self.start = start
+
+    def pursue(self) -> None:
+        wanted = ProgramGoal(TEXT, 0.0, 1.0)
+        self.start(Mock(request=codec.encode_goal(wanted), abort=self._ended, succeed=self._ended))
+
+    def _ended(self, result: Any) -> None:
+        self.results.append(codec.decode_goal_result(result))
+
+    def judge(self, stamp_ns: int) -> None:
+        """The arena accepts the program that was sent last."""
+        program_id = self.sent[-1].program_id
+        judgement = ProgramJudgement(
+            program_id, "/sim_node", True, canonical=TEXT, stamp_ns=stamp_ns
+        )
+        self.heard["program_status"](codec.encode_program_status(judgement))
+
+    def verdict(self, arena: str, stamp_ns: int, program_id: str = "another's") -> None:
+        given = Verdict(0, 1, stamp_ns, program_id, -1.0, False, 0.5, False)
+        self.heard["verdict"](codec.encode_verdict(given, arena_id=arena))
+
+
+@pytest.fixture
+def goals(monkeypatch: pytest.MonkeyPatch) -> Pursuing:
+    return Pursuing(monkeypatch)
+
+
+def test_a_goal_ends_when_its_arena_was_started_anew_before_the_first_step_under_it(goals) -> None:
+    goals.pursue()
+    assert not goals.sent  # until verdicts are heard
+    goals.verdict("one", 5_000_000_000)
+    goals.judge(5_000_000_000)
+    goals.verdict("other", 100_000_000)
+    (result,) = goals.results
+    assert (result.success, result.code) == (False, "goal.arena_gone")
+    assert "expected verdicts of the arena 'one', got 'other'" in result.reason
+    assert goals.refusals.counts == {"goal.arena_gone": 1}
+
+
+def test_each_goal_is_pursued_in_the_arena_whose_verdicts_come_when_it_is_sent(goals) -> None:
+    for arena, known in (("one", False), ("other", True)):
+        if known:  # the second goal's program is sent at once
+            goals.verdict(arena, 1_000_000_000)
+        goals.pursue()
+        goals.verdict(arena, 2_000_000_000)
+        goals.judge(2_000_000_000)
+        for stamp_ns in (2_100_000_000, 2_200_000_000):
+            goals.verdict(arena, stamp_ns, goals.sent[-1].program_id)
+        assert not goals.results
+        goals.verdict("third", 2_300_000_000)
+        assert goals.results.pop().code == "goal.arena_gone"
