@@ -244,3 +244,21 @@ def test_a_bug_in_a_transition_ends_the_node_which_saves_what_it_can(user: User)
     with pytest.raises(KeyError, match="a bug"):
         user.ask(DEACTIVATE)
     assert user.node.asked[-1] == "cleanup" and user.node.state == "unconfigured"
+
+
+def test_a_clock_that_was_asked_for_at_run_time_is_followed_after_it_is_configured_anew(
+    user: User,
+) -> None:
+    node, out = user.node, topics.ROS_CLOCK.publisher(user.probe)
+    tick = topics.ROS_CLOCK.type()
+    steady_timer(user.probe, 0.05, lambda: out.publish(tick))
+    follows = lambda: node.get_clock().now().nanoseconds == tick.clock.sec * 10**9  # noqa: E731
+    tick.clock.sec = 7
+    assert user.set("use_sim_time", True) == "" and user.probe.until(follows)
+    begun = node.entities
+    for number, state in ((DEACTIVATE, "inactive"), (CLEANUP, "unconfigured")):
+        assert user.ask(number) == (True, state)
+    assert user.ask(CONFIGURE) == (True, "inactive") and node.entities == begun
+    tick.clock.sec = 9
+    assert user.probe.until(follows)
+    assert user.set("use_sim_time", False) == "" and node.entities == begun - 1

@@ -221,11 +221,17 @@ class ManagedNode(LifecycleNode, ABC):
         """Destroy what was made since `configure`, actions put to rest; parameters may be set
         again."""
         for destroy, entity in [*self._entities()]:
-            if id(entity) not in self._own and not is_of_spinning(entity):
+            kept = id(entity) in self._own or self._hears_clock(entity)
+            if not kept and not is_of_spinning(entity):
                 destroy(entity)
         for server in servers_of(self):
             server.rest()
         loosen_settings(self, self._settings)
+
+    def _hears_clock(self, entity: Any) -> bool:
+        """Whether it is rclpy's subscription to /clock, made whenever `use_sim_time` is set."""
+        callback = getattr(entity, "callback", None)
+        return callback is not None and callback is self._time_source.clock_callback
 
     def _entities(self) -> Iterator[tuple[Callable[[Any], Any], Any]]:
         """What the node has, and what destroys it; events of topics go with those."""
