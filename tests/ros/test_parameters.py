@@ -72,7 +72,11 @@ def test_overrides_arrive_in_the_fields_types(node_with):
     ("parameter", "shown"),
     [("number:=1.5", "1.5"), ("number:=true", "True"), ("name:=3", "3"), ("nmae:=x", "nmae"),
      ("words:=x", "'x'"), ("number:=0", "at least 1, got 0"),
-     ("part.share:=1.0", "part.share: .*got 1.0")],
+     ("part.share:=1.0", "part.share: .*got 1.0"), ("use_sim_timee:=true", "use_sim_timee"),
+     ("use_sim_time_factor:=2", "use_sim_time_factor"), ("qos_overridess:=1", "qos_overridess"),
+     ("start_type_description_services:=false", "start_type_description_services"),
+     ("use_sim_time:=1", "use_sim_time: expected true or false, got 1"),
+     ("use_sim_time:=yess", "use_sim_time: expected true or false, got 'yess'")],
 )  # fmt: skip
 def test_wrong_types_and_unknown_names_are_refused(node_with, parameter, shown):
     with pytest.raises(ConfigError, match=shown):

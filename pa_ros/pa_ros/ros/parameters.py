@@ -12,7 +12,9 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Leaf, Settings
 
 Kind = TypeVar("Kind", bound=Settings)
-OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+SIM_TIME = "use_sim_time"
+OF_ROS = (SIM_TIME, "start_type_description_service")
+QOS = "qos_overrides."  # what ROS's names of any topic begin with
 LARGEST = {int: 2**63 - 1, float: sys.float_info.max}  # stands for no bound
 
 
@@ -60,13 +62,19 @@ def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
 
 
 def _given(node: Node, kind: type[Settings]) -> dict[str, Any]:
-    """The parameters that a node has, by name. Raises ConfigError for an unknown one."""
+    """The parameters that a node has, by name. Raises ConfigError for an unknown one, and for a
+    `use_sim_time` that is no bool, which rclpy takes for false."""
     leaves = kind.paths()
     given: dict[str, Any] = node.get_parameters_by_prefix("")
-    unknown = [name for name in given if name not in leaves and not name.startswith(OF_ROS)]
+    known = {*leaves, *OF_ROS}
+    unknown = [name for name in given if name not in known and not name.startswith(QOS)]
     if unknown:
         raise ConfigError(
             f"{node.get_name()}: expected parameters {sorted(leaves)}, got {sorted(unknown)}"
+        )
+    if SIM_TIME in given and not isinstance(given[SIM_TIME].value, bool):
+        raise ConfigError(
+            f"{node.get_name()}: {SIM_TIME}: expected true or false, got {given[SIM_TIME].value!r}"
         )
     return given
 
