@@ -19,6 +19,10 @@ from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
 CANCEL_S = 5.0
 AGAIN_S = 0.5
 UNREADY = "goal.unready"
+REJECTED = "goal.rejected"
+TAKES_NONE = (
+    "the agent takes no goals now: is it configured and active? (ros2 lifecycle get, with its name)"
+)
 
 
 class GoalClient:
@@ -45,7 +49,8 @@ class GoalClient:
     ) -> GoalResult:
         """Have a goal pursued to its end. Whatever ends this early cancels it: the arm then holds.
 
-        An agent that has just started, and knows no arena or weights yet, is asked again.
+        An agent that has just started, and knows no arena or weights yet, is asked again. One that
+        takes no goals, or ends this one without a result, gives the code REJECTED.
         Raises SendTimeoutError when the goal isn't taken up, or has no result, within the time.
         """
         until = time.monotonic() + timeout_s
@@ -65,6 +70,8 @@ class GoalClient:
         if not self._spin(sent.done, timeout_s):
             raise SendTimeoutError(f"no agent took the goal up within {timeout_s:g} s")
         handle: Any = sent.result()
+        if not handle.accepted:
+            return GoalResult(False, code=REJECTED, reason=TAKES_NONE)
         result = handle.get_result_async()
         try:
             if not self._spin(result.done, timeout_s):
@@ -72,4 +79,7 @@ class GoalClient:
         finally:
             if not result.done():
                 self._spin(handle.cancel_goal_async().done, CANCEL_S)
-        return codec.decode_goal_result(result.result().result)
+        ended = codec.decode_goal_result(result.result().result)
+        if not ended.success and not ended.code:
+            return GoalResult(False, code=REJECTED, reason=TAKES_NONE)
+        return ended
