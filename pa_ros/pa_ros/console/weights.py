@@ -31,7 +31,7 @@ class AgentWeights:
         self.insight: Insight | None = None
         self.why = ""  # why there is none
         self._topic = replace(POLICY_WEIGHTS, name=within(namespace, POLICY_WEIGHTS))
-        self._version = -1
+        self._shown = ("", -1)  # learner and version
         self._source, self._logic = "", PRODUCT
         self._reader: Any = None
         self._since = -PERIOD_S
@@ -74,7 +74,8 @@ class AgentWeights:
             self.insight, self.why = None, "the agent's weights are random ones of its own"
 
     def _on_weights(self, message: Message) -> None:
-        snapshot = codec.decode_weights(message).snapshot
-        if snapshot.version > self._version:
+        policy = codec.decode_weights(message)
+        snapshot, (learner, version) = policy.snapshot, self._shown
+        if policy.learner_id != learner or snapshot.version > version:
             self.insight, self.why = Insight(snapshot, self._logic), ""
-            self._version = snapshot.version
+            self._shown = policy.learner_id, snapshot.version
