@@ -120,11 +120,13 @@ class LearnerNode(ManagedNode):
 
     def cleanup(self) -> None:
         """Take in what waits, and write a last checkpoint."""
-        if self.worker is None:
-            return
-        self.worker.close()
+        if self.worker is not None:
+            self.worker.close()
         self.draw()
-        if self.worker.trouble:
+        if self._scalars is not None:
+            self._scalars.close()
+            self._scalars = None
+        if self.worker is not None and self.worker.trouble:
             self.get_logger().error(self.worker.trouble)
             self.exit_status = 1  # what was learned is not all saved
         self.worker = None
@@ -267,6 +269,7 @@ class LearnerNode(ManagedNode):
             self._scalars.add(self.worker.metrics)
         except ScalarsError as error:
             self.refusals.refuse("tensorboard: nothing more is written", error)
+            self._scalars.close()
             self._scalars = None
 
     def progress(self) -> str:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import errno
 import sys
+import threading
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
+from unittest.mock import Mock
 
 import pytest
 
@@ -67,14 +70,20 @@ class Full:
     """A writer on a disk without room."""
 
     def __init__(self, *_: object) -> None:
-        pass
+        self.closed = 0
+        self.file_writer = self
 
     def add_scalar(self, *_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
+    def close(self) -> None:
+        self.closed += 1
+        raise OSError(errno.ENOSPC, "No space left on device")
+
 
 def test_a_full_disk_costs_scalars_and_no_learner(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("pa_ros.learning.scalars._writer", lambda: Full)
+    full = Full()
+    monkeypatch.setattr("pa_ros.learning.scalars._writer", lambda: lambda _: full)
     scalars = Scalars(tmp_path)
     metrics = {"frames": 100.0, "updates": 1.0}
     with pytest.raises(ScalarsError, match="expected room for more"):
@@ -84,5 +93,17 @@ def test_a_full_disk_costs_scalars_and_no_learner(tmp_path, monkeypatch, capsys)
     )
     for _ in range(2):
         cast(Any, LearnerNode).draw(node)
-    assert node.refusals.counts == {"learning.tensorboard": 1}
+    assert node.refusals.counts == {"learning.tensorboard": 1} and full.closed == 1
     assert "No space left" in capsys.readouterr().out
+
+
+def test_a_learner_that_is_cleaned_up_leaves_no_thread_of_a_writer(tmp_path):
+    pytest.importorskip("tensorboard")
+    before = set(threading.enumerate())
+    for worker in (None, Mock(metrics={"frames": 10.0, "updates": 1.0}, trouble="")):
+        node = Mock(_scalars=Scalars(tmp_path), worker=worker)
+        node.draw = partial(cast(Any, LearnerNode).draw, node)
+        assert set(threading.enumerate()) - before
+        cast(Any, LearnerNode).cleanup(node)
+        assert set(threading.enumerate()) == before
+    assert read(tmp_path) == {"learner/updates": [(10, 1.0)]}

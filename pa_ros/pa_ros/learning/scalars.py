@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,9 @@ class Scalars:
             raise ScalarsError(f"tensorboard: expected room for more: {error}") from error
 
     def close(self) -> None:
-        self._writer.close()
+        """End its thread, too; what there is no room for is left out."""
+        with suppress(OSError):
+            self._writer.file_writer.close()
 
 
 def _writer() -> Any:
