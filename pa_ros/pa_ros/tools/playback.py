@@ -134,8 +134,8 @@ class Player:
     def _chosen(self) -> list[str]:
         there, wanted = self._bag.types, self._options.topics
         if not wanted:
-            skipped = topics.ROS_CLOCK.name if self._options.clock else ""
-            return [name for name in there if not skipped or not name.endswith(skipped)]
+            instead = topics.ROS_CLOCK.name if self._options.clock else ""
+            return [name for name in there if name != instead]
         found = []
         for one in wanted:
             named = [name for name in there if name == one or name.endswith("/" + one.lstrip("/"))]
