@@ -34,6 +34,7 @@ class Adapter:
         self._out = topic.publisher(node)
         self._ramp: VelocityRamp | None = None
         self._limits: tuple[float, ...] = ()
+        self._joints: tuple[str, ...] = ()  # of the arm that is on the ramp
         self._position: Float64 = np.zeros(0)
         self._sent_at = self._ramped_at = time.monotonic()
         steady_timer(node, WATCH_S, self._watch)
@@ -43,8 +44,9 @@ class Adapter:
         arena = self._arena()
         if arena is None:
             return
-        if self._ramp is None or self._limits != arena.speed_limits:
-            self._limits = arena.speed_limits
+        known = self._limits, self._joints
+        if self._ramp is None or known != (arena.speed_limits, arena.joint_names):
+            self._limits, self._joints = arena.speed_limits, arena.joint_names
             self._ramp = VelocityRamp(self._limits, self._config.max_acceleration)
         self._position = observation.joint_position
         self._sent_at = time.monotonic()
@@ -58,16 +60,22 @@ class Adapter:
     def stop(self) -> None:
         """To rest at once: nobody will be there to bring the arm down the ramp."""
         arena = self._arena()
-        if arena is not None and self._ramp is not None and self._ramp.moving:
+        if arena is not None and self._moves(arena):
             at_rest = VelocityRamp(self._limits, 0.0)
             self._publish(at_rest, np.zeros(len(self._limits), np.float32), arena)
 
     def _watch(self) -> None:
         """Without commands for too long: down the ramp to rest, and then silence."""
-        arena, ramp = self._arena(), self._ramp
+        arena = self._arena()
         late = time.monotonic() - self._sent_at > self._config.output_timeout_s
-        if late and arena is not None and ramp is not None and ramp.moving:
-            self._publish(ramp, np.zeros(len(self._limits), np.float32), arena)
+        if late and arena is not None and self._moves(arena) and self._ramp is not None:
+            self._publish(self._ramp, np.zeros(len(self._limits), np.float32), arena)
+
+    def _moves(self, arena: ArenaDescription) -> bool:
+        """Whether the arm is on its ramp; a ramp of other joints than the arena's is dropped."""
+        if self._joints != arena.joint_names:
+            self._ramp = None
+        return self._ramp is not None and self._ramp.moving
 
     def _publish(self, ramp: VelocityRamp, action: Float32, arena: ArenaDescription) -> None:
         now = time.monotonic()
