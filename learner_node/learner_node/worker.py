@@ -49,7 +49,7 @@ class LearnerWorker:
     def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
         self.world = arena.world
         self.failure: BaseException | None = None  # a bug; the node must not go on
-        self.diverged: DivergedError | None = None  # learning has stopped
+        self.diverged: DivergedError | None = None  # learning has stopped; the rest is refused
         self.unsaved: PaError | None = None  # why the latest checkpoint could not be written
         self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
@@ -177,19 +177,27 @@ class LearnerWorker:
                 with self._turn:
                     if not self._stopping:
                         self._take_in(trajectory)
-        except DivergedError as error:
-            self.diverged = error
-            self._sinks.refuse("learning", error)
         except BaseException as error:  # seen by the node's timer
             self.failure = error
 
     def _take_in(self, trajectory: Trajectory) -> None:
+        if self.diverged is not None:
+            self._reject(self.diverged)
+            return
         try:
             for one in self._turns.ready(trajectory):
                 self._consume(one)
-        except DivergedError:
-            raise
+        except DivergedError as error:
+            self._stop_learning(error)
         except PaError as error:
+            self._reject(error)
+
+    def _stop_learning(self, error: DivergedError) -> None:
+        """Whatever waits or comes from now on is refused."""
+        self.diverged = error
+        self._sinks.refuse("learning", error)
+        waiting, self._turns = len(self._turns), Turns(self.run, self._config.turns)
+        for _ in range(waiting):
             self._reject(error)
 
     def _reject(self, error: PaError) -> None:

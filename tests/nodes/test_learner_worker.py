@@ -217,7 +217,13 @@ def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_p
         bench.worker.submit(trajectory(i))
     wait_for(lambda: bench.worker.trouble)
     assert "expected finite numbers" in bench.worker.trouble
-    assert [error.code for error in bench.refused] == ["learning.diverged"]
+    learned = len(bench.published) - 1
+    wait_for(lambda: len(bench.refused) == 5 - learned, "the rest to be refused")
+    for i in range(5, 8):
+        bench.worker.submit(trajectory(i))
+    wait_for(lambda: len(bench.refused) == 8 - learned, "what still comes to be refused")
+    assert {error.code for error in bench.refused} == {"learning.diverged"}
+    assert bench.worker.backlog == 0 and bench.worker.rejected == 7 - learned
     for policy in bench.published:
         assert all(np.isfinite(tensor).all() for tensor in policy.snapshot.tensors.values())
     before = sorted(path.name for path in tmp_path.rglob("version-*"))
