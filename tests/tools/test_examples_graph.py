@@ -52,6 +52,9 @@ def test_an_example_executes_programs_and_refuses_others(nodes):
             command = [sys.executable, "-m", "pa_ros", "send", program, "--wait", "--timeout", "60"]
             sent = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
             assert sent.returncode == status, (program, sent.stdout, sent.stderr)
+        command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "20"]
+        told = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
+        assert told.returncode == 0 and told.stdout.startswith("blocks: "), told
     finally:
         for process in started:
             process.terminate()

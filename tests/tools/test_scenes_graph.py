@@ -9,6 +9,8 @@ import sys
 import pytest
 from graph import graph
 
+from pa_ros.arena import ArenaConfig, design_named
+from pa_ros.arena.task import world_of
 from pa_ros.cli.main import main
 from pa_ros.language import parse, require_target
 from pa_ros.ros import topics
@@ -17,6 +19,7 @@ from pa_ros.tools.monitor import GraphFigures
 from pa_ros.tools.scenes import Scene, SceneFigures
 from pa_ros.wire import codec
 from pa_ros.wire.records import ProgramRequest, ResetRequest
+from pa_ros.wire.robots import describe_robot
 from sim_node.node import SimNode
 
 ARENA = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__program_source": "topic"}
@@ -53,6 +56,47 @@ def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
         outcome = probe.call(topics.RESET, codec.encode_reset(ResetRequest(episode=7)))
         assert outcome.success
         assert probe.until(lambda: scene.episode == 7 and scene.blocks != before)
+
+
+@pytest.mark.graph
+def test_an_arena_without_samples_is_seen_by_its_steps_until_samples_come():
+    away = [f"sim_node:{topic.name}:=away/{part}" for part, topic in topics.SAMPLES.items()]
+    with graph(SimNode, remaps=away, **ARENA) as probe:
+
+        def readers() -> int:
+            return probe.count_subscribers(topics.OBJECT_FEATURES.name) - 1  # the probe's own
+
+        scene = Scene(probe)
+        assert probe.until(lambda: readers() == 1)
+        assert probe.call(topics.RESET, codec.encode_reset(ResetRequest(episode=7))).success
+        assert probe.until(lambda: scene.known and scene.episode == 7)
+        shown = topics.SAMPLES["features"].publisher(probe)
+        assert probe.until(lambda: readers() == 0)
+        probe.destroy_publisher(shown)
+        assert probe.until(lambda: readers() == 1)
+
+
+@pytest.mark.graph
+def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none():
+    with graph() as probe:
+        world = world_of(ArenaConfig(), design_named("3-D"))
+        about = describe_robot(world, {f"joint_{i}": 1.0 for i in range(world.joints)}, 0.1)
+        left = topics.ARENA_INFO.within("left").publisher(probe)
+        left.publish(codec.encode_arena_info(about))
+        command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "4"]
+
+        def told(*arguments: str) -> str:
+            with subprocess.Popen(
+                [*command, *arguments], stderr=subprocess.PIPE, text=True
+            ) as sent:
+                assert probe.until(lambda: sent.poll() is not None)
+                assert sent.returncode == 3
+                return sent.stderr.read()
+
+        first, last = told().splitlines()
+        for line in (first, last):
+            assert "an arena describes itself in /left: --namespace chooses it" in line
+        assert f"arena {about.arena_id} describes itself, but no" in told("--namespace", "left")
 
 
 @pytest.mark.parametrize("text", ["last", "-1", "1.5", ""])

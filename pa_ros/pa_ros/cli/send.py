@@ -16,8 +16,9 @@ from pa_ros.cli.options import add_setting, asked, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import printable, printable_lines
 from pa_ros.ros.executor import spin_until
+from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.arena_client import ArenaClient, ArenaSilentError
-from pa_ros.tools.client import Node, client_node, spin_with_notice
+from pa_ros.tools.client import Node, client_node, elsewhere, spin_with_notice
 from pa_ros.tools.goals import GoalClient
 from pa_ros.tools.scenes import Scene
 from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError, sendable
@@ -78,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
                 print(_suggested(scene), file=sys.stderr)
             return status
         except (SendTimeoutError, ArenaSilentError) as error:
-            print(f"timed out: {error}", file=sys.stderr)
+            print(f"timed out: {error}{elsewhere(node)}", file=sys.stderr)
             return EXIT_TIMED_OUT
 
 
@@ -92,8 +93,13 @@ def _scene(text: str) -> ResetRequest:
 
 
 def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
-    """Say what stands there. SendTimeoutError if no arena shows itself in time."""
+    """Say what stands there. SendTimeoutError if no arena shows itself, or its table, in time."""
     if not spin_with_notice(node, lambda: scene.known, timeout_s):
+        if scene.arena is not None:
+            raise SendTimeoutError(
+                f"arena {printable(scene.arena.arena_id)} describes itself, but no "
+                f"{OBJECT_FEATURES.name} that fit came within {timeout_s:g} s"
+            )
         raise SendTimeoutError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )

@@ -25,6 +25,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS, SAMPLES
+from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import sensible
 from pa_ros.wire import codec
@@ -93,7 +94,7 @@ class LiveConsole:
             attempt(self._refusals, "page", self._todo.get())
         now = time.monotonic()
         if now - self._surveyed > SURVEY_S:
-            before, self._arenas = self._arenas, self._survey()
+            before, self._arenas = self._arenas, namespaces_of_arenas(self._node)
             self._surveyed = now
             lacks = self._arena is None and f"/{self._namespace}" not in self._arenas
             if lacks and self._arenas and self._arenas == before:  # the one asked for isn't to come
@@ -161,15 +162,6 @@ class LiveConsole:
         self._node.destroy_publisher(self._publisher)
         self._services.close()
         self._weights.close()
-
-    def _survey(self) -> tuple[str, ...]:
-        """Namespaces in which an arena describes itself."""
-        name = f"/{ARENA_INFO.name}"
-        return tuple(sorted(
-            topic.removesuffix(name) or "/"
-            for topic, _ in self._node.get_topic_names_and_types()
-            if topic.endswith(name) and self._node.count_publishers(topic)
-        ))  # fmt: skip
 
     def _on_arena(self, message: Message) -> None:
         arena = codec.decode_arena_info(message)

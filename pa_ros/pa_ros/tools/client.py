@@ -12,7 +12,7 @@ from rclpy.node import Node
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.environment import prepare_environment, start_ros
 
-__all__ = ["Node", "client_node", "spin_with_notice"]
+__all__ = ["Node", "client_node", "elsewhere", "namespaces_of_arenas", "spin_with_notice"]
 
 NOTICE_S = 3.0
 
@@ -61,8 +61,28 @@ def spin_with_notice(node: Node, condition: Callable[[], bool], timeout_s: float
         domain = node.context.get_domain_id()
         print(
             f"no arena yet in ROS domain {domain}, namespace {node.get_namespace()}: "
-            f"waits for one, {timeout_s:g} s at most",
+            f"waits for one, {timeout_s:g} s at most{elsewhere(node)}",
             file=sys.stderr,
             flush=True,
         )
     return spin_until(node, condition, timeout_s - at_once)
+
+
+def namespaces_of_arenas(node: Node) -> tuple[str, ...]:
+    """Namespaces in which an arena describes itself; `/` is the root."""
+    from pa_ros.ros.topics import ARENA_INFO
+
+    name = f"/{ARENA_INFO.name}"
+    return tuple(sorted(
+        topic.removesuffix(name) or "/"
+        for topic, _ in node.get_topic_names_and_types()
+        if topic.endswith(name) and node.count_publishers(topic)
+    ))  # fmt: skip
+
+
+def elsewhere(node: Node) -> str:
+    """Where arenas are, behind a line that says that none is here; empty: here, or nowhere."""
+    found = namespaces_of_arenas(node)
+    if not found or node.get_namespace() in found:
+        return ""
+    return f"; an arena describes itself in {', '.join(found)}: --namespace chooses it"

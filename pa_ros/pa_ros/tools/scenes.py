@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32, Verdict
 from pa_ros.core.text import printable
 from pa_ros.language import Vocabulary, parse, require_target
-from pa_ros.ros.topics import ARENA_INFO, SAMPLES
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES, VERDICT
 from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import codec
 from pa_ros.wire.interfaces import Message
@@ -20,6 +24,7 @@ from pa_ros.wire.records import ArenaDescription
 from pa_ros.world.world import World
 
 SUGGESTED = 12
+LOOK_S = 0.5  # how often it is asked whether an arena shows samples
 ENDING = 2  # rows of figures that stand last: refusals and alarms
 
 Block = frozenset[str]
@@ -27,7 +32,11 @@ Block = frozenset[str]
 
 
 class Scene:
-    """Follows an arena by its samples, four times a second, for as long as `node` is spun."""
+    """Follows an arena by its samples, four times a second, for as long as `node` is spun.
+
+    Of one that shows none, as a robot's driver, it takes the steps themselves, and those best
+    effort, so that nothing waits for it.
+    """
 
     def __init__(self, node: Node, namespace: str = "") -> None:
         """`namespace`: below the node's; or, with a slash, anywhere."""
@@ -35,12 +44,20 @@ class Scene:
         self.blocks: tuple[Block, ...] = ()
         self.episode, self.program = -1, ""
         self.verdict: Verdict | None = None
-        for topic, receive in (
-            (ARENA_INFO, self._on_arena),
-            (SAMPLES["features"], self._on_features),
-            (SAMPLES["verdict"], self._on_verdict),
-        ):
-            topic.within(namespace).subscribe(node, partial(_tolerant, receive))
+        self._node = node
+        self._steps: list[Any] = []  # readers of whole steps
+        features, verdict = (
+            partial(_tolerant, receive) for receive in (self._on_features, self._on_verdict)
+        )
+        self._samples, shown = (SAMPLES[part].within(namespace) for part in ("features", "verdict"))
+        ARENA_INFO.within(namespace).subscribe(node, partial(_tolerant, self._on_arena))
+        self._samples.subscribe(node, features)
+        shown.subscribe(node, verdict)
+        self._whole = tuple(
+            (replace(topic.within(namespace), reader=qos_profile_sensor_data), receive)
+            for topic, receive in ((OBJECT_FEATURES, features), (VERDICT, verdict))
+        )
+        steady_timer(node, LOOK_S, self._attend)
 
     @property
     def known(self) -> bool:
@@ -73,6 +90,14 @@ class Scene:
         if self.verdict is None or not np.isfinite(self.verdict.distance):
             return "-"
         return f"{self.verdict.distance:.2f} m{', satisfied' if self.verdict.satisfied else ''}"
+
+    def _attend(self) -> None:
+        """Listen to whole steps where an arena shows no samples, and there alone."""
+        if self.arena is None or self._node.count_publishers(self._samples.name):
+            while self._steps:
+                self._node.destroy_subscription(self._steps.pop())
+        elif not self._steps:
+            self._steps = [topic.subscribe(self._node, take) for topic, take in self._whole]
 
     def _on_arena(self, message: Message) -> None:
         self.arena = codec.decode_arena_info(message)
