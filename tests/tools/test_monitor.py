@@ -76,8 +76,15 @@ def test_values_are_numbers_or_none():
     assert figures.value("absent_node", "x") is None
 
 
-def test_without_a_terminal_there_are_plain_lines_now_and_then(monkeypatch):
-    stream, clock = io.StringIO(), Clock()
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("stream", [io.StringIO(), Terminal()], ids=["file", "dumb"])
+def test_where_nothing_can_be_renewed_there_are_plain_lines_now_and_then(monkeypatch, stream):
+    monkeypatch.setenv("TERM", "dumb")
+    clock = Clock()
     monkeypatch.setattr("pa_ros.tools.monitor.time.monotonic", clock)
     figures = filled()
     with Display("title", figures.rows, figures.line, stream) as display:
@@ -87,11 +94,6 @@ def test_without_a_terminal_there_are_plain_lines_now_and_then(monkeypatch):
     lines = stream.getvalue().splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("frames 33  frames/s 512") and "\x1b" not in stream.getvalue()
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
 
 
 def test_on_a_terminal_there_is_a_table(monkeypatch):

@@ -15,6 +15,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from pa_ros.core.text import renewable
+
 LINE_PERIOD_S = 5.0  # of lines without a terminal
 REFRESH_S = 0.2  # of the line in a terminal
 RECENT = 20  # episodes
@@ -63,7 +65,7 @@ class TrainingView:
         self._times: deque[tuple[float, int]] = deque([(self._shown, 0)], maxlen=RECENT)
 
     def __enter__(self) -> TrainingView:
-        if self._console.is_terminal:
+        if renewable(self._console):
             self._live = Live(console=self._console, auto_refresh=False, transient=True)
             self._live.start()
         return self

@@ -1,6 +1,11 @@
-"""Text from outside, of which nothing is known."""
+"""Text from outside, of which nothing is known, and where it is shown."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 LONGEST = 1000  # characters shown
 DIGITS = 18  # of the greatest number that is read
@@ -14,6 +19,11 @@ def printable(text: str) -> str:
 def printable_lines(text: str) -> str:
     """The same of several lines, which they stay; nothing is cut."""
     return "\n".join(map(_escaped, text.split("\n")))
+
+
+def renewable(console: Console) -> bool:
+    """Whether what is shown can be renewed in place: by a terminal, if it isn't a dumb one."""
+    return console.is_terminal and not console.is_dumb_terminal
 
 
 def natural(text: str) -> int | None:

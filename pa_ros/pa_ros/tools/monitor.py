@@ -18,7 +18,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from pa_ros.core.text import natural, printable
+from pa_ros.core.text import natural, printable, renewable
 from pa_ros.ros.lifecycle import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.wire import codec
@@ -173,7 +173,7 @@ def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
 
 
 class Display:
-    """Shows rows about twice a second in place; without a terminal, a line every LINE_PERIOD_S.
+    """Shows rows about twice a second in place; where that can't be, a line every LINE_PERIOD_S.
 
     A context manager. `rows` and `line` are asked for what to show at each `refresh`.
     """
@@ -192,7 +192,7 @@ class Display:
         self._printed = time.monotonic()
 
     def __enter__(self) -> Display:
-        if self._console.is_terminal:
+        if renewable(self._console):
             self._live = Live(console=self._console, auto_refresh=False)
             self._live.start()
         return self
