@@ -2,6 +2,7 @@
 
 import io
 import math
+import shlex
 from types import SimpleNamespace
 
 import pytest
@@ -65,9 +66,19 @@ def test_in_a_terminal_the_line_is_renewed_in_place_and_rows_stay(monkeypatch):
     assert "\x1b[2K" in text and "10,000" in text
 
 
+def test_a_terminal_that_can_renew_nothing_gets_lines(monkeypatch):
+    monkeypatch.setattr(training_view, "LINE_PERIOD_S", 0.0)
+    monkeypatch.setenv("TERM", "dumb")
+    stream = Terminal()
+    with TrainingView(2_000, stream) as view:
+        view.episode(100, 100, -1.0)
+        assert stream.getvalue().startswith("100 of 2,000 frames")
+
+
 @pytest.mark.parametrize("resumed", [False, True])
 def test_a_run_tells_its_evaluations_and_what_comes_next(tmp_path, capsys, resumed):
-    run = ["train", "--out", str(tmp_path), "--eval-every", "100", "--eval-episodes", "1"]
+    out = tmp_path / "it's a run"
+    run = ["train", "--out", str(out), "--eval-every", "100", "--eval-episodes", "1"]
     assert main([*run, "--frames", "200"]) == 0
     if resumed:
         capsys.readouterr()
@@ -75,4 +86,5 @@ def test_a_run_tells_its_evaluations_and_what_comes_next(tmp_path, capsys, resum
     *_, before, last, then = capsys.readouterr().out.splitlines()
     frames = (300, 400) if resumed else (100, 200)
     assert [int(line.split()[0]) for line in (before, last)] == list(frames)
-    assert f"pa_ros eval --checkpoint {tmp_path}" in then
+    command = shlex.split(then.rpartition("next: ")[2])
+    assert command == ["pa_ros", "eval", "--checkpoint", str(out)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -120,10 +121,15 @@ def stated(folder: Path) -> dict[str, Any]:
         return {}
     except ValueError as error:
         raise DamagedBagError(
-            f"bag: {folder}: {METADATA}: {error}; try `pa_ros record --repair {folder}`"
+            f"bag: {folder}: {METADATA}: {error}; try {repair_command(folder)}"
         ) from error
     about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     return about if isinstance(about, dict) else {}
+
+
+def repair_command(folder: Path) -> str:
+    """What to give a shell to have a bag made whole."""
+    return f"`pa_ros record --repair {shlex.quote(str(folder))}`"
 
 
 def write_metadata(folder: Path, content: dict[str, Any]) -> None:

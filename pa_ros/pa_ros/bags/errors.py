@@ -17,6 +17,13 @@ class BagFullError(BagError):
     code = "bag.full"
 
 
+class BagMovedError(BagFullError):
+    """A bag whose folder was moved or deleted while it was being written: it takes no more, and a
+    repair makes it readable."""
+
+    code = "bag.moved"
+
+
 class UnfinishedBagError(BagError):
     """A recording that was killed: its index and metadata are missing, its messages are not."""
 

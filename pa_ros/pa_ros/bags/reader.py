@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.claim import Claim
-from pa_ros.bags.contents import METADATA, stated
+from pa_ros.bags.contents import METADATA, repair_command, stated
 from pa_ros.bags.errors import (
     BagError,
     DamagedBagError,
@@ -60,7 +60,7 @@ class Bag:
             except ForeignBagError as error:
                 raise ForeignBagError(f"bag: {path}: {error}") from error
             except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
-                hint = f"; try `pa_ros record --repair {path}`" if path.is_dir() else ""
+                hint = f"; try {repair_command(path)}" if path.is_dir() else ""
                 raise DamagedBagError(f"bag: {path}: {error}{hint}") from error
             opened.pop_all()
         self._stores: dict[str, Typestore] = {}
@@ -176,7 +176,7 @@ class Bag:
         except Exception as error:  # as above
             raise DamagedBagError(
                 f"bag: {self.path}: unreadable after {count} messages: {error}; "
-                f"`pa_ros record --repair {self.path}` makes the rest readable"
+                f"{repair_command(self.path)} makes the rest readable"
             ) from error
 
     def deserialize(self, recorded: Recorded) -> Message:
@@ -258,5 +258,5 @@ def _check_there(path: Path) -> None:
         Claim(path).release()  # nobody writes it
         raise UnfinishedBagError(
             f"bag: {path}: {len(files)} file(s) but no {METADATA}: its recorder was killed; "
-            f"`pa_ros record --repair {path}` makes it readable"
+            f"{repair_command(path)} makes it readable"
         )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import sqlite3
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NoReturn
 
 from pydantic import Field
 
@@ -15,9 +17,10 @@ from pa_ros.bags.contents import (
     BagTopic,
     FileContents,
     information,
+    repair_command,
     write_metadata,
 )
-from pa_ros.bags.errors import BagError, BagFullError
+from pa_ros.bags.errors import BagError, BagFullError, BagMovedError
 from pa_ros.bags.repair import contents_of
 from pa_ros.bags.storage import DISK_ERRORS, STORAGES, Storage, storage_named
 from pa_ros.bags.tail import finish
@@ -172,13 +175,18 @@ class BagWriter:
     def _write_metadata(self) -> None:
         write_metadata(self.folder, self._information(self._finished))
 
-    def _give_up(self, error: Exception) -> None:
+    def _give_up(self, error: Exception) -> NoReturn:
         """Close with what is on the disk, using the space set aside. Always raises."""
         (self.folder / RESERVE).unlink(missing_ok=True)
         path = self._storage.path
         if not self._closed:
             self._closed = True
             self._storage.abandon()
+        if not path.exists():
+            self._fail(BagMovedError(
+                f"bag: {self.folder}: the folder was moved or deleted while it was recorded: "
+                "where it went, `pa_ros record --repair FOLDER` makes it whole"
+            ), error)  # fmt: skip
         files = [file for file in self._finished if file.path != path]
         try:
             if self.options.storage == "mcap":
@@ -188,10 +196,16 @@ class BagWriter:
             kept = sum(file.total for file in self._finished)
             rest = f"{kept} messages are in the bag, which was closed"
         except (BagError, *DISK_ERRORS) as second:
-            rest = f"and the bag could not be closed ({second}): repair it where there is space"
+            where = " where there is space" if _lacks_space(second) else ""
+            rest = (
+                f"and the bag could not be closed ({second}): {repair_command(self.folder)}{where}"
+            )
+        self._fail(BagFullError(f"bag: {self.folder}: {error}: {rest}"), error)
+
+    def _fail(self, failure: BagFullError, cause: Exception) -> NoReturn:
         self._claim.release()
-        self.failure = BagFullError(f"bag: {self.folder}: {error}: {rest}")
-        raise self.failure from error
+        self.failure = failure
+        raise failure from cause
 
 
 def refuse_existing(folder: Path) -> None:
@@ -202,6 +216,14 @@ def refuse_existing(folder: Path) -> None:
 
 def _exists(folder: Path) -> BagError:
     return BagError(f"bag: {folder} exists already, not overwriting")
+
+
+def _lacks_space(error: BaseException | None) -> bool:
+    """Whether the disk was full, or what one may use of it."""
+    if isinstance(error, BagError):
+        return _lacks_space(error.__cause__)
+    full = getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+    return full or getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT)
 
 
 def _reserve(path: Path) -> None:

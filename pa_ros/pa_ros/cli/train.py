@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import shlex
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -96,7 +97,8 @@ def run(options: argparse.Namespace) -> int:
         return EXIT_INTERRUPTED
     if learner.counters.frames >= config.frames + arena.episode_steps:
         print(f"there were {learner.counters.frames:,} frames already: nothing was learned")
-    print(f"checkpoint and curve in {config.out}; next: pa_ros eval --checkpoint {config.out}")
+    next_step = f"pa_ros eval --checkpoint {shlex.quote(str(config.out))}"
+    print(f"checkpoint and curve in {config.out}; next: {next_step}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0
 
 
