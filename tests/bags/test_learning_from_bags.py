@@ -56,14 +56,20 @@ def test_learning_from_the_bag_ends_in_the_live_learners_checkpoint(recorded, tm
         assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
 
 
-@pytest.mark.parametrize("option", ["--algorithm=td3", "--design=3-D", "--protocol=paper",
-                                    "--reward=sparse ", "--network=canonical"])  # fmt: skip
-def test_what_the_recording_says_is_not_asked_for_in_vain(recorded, tmp_path, option, capsys):
+PAID = '{"name":"sparse","otherwise":-1.0,"satisfied":%s}'
+
+
+@pytest.mark.parametrize(("option", "own"), [
+    ("--algorithm=td3", "dpg"), ("--design=3-D", "2-L"), ("--protocol=paper", "ours"),
+    (f"--reward={PAID % 2.0}", PAID % 1.0), ("--network=canonical", "programmable"),
+])  # fmt: skip
+def test_what_the_recording_says_is_not_asked_for_in_vain(recorded, tmp_path, option, own, capsys):
     out = tmp_path / "out"
-    option = option.replace("sparse ", '{"name": "sparse", "satisfied": 2.0}')
     assert main(["train", "--from-bag", str(recorded / "bag"), "--out", str(out), option]) == 2
-    name = option.partition("=")[0][2:]
-    assert f"expected the recording's own {name}, which" in capsys.readouterr().err
+    name, _, other = option[2:].partition("=")
+    said = capsys.readouterr().err
+    assert f"expected the recording's own {name}, which" in said
+    assert f"{name} {own}, got {name} {other}" in said
     assert not out.exists() or not [path for path in out.iterdir() if path.name != ".lock"]
 
 

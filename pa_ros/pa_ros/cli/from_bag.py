@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import time
-from collections.abc import Set
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -37,7 +37,8 @@ def run(options: argparse.Namespace) -> int:
     """Learn from the bags in order and leave a checkpoint; settings are the first bag's own."""
     if options.resume or options.record:
         raise ConfigError("--from-bag: expected neither --resume nor --record with it")
-    _refuse(set(asked(options, TrainConfig)) - USED)
+    given = {name: getattr(options, name) for name in asked(options, TrainConfig)}
+    _refuse({name: ("", value) for name, value in given.items() if name not in USED})
     with ExitStack() as stack:
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
         bags = [Experience(bag, options.namespace) for bag in opened]
@@ -61,11 +62,20 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         log.warning("%s; learning with --design, --protocol and --seed", error)
         return _learner_asked(options)
     assert origin.learner is not None
-    _refuse({*asked(options, ArenaChoice), *asked(options, LearningChoice)})
-    _refuse({"reward"} & set(asked(options, TrainConfig)))
     network = NetworkConfig.from_json(origin.learner.network)
     algorithm = origin.learner.algorithm
     config = ALGORITHMS[algorithm].config.from_json(origin.learner.learner)
+    recorded = {
+        "design": origin.design,
+        "relations": network.world.relations,
+        "arm": origin.arm,
+        "preset": origin.preset,
+        "protocol": str(origin.parameters.get("protocol", "")),
+        "algorithm": algorithm,
+        "network": network.kind,
+        "reward": bag.scoring.reward.to_json(),
+    }
+    _refuse_others(options, recorded)
     changes = Protocol("recorded", algorithm=algorithm).with_options(options.options)
     network = network.changed(**changes.of("network"))
     config = config.changed(**changes.of("learner"))
@@ -106,13 +116,32 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
     return learner, {"seed": seed, **about}
 
 
-def _refuse(names: Set[str]) -> None:
-    """Raise ConfigError for options that would mean nothing."""
-    if names:
-        raise ConfigError(
-            f"--from-bag: expected the recording's own {', '.join(sorted(names))}, which --set and "
-            "--seed alone may change, got another"
-        )
+def _refuse_others(options: argparse.Namespace, recorded: Mapping[str, object]) -> None:
+    """Raise ConfigError for options that say something else than the recording."""
+    kinds = (ArenaChoice, LearningChoice, TrainConfig)
+    given = {name: getattr(options, name) for kind in kinds for name in asked(options, kind)}
+    if "relations" in given:
+        given["relations"] = tuple(given["relations"])
+    if "reward" in given:
+        given["reward"] = reward_from(given["reward"]).to_json()
+    _refuse({
+        name: (own, given[name])
+        for name, own in recorded.items()
+        if name in given and given[name] != own
+    })  # fmt: skip
+
+
+def _refuse(others: Mapping[str, tuple[object, object]]) -> None:
+    """Raise ConfigError for options that would mean nothing: by name what was recorded, empty if
+    that isn't known, and what came."""
+    if not others:
+        return
+    own = ", ".join(f"{name} {own}" for name, (own, _) in sorted(others.items()) if own)
+    came = ", ".join(f"{name} {value}" for name, (_, value) in sorted(others.items()))
+    raise ConfigError(
+        f"--from-bag: expected the recording's own {', '.join(sorted(others))}, which --set and "
+        f"--seed alone may change{own and ': '}{own}, got {came}"
+    )
 
 
 class _Progress:
