@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import copy
-import errno
-import os
-import shlex
 import shutil
 import sqlite3
 from collections.abc import Iterator
@@ -29,7 +26,6 @@ from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import (
     BagError,
     BagFullError,
-    BagMovedError,
     ForeignBagError,
 )
 from pa_ros.bags.losses import LOST, Losses
@@ -305,56 +301,6 @@ def test_a_full_disk_leaves_a_readable_bag(tmp_path, monkeypatch):
     with pytest.raises(BagFullError):
         bag.write("/program", payload(3), START + 10**10)
     assert identifiers(tmp_path / "bag") == [0, 1, 2]
-
-
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_bag_that_is_moved_while_it_is_recorded_is_whole_after_a_repair(tmp_path, storage):
-    bag = written(tmp_path / "bag", 3, close=False, split_s=3.0, storage=storage)
-    (tmp_path / "bag").rename(tmp_path / "there")
-    with pytest.raises(BagMovedError) as moved:
-        bag.write("/program", payload(3), START + 10**10)
-    said = str(moved.value)
-    assert f"bag: {tmp_path / 'bag'}: the folder was moved or deleted while it was" in said
-    assert "`pa_ros record --repair FOLDER`" in said and "space" not in said
-    repair(tmp_path / "there")
-    assert identifiers(tmp_path / "there") == [0, 1, 2]
-
-
-def test_a_bag_that_is_moved_before_it_is_closed_is_refused_likewise(tmp_path):
-    bag = written(tmp_path / "bag", 3, close=False)
-    (tmp_path / "bag").rename(tmp_path / "there")
-    with pytest.raises(BagMovedError, match="where it went, `pa_ros record --repair FOLDER`"):
-        bag.close()
-    repair(tmp_path / "there")
-    assert identifiers(tmp_path / "there") == [0, 1, 2]
-
-
-@pytest.mark.parametrize(("number", "space"), [(errno.ENOSPC, True), (errno.EACCES, False)])
-def test_space_is_spoken_of_where_it_is_lacking(tmp_path, monkeypatch, number, space):
-    bag = written(tmp_path / "bag", 3, close=False)
-
-    def refuse(*_):
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr("pa_ros.bags.storage.McapStorage.write", refuse)
-    monkeypatch.setattr("pa_ros.bags.writer.finish", refuse)
-    with pytest.raises(BagFullError) as refused:
-        bag.write("/program", payload(3), START + 10**10)
-    said = str(refused.value)
-    assert ("where there is space" in said) == space and "record --repair" in said
-
-
-def test_a_printed_command_can_be_given_to_a_shell(tmp_path, capsys):
-    bags = [tmp_path / "it's a bag", tmp_path / "no yaml", tmp_path / "no index"]
-    for bag in bags:
-        written(bag, 1)
-    (bags[0] / "metadata.yaml").unlink()
-    (bags[1] / "metadata.yaml").write_text("a: [")
-    storage_file(bags[2]).write_bytes(b"")
-    for bag in bags:
-        assert main(["bag", "info", str(bag)]) == 2
-        command = capsys.readouterr().err.split("`")[1]
-        assert shlex.split(command) == ["pa_ros", "record", "--repair", str(bag)]
 
 
 def test_options_and_folders_that_cannot_be_are_refused(tmp_path):

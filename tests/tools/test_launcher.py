@@ -7,9 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from program_bags import written
 from waiting import wait_for
 
 from pa_ros.cli import launch
+from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.tools.launcher import ChildError, Patience, Supervisor, node_command, tail
 
@@ -56,6 +58,30 @@ def test_a_launch_whose_learner_had_to_be_killed_says_so(tmp_path, capsys):
     said = capsys.readouterr().err
     assert "learner_node failed (killed by SIGKILL)" in said and "up" in said
     assert "sim_node" not in said
+
+
+def test_a_child_that_was_told_of_is_not_told_of_again_when_the_rest_is_stopped(tmp_path, capsys):
+    with Supervisor(tmp_path, patience=QUICK) as supervisor:
+        start(supervisor, tmp_path, "sim_node", OBEDIENT)
+        supervisor.start("recorder", [sys.executable, "-c", "raise SystemExit(2)"])
+        with pytest.raises(ChildError, match="recorder ended by itself"):
+            wait_for(lambda: supervisor.check())
+        assert launch.stop(supervisor, tmp_path) == 0
+    said = capsys.readouterr()
+    assert "stopped sim_node" in said.out and "recorder" not in said.out + said.err
+
+
+@pytest.mark.parametrize("folder", ["--record", "--out"])
+def test_a_bag_that_is_there_is_refused_before_anything_is_started(
+    tmp_path, monkeypatch, capsys, folder
+):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / "bag", 1)
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["launch", folder, "bag"]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.startswith("pa_ros launch: bag: bag")
+    assert len(said.err.splitlines()) == 1 and sorted(tmp_path.rglob("*")) == before
 
 
 STARTING = """

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.errors import BagError, ForeignBagError
+from pa_ros.bags.writer import refuse_bag
 from pa_ros.core.errors import ConfigError, PaError
 
 TABLE = "episodes.csv"
@@ -35,11 +36,12 @@ def export(
 
     An episode that was recorded more than once gets `-2`, `-3`, … behind its number. Until all is
     written the table is called episodes.csv.part; where nothing is, nothing is left.
-    ForeignBagError if there are no episodes, BagError if refused, or, with the others written, if
-    the bag has not all of `numbers` or can't be read to its end; ConfigError if the kind is none of
-    KINDS or lacks its extra.
+    ForeignBagError if there are no episodes, BagError if refused, as a bag's own folder is, or,
+    with the others written, if the bag has not all of `numbers` or can't be read to its end;
+    ConfigError if the kind is none of KINDS or lacks its extra.
     """
     write = _writer(kind)
+    refuse_bag(folder)
     table, unfinished = folder / TABLE, folder / f"{TABLE}.part"
     if os.path.lexists(table):
         raise BagError(f"export: {table} exists already, not overwriting")

@@ -18,6 +18,7 @@ from pa_ros.bags.contents import (
     FileContents,
     information,
     repair_command,
+    stated,
     write_metadata,
 )
 from pa_ros.bags.errors import BagError, BagFullError, BagMovedError
@@ -212,6 +213,14 @@ def refuse_existing(folder: Path) -> None:
     """Raise BagError if there is something already."""
     if os.path.lexists(folder):
         raise _exists(folder)
+
+
+def refuse_bag(folder: Path) -> None:
+    """Raise BagError if a folder for other files is a bag's, whole or not."""
+    suffixes = {kind.suffix for kind in STORAGES.values()}
+    files = folder.iterdir() if folder.is_dir() else ()
+    if stated(folder) or any(path.suffix in suffixes for path in files):
+        raise BagError(f"bag: {folder}: expected a folder for other files, got a bag's")
 
 
 def _exists(folder: Path) -> BagError:

@@ -105,10 +105,12 @@ class Supervisor:
         return process.pid
 
     def check(self) -> None:
-        """Raise ChildError, with the tail of its log, if a child has ended by itself."""
+        """Raise ChildError, with the tail of its log, if a child has ended by itself; such a one
+        is told of once, and not among those to be stopped any more."""
         for child in self._children:
             status = child.process.poll()
             if status is not None:
+                self._children.remove(child)
                 raise ChildError(
                     f"{child.name} ended by itself ({status_text(status)}); the last lines of "
                     f"{child.log}:\n{tail(child.log)}"
