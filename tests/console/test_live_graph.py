@@ -34,7 +34,7 @@ def test_another_namespaces_arena_is_turned_to_once_it_was_seen_twice(monkeypatc
     with graph() as probe:
         console = LiveConsole(probe, MagicMock(), MagicMock(), "")
         surveys = iter(seen)
-        monkeypatch.setattr(console, "_survey", lambda: next(surveys))
+        monkeypatch.setattr(live, "namespaces_of_arenas", lambda _: next(surveys))
         for _ in seen:
             console.tick(pages=0)
         program = within(shown, topics.PROGRAM)  # where what is typed would go
