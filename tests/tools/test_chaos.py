@@ -6,7 +6,8 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
@@ -18,6 +19,7 @@ from pa_ros.tools.chaos.faults import Fault
 from pa_ros.tools.chaos.invariants import SHARED_MEMORY, orphans, shared_memory
 from pa_ros.tools.chaos.ledger import Ledger
 from pa_ros.tools.chaos.report import report, write_table
+from pa_ros.tools.chaos.stage import Stage
 
 FAULT = Fault("x | y", lambda _: None)
 
@@ -132,3 +134,18 @@ def test_what_a_killed_learner_had_learned_of_a_dead_agent_is_of_the_lost_checkp
     assert found.unexplained({"b"}, 0) == 0
     found.sent(AGENT, 9)
     assert found.unexplained({"b"}, 0) == 2  # what no learner ever had
+
+
+@pytest.mark.parametrize(
+    ("latest", "at_hand"),
+    [("", []), ("version-000000060", [60, 40]), ("version-000000080", [80, 60, 40])],
+)
+def test_a_checkpoint_that_latest_does_not_name_yet_is_not_at_hand(tmp_path, latest, at_hand):
+    for version in (40, 60, 80):
+        folder = tmp_path / f"version-{version:09d}"
+        folder.mkdir()
+        (folder / "metadata.json").touch()
+    if latest:
+        (tmp_path / "LATEST").write_text(latest)
+    stage = cast(Stage, SimpleNamespace(checkpoint=tmp_path))
+    assert Stage.versions(stage) == at_hand

@@ -15,6 +15,8 @@ from typing import Any, Final
 from rclpy.node import Node
 
 from pa_ros.core.errors import PaError
+from pa_ros.learning.checkpoints import find_checkpoint
+from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.process import ros_arguments
@@ -120,9 +122,14 @@ class Stage:
         return checkpoint_of(self.folder / "run")
 
     def versions(self) -> list[int]:
-        """Of the checkpoints on disk, newest first."""
-        found = self.checkpoint.glob("version-*/metadata.json")
-        return sorted((int(one.parent.name[8:]) for one in found), reverse=True)
+        """Of the checkpoints on disk, newest first: one that LATEST doesn't name yet is being
+        written."""
+        try:
+            newest = find_checkpoint(self.checkpoint).name
+        except CheckpointError:
+            return []
+        found = (one.parent.name for one in self.checkpoint.glob("version-*/metadata.json"))
+        return sorted((int(name[8:]) for name in found if name <= newest), reverse=True)
 
     def begin(self) -> None:
         """Start everything and wait until it works. Raises StageError."""
