@@ -94,3 +94,16 @@ def test_what_the_recording_says_may_be_said_again(tmp_path, option):
     assert train(tmp_path, "--record", tmp_path / "bag", option, frames=100) == 0
     out = ["--out", str(tmp_path / "out")]
     assert main(["train", "--from-bag", str(tmp_path / "bag"), *out, option]) == 0
+
+
+def test_an_existing_bag_is_refused_before_training(tmp_path, capsys):
+    written(tmp_path / "bag", 3)
+    assert train(tmp_path / "run", "--record", tmp_path / "bag") == 2
+    assert "exists already" in capsys.readouterr().err
+    assert [*tmp_path.iterdir()] == [tmp_path / "bag"]
+
+
+def test_what_is_refused_leaves_no_folder(tmp_path, capsys):
+    assert main(["train", "--out", str(tmp_path / "run"), "--from-bag", str(tmp_path / "no")]) == 2
+    assert "expected a bag, found none" in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]

@@ -298,12 +298,6 @@ def test_a_run_that_is_refused_leaves_no_bag(recorded, tmp_path, refused):
     assert not [*tmp_path.iterdir()]
 
 
-def test_an_existing_bag_is_refused_before_training(recorded, tmp_path, capsys):
-    assert train(tmp_path, "--record", recorded / "bag") == 2
-    assert "exists already" in capsys.readouterr().err
-    assert not [*tmp_path.iterdir()]
-
-
 def test_one_of_several_arenas_is_chosen_by_its_namespace(recorded, tmp_path, capsys):
     """Two arenas in one recording: which one is meant must be said."""
     store = installed_types()
@@ -399,9 +393,3 @@ def test_transitions_that_no_one_arena_can_be_asked_about_are_said(
         assert main(["verify", "--no-arena", str(copy)]) == 0
     else:  # nor is it known what was rewarded
         assert main(["verify", str(copy)]) == 2
-
-
-def test_what_is_refused_leaves_no_folder(tmp_path, capsys):
-    assert main(["train", "--out", str(tmp_path / "run"), "--from-bag", str(tmp_path / "no")]) == 2
-    assert "expected a bag, found none" in capsys.readouterr().err
-    assert not [*tmp_path.iterdir()]
