@@ -43,7 +43,7 @@ class _Pursuit:
     request: Request
     watch: ExecutionWatch
     sent_at: float | None = None
-    arena: str = ""  # whose verdict was the newest when its program was sent first
+    arena: str = ""  # whose verdict was the newest until its program was heard
     judged: bool = False
     verdict: Verdict | None = None  # the newest under this program
 
@@ -131,7 +131,7 @@ class ProgramGoals:
         """Put the program in force; its verdicts will be heard from the first on."""
         assert self._current is not None
         self._current.sent_at = time.monotonic()
-        self._current.arena = self._current.arena or self._heard
+        self._current.arena = self._heard
         self._program_out.publish(codec.encode_program(self._current.request))
 
     def _on_verdict(self, message: Message) -> None:
@@ -141,6 +141,8 @@ class ProgramGoals:
         if current.sent_at is None:
             self._send()
             return
+        if not (current.judged or current.watch.begun):
+            current.arena = self._heard  # started anew meanwhile, perhaps; it is sent again
         if self._heard != current.arena:
             self._lose(current, f"verdicts of the arena {current.arena!r}", repr(self._heard))
             return

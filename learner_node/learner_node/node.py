@@ -79,8 +79,7 @@ class LearnerNode(ManagedNode):
             newest_whole(checkpoint_of(Path(self.config.out)))
         elif self.config.out:
             refuse_used(Path(self.config.out))
-        folder = self.config.tensorboard
-        self._scalars = Scalars(Path(folder)) if folder else None
+        self._scalars: Scalars | None = None  # opened last: a file, and a thread that writes it
         self._failure: PaError | None = None  # why it can't learn about the arena that it knows of
         self._failed_at = 0.0
         self._arenas = Arenas(listening_clock(self))
@@ -103,7 +102,8 @@ class LearnerNode(ManagedNode):
         on_trajectory = self._authority.checked(trajectories, self._on_trajectory)
         trajectories.subscribe(self, self.refusals.guard(trajectories.name, on_trajectory))
         steady_timer(self, WATCH_S, self._look)
-        if self._scalars is not None:
+        if self.config.tensorboard:
+            self._scalars = Scalars(Path(self.config.tensorboard))
             steady_timer(self, PROGRESS_S, self.draw)
 
     def activate(self) -> None:

@@ -25,6 +25,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Program
+from pa_ros.language.errors import UnknownWordError
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import FAMILIES
 from pa_ros.networks.parameters import initial_actor
@@ -102,6 +103,9 @@ def test_weights_of_each_world_act_in_the_arenas_of_others_or_refuse_them(family
                 assert isinstance(acted, PolicyError)
                 features = f"{one.object_features} features of an object and {one.arm_features}"
                 assert f"expected {features} of the arm, got" in str(acted)
+            known = {*one.vocabulary.words, *one.relations}
+            if family == "programmable" and not {*program.words, program.relation} <= known:
+                assert isinstance(unknown, UnknownWordError)
             if family == "canonical" and program.relation not in one.relations:
                 assert isinstance(unknown, UnsupportedProgramError)
                 assert "expected a relation of" in str(unknown) and str(program) in str(unknown)

@@ -172,7 +172,7 @@ class LocalRay:
             raise failed from error
 
 
-def test_a_seed_that_is_refused_leaves_the_others_to_be_trained(tmp_path) -> None:
+def test_a_seed_that_is_refused_leaves_the_others_to_be_trained(tmp_path, capsys) -> None:
     """Here and on a cluster: the same again would end at the same seed for ever."""
     said: list[str] = []
     there = object.__new__(cluster.Cluster)
@@ -192,6 +192,8 @@ def test_a_seed_that_is_refused_leaves_the_others_to_be_trained(tmp_path) -> Non
     ):
         train_seeds(short, (0, 1), tmp_path / "here", jobs=1)
     assert frames_done(folder_of(tmp_path / "here", 1) / CURVE) == 500
+    said = capsys.readouterr().out  # no terminal: no bar is seen before the end
+    assert "seed 0 ended early" in said and "seed 1 is trained" in said
 
 
 def test_without_ray_its_extra_is_named(capsys, monkeypatch, tmp_path):

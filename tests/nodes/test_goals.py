@@ -78,6 +78,18 @@ def test_a_goal_ends_when_its_arena_was_started_anew_before_the_first_step_under
     assert goals.refusals.counts == {"goal.arena_gone": 1}
 
 
+def test_a_goal_sent_as_its_arena_is_started_anew_is_pursued_in_the_new_one(goals) -> None:
+    goals.pursue()
+    goals.verdict("one", 5_000_000_000)  # its last: the program that is sent then is heard by none
+    goals.verdict("other", 100_000_000)
+    assert not goals.results
+    goals.judge(100_000_000)
+    goals.verdict("other", 200_000_000, goals.sent[-1].program_id)
+    assert not goals.results
+    goals.verdict("third", 300_000_000)
+    assert goals.results.pop().code == "goal.arena_gone"
+
+
 def test_each_goal_is_pursued_in_the_arena_whose_verdicts_come_when_it_is_sent(goals) -> None:
     for arena, known in (("one", False), ("other", True)):
         if known:  # the second goal's program is sent at once

@@ -97,6 +97,10 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none()
         for line in (first, last):
             assert "an arena describes itself in /left: --namespace chooses it" in line
         assert f"arena {about.arena_id} describes itself, but no" in told("--namespace", "left")
+        other = codec.encode_arena_info(about)
+        other.wire_version = "1"
+        topics.ARENA_INFO.within("right").publisher(probe).publish(other)
+        assert "not read: arena_info.wire_version: expected" in told("--namespace", "right")
 
 
 @pytest.mark.parametrize("text", ["last", "-1", "1.5", ""])

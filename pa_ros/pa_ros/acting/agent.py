@@ -92,7 +92,8 @@ class Agent:
         self._offer_early(learner)
 
     def check_program(self, program: Program) -> None:
-        """Raise UnsupportedProgramError if the weights at hand cannot be told this program."""
+        """Raise UnsupportedProgramError or UnknownWordError if the weights at hand cannot be told
+        this program."""
         if self._actor is not None:
             network = self._actor.network
             network.family.check(program, network.vocabulary)

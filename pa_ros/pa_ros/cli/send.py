@@ -100,6 +100,10 @@ def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
                 f"arena {printable(scene.arena.arena_id)} describes itself, but no "
                 f"{OBJECT_FEATURES.name} that fit came within {timeout_s:g} s"
             )
+        if scene.unreadable:
+            raise SendTimeoutError(
+                f"the arena here describes itself in a way that is not read: {scene.unreadable}"
+            )
         raise SendTimeoutError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )

@@ -16,6 +16,7 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
 from pa_ros.language import Program, Vocabulary
+from pa_ros.language.flat import compile_program
 from pa_ros.networks.parameters import LILLICRAP_OUTPUT_SCALE, Shapes, linear
 from pa_ros.networks.slots import canonical_inputs, target_one_hots
 from pa_ros.world.programs import Int32, ProgramTable
@@ -72,7 +73,8 @@ class Family(ABC):
 
     @abstractmethod
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
-        """UnsupportedProgramError if the networks cannot be told this program."""
+        """UnsupportedProgramError if the networks cannot be told this program, UnknownWordError if
+        they know not all of its words."""
 
     def detects(self, critic: bool) -> bool:
         """Whether the actor or the critic learns its Φ by detectors."""
@@ -133,7 +135,8 @@ class Programmable(Family):
         return Programs(*codes)
 
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
-        """Any program can be told."""
+        """Any program of their vocabulary can be told."""
+        compile_program(program, vocabulary)
 
     def detects(self, critic: bool) -> bool:
         return self.critic_detects if critic else self.actor_detects

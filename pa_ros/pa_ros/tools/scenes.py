@@ -41,6 +41,7 @@ class Scene:
     def __init__(self, node: Node, namespace: str = "") -> None:
         """`namespace`: below the node's; or, with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
+        self.unreadable = ""  # why the newest description of an arena could not be read
         self.blocks: tuple[Block, ...] = ()
         self.episode, self.program = -1, ""
         self.verdict: Verdict | None = None
@@ -100,7 +101,11 @@ class Scene:
             self._steps = [topic.subscribe(self._node, take) for topic, take in self._whole]
 
     def _on_arena(self, message: Message) -> None:
-        self.arena = codec.decode_arena_info(message)
+        try:
+            self.arena, self.unreadable = codec.decode_arena_info(message), ""
+        except PaError as error:
+            self.unreadable = str(error)
+            raise
 
     def _on_features(self, message: Message) -> None:
         if self.arena is None:

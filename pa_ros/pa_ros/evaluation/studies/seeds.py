@@ -17,6 +17,7 @@ from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.core.signals import end_with_parent, interrupts_later
+from pa_ros.core.text import renewable
 from pa_ros.evaluation.studies.curves import CURVE, frames_done, read_curve
 from pa_ros.evaluation.studies.experiments import (
     Experiment,
@@ -71,6 +72,7 @@ def train_seeds(
             for future in ended:
                 try:
                     future.result()
+                    progress.tell_unless_seen(f"seed {seed_of[future]} is trained")
                 except PaError as error:
                     failures[f"seed {seed_of[future]}"] = error
                     progress.tell(f"seed {seed_of[future]} ended early: {error}")
@@ -114,6 +116,11 @@ class SeedsProgress:
     def tell(self, line: str) -> None:
         """Print a line above the bar."""
         self._bar.console.print(line, markup=False, soft_wrap=True)
+
+    def tell_unless_seen(self, line: str) -> None:
+        """The same where the bar is shown at the end alone: in a file, a dumb terminal."""
+        if not renewable(self._bar.console):
+            self.tell(line)
 
 
 def progress_bar() -> Progress:
