@@ -13,8 +13,8 @@ from agent_node.acting import Acting
 from agent_node.errors import ArenaGoneError, GoalError, InactiveError
 from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Verdict
-from pa_ros.language import parse
+from pa_ros.core.experience import Observation, Verdict
+from pa_ros.language import Program, parse
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
@@ -101,6 +101,7 @@ class ProgramGoals:
         if arena is None or not self._agent.has_weights:
             lacks = "an arena" if arena is None else "weights"
             raise GoalError(f"execute_program: expected {lacks} before a goal, got none")
+        self._agent.check_world(arena.world)
         self._agent.check_program(parse(text, arena.world.vocabulary))
 
     def _start(self, goal: Goal) -> None:
@@ -189,6 +190,14 @@ class ProgramGoals:
         self._refusals.refuse(EXECUTE_PROGRAM[0], error)
         self._finish(current.goal.abort, code=error.code, reason=str(error))
 
+    def _relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
+        """Empty where the weights at hand have no degrees, which is refused."""
+        try:
+            return self._agent.relevance(observation, program)
+        except PaError as error:
+            self._refusals.refuse(EXECUTE_PROGRAM[0], error)
+            return ()
+
     def _progress(self, current: _Pursuit) -> GoalProgress:
         objects: tuple[str, ...] = ()
         relevance: tuple[float, ...] = ()
@@ -196,7 +205,7 @@ class ProgramGoals:
         if seen is not None:
             objects = labels(seen[0].objects, seen[0].hand_index, self._agent.schema)
             if seen[0].program_id == current.request.program_id:
-                relevance = self._agent.relevance(*seen)
+                relevance = self._relevance(*seen)
         verdict = current.verdict
         distance = verdict.distance if verdict else float("inf")
         near = verdict is not None and verdict.satisfied

@@ -6,15 +6,18 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 from learners import WORLD
 
 from agent_node.goals import ProgramGoals
+from pa_ros.acting.errors import PolicyError
 from pa_ros.core.experience import Verdict
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
-from pa_ros.wire.records import GoalResult, ProgramGoal, ProgramJudgement
+from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal, ProgramJudgement
 
+SCENE = np.zeros((3, WORLD.object_features), np.float32)
 TEXT = "NEAR(HAND, AND(RED, CUBE))"
 
 
@@ -25,25 +28,35 @@ class Pursuing:
         self.heard: dict[str, Any] = {}  # callbacks by topic
         self.sent: list[Any] = []  # programs
         self.results: list[GoalResult] = []
+        self.told: list[GoalProgress] = []
         self.refusals = Refusals(lambda _: None)
         monkeypatch.setattr("agent_node.goals.GoalServer", self._serve)
+        monkeypatch.setattr("agent_node.goals.steady_timer", lambda _, s, tell: self._every(tell))
         node = Mock()
         node.get_name.return_value, node.get_fully_qualified_name.return_value = "a", "/a"
         node.create_subscription = lambda _, name, callback, *rest, **more: self.heard.update(
             {name: callback}
         )
         node.create_publisher.return_value = SimpleNamespace(publish=self.sent.append)
-        acting: Any = SimpleNamespace(
+        node.count_publishers.return_value = 1
+        self.acting: Any = SimpleNamespace(
             agent=Mock(), refusals=self.refusals, active=True, arena=Mock(world=WORLD), seen=None
         )
-        ProgramGoals(node, acting)
+        ProgramGoals(node, self.acting)
+
+    def _every(self, tell: Any) -> None:
+        self.tell = tell
 
     def _serve(self, node: Any, action: Any, start: Any, cancel: Any) -> None:
         self.start = start
 
     def pursue(self) -> None:
         wanted = ProgramGoal(TEXT, 0.0, 1.0)
-        self.start(Mock(request=codec.encode_goal(wanted), abort=self._ended, succeed=self._ended))
+        ends = {"abort": self._ended, "succeed": self._ended, "feedback": self._told}
+        self.start(Mock(request=codec.encode_goal(wanted), **ends))
+
+    def _told(self, message: Any) -> None:
+        self.told.append(codec.decode_goal_feedback(message))
 
     def _ended(self, result: Any) -> None:
         self.results.append(codec.decode_goal_result(result))
@@ -88,6 +101,21 @@ def test_a_goal_sent_as_its_arena_is_started_anew_is_pursued_in_the_new_one(goal
     assert not goals.results
     goals.verdict("third", 300_000_000)
     assert goals.results.pop().code == "goal.arena_gone"
+
+
+def test_a_step_that_the_weights_have_no_degrees_for_ends_no_agent(goals) -> None:
+    """As of an arena that was started anew, with another arm."""
+    observation, program = Mock(objects=SCENE, hand_index=0), Mock()
+    goals.acting.agent.schema = WORLD.schema
+    goals.acting.agent.version = 3
+    goals.acting.agent.relevance.side_effect = PolicyError("policy: expected 18, got 21")
+    goals.pursue()
+    goals.verdict("one", 1_000_000_000)
+    observation.program_id = goals.sent[-1].program_id
+    goals.acting.seen = observation, program
+    goals.tell()
+    assert goals.refusals.counts == {PolicyError.code: 1}
+    assert not goals.results and not goals.told[-1].relevance
 
 
 def test_each_goal_is_pursued_in_the_arena_whose_verdicts_come_when_it_is_sent(goals) -> None:

@@ -18,7 +18,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import codec
-from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
+from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal, ProgramRequest
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -213,6 +213,30 @@ def test_the_time_limit_ends_a_goal_and_holds_the_arm():
         assert (status, result.success, result.code) == (ABORTED, False, "goal.time_limit")
         assert "3 s" in result.reason and result.time_to_reach_s is None
         assert probe.until(lambda: not any(probe.last(topics.JOINT_COMMANDS).action))
+        client.close()
+
+
+def test_words_that_the_weights_lack_are_refused_and_the_arm_holds_under_them():
+    less = {**TRAINED, "agent_node__checkpoint": "shipped:2-L"}  # which has no GREEN
+    with graph(SimNode, AgentNode, **SCENE, **less) as probe:
+        client, text = Client(probe), "NEAR(HAND, GREEN)"
+        status, result = client.result(client.send(text))
+        assert (status, result.code) == (ABORTED, "program.unknown_word")
+        assert "received 'GREEN'" in result.reason
+        probe.speaker(topics.PROGRAM).publish(codec.encode_program(ProgramRequest("green", text)))
+        assert probe.until(lambda: "holds the arm" in probe.message("agent_node"))
+        seen = probe.count(topics.JOINT_COMMANDS)
+        assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > seen + 10)
+        assert not any(probe.last(topics.JOINT_COMMANDS).action)
+        client.close()
+
+
+def test_a_goal_on_another_arm_than_the_weights_are_for_is_refused():
+    with graph(SimNode, AgentNode, **SCENE, **TRAINED, sim_node__arm="panda") as probe:
+        client = Client(probe)
+        status, result = client.result(client.send("NEAR(HAND, RED)"))
+        assert (status, result.code) == (ABORTED, "learning.policy")
+        assert "expected an arm of 6 joints, got 7" in result.reason
         client.close()
 
 

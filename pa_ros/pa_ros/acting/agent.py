@@ -25,6 +25,7 @@ from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.world import Trajectory
 from pa_ros.world.schema import PAPER, ObjectSchema
+from pa_ros.world.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,19 @@ class Agent:
         if self._actor is not None:
             network = self._actor.network
             network.family.check(program, network.vocabulary)
+
+    def check_world(self, world: World) -> None:
+        """Raise PolicyError if the weights at hand see other objects, or another arm."""
+        ours = self._actor.network.world if self._actor is not None else world
+        if ours.object_features != world.object_features:
+            raise PolicyError(
+                f"policy: expected {ours.object_features} features of an object, "
+                f"got {world.object_features}"
+            )
+        if ours.joints != world.joints:
+            raise PolicyError(
+                f"policy: expected an arm of {ours.joints} joints, got {world.joints}"
+            )
 
     def offer(self, policy: PublishedPolicy) -> None:
         """Weights have come. Raises PolicyError, and changes nothing, if they cannot be used."""
