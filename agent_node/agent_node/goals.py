@@ -201,9 +201,9 @@ class ProgramGoals:
     def _progress(self, current: _Pursuit) -> GoalProgress:
         objects: tuple[str, ...] = ()
         relevance: tuple[float, ...] = ()
-        seen = self._acting.seen
-        if seen is not None:
-            objects = labels(seen[0].objects, seen[0].hand_index, self._agent.schema)
+        seen, arena = self._acting.seen, self._acting.arena
+        if seen is not None and arena is not None:
+            objects = labels(seen[0].objects, seen[0].hand_index, arena.world.schema)
             if seen[0].program_id == current.request.program_id:
                 relevance = self._relevance(*seen)
         verdict = current.verdict

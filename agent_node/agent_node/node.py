@@ -131,7 +131,7 @@ class AgentNode(ManagedNode):
         assert arena is not None
         if before is None or before.arena_id != arena.arena_id:
             self._matcher.restart()
-            self._handled, self._command = -1, None
+            self._handled, self._command, self.seen = -1, None, None
             self.get_logger().info(f"arena {arena.arena_id}: design {arena.design}, {arena.preset}")
         if self.config.weights == "random" and not self.agent.has_weights:
             self.agent.offer(fixed(random_policy(arena.world, self.config)))

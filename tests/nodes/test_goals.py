@@ -106,7 +106,6 @@ def test_a_goal_sent_as_its_arena_is_started_anew_is_pursued_in_the_new_one(goal
 def test_a_step_that_the_weights_have_no_degrees_for_ends_no_agent(goals) -> None:
     """As of an arena that was started anew, with another arm."""
     observation, program = Mock(objects=SCENE, hand_index=0), Mock()
-    goals.acting.agent.schema = WORLD.schema
     goals.acting.agent.version = 3
     goals.acting.agent.relevance.side_effect = PolicyError("policy: expected 18, got 21")
     goals.pursue()

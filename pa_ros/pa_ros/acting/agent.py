@@ -24,7 +24,6 @@ from pa_ros.core.experience import (
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.world import Trajectory
-from pa_ros.world.schema import PAPER, ObjectSchema
 from pa_ros.world.world import World
 
 
@@ -196,11 +195,6 @@ class Agent:
     def backend(self) -> str:
         """What computes its actions: "fused" or "torch"; empty: it cannot act yet."""
         return self._actor.backend if self._actor is not None else ""
-
-    @property
-    def schema(self) -> ObjectSchema:
-        """Of the objects that the weights in use see; the paper's before there are any."""
-        return self._actor.network.world.schema if self._actor is not None else PAPER
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p of each object, as far as the weights in use have degrees; else empty."""
