@@ -5,7 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 import pytest
-from stated import check_stated, column, frames, short_of, span, summary
+from stated import check_stated, frames, short_of, span, summary
 
 TABLE, NEW = "programmable-3D.paper-arm", "reach-new-both"
 
@@ -30,8 +30,18 @@ def sentences() -> dict[str, str]:
         f"601 and 603 are at {slept[601]:.2f} and {slept[603]:.2f}, and 602 and 606 at "
         f"{slept[602]:.2f} and {slept[606]:.2f}, as if"
     )
-    ends = column(f"{TABLE}.discount-0.99-seeds", "final_held_out")
-    found["horizon"] = f"of ten seconds none was ({span(ends, '.2f', ' to ')})"
+    far = short_of(f"{TABLE}.discount-0.99")
+    assert [*far] == [600, 601, 602, 604, 605, 606, 607, 609]
+    assert sorted(far.values())[-1] == far[604] > 0.89
+    found["horizon"] = f"but 603 and 608 ({min(far.values()):.2f} to just below 0.9)"
+    even = short_of(f"{TABLE}.detector-gain-1")
+    assert [*even] == [603] and new("detector-gain-1")["seeds_above_0_9"] == 8
+    found["detectors' rate"] = (
+        f"With one rate for all 603 is not ({even[603]:.2f}), {later('detector-gain-1')}, and 603 "
+        f"and 606 reach new kinds below 0.9 (the worst {new('detector-gain-1')['worst_seed']:.2f})"
+    )
+    assert not short_of(f"{TABLE}.position-scale-5")
+    found["positions"] = f"With coarser positions all ten are, {later('position-scale-5')}."
     quiet = short_of(f"{TABLE}.noise-0.3")
     assert list(quiet) == [601, 602, 603, 605, 606, 608] and quiet.pop(606) > 0.89
     found["noise"] = f"601 to 603, 605 and 608 are at {span([*quiet.values()], '.2f', ' to ')}"
