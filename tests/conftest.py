@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 import torch
 
+from helpers.waiting import Clock
 from pa_ros.tools.domain import DomainClaim
-
-sys.path.insert(0, str(Path(__file__).parent))
-from waiting import Clock  # noqa: E402
 
 NICE = 10
 torch.set_num_threads(1)

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from sources import PACKAGES, files
+
+from helpers.sources import PACKAGES, files
 
 TABLE = Path(__file__).parents[1] / "docs/DESIGN.md"
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from message_fields import accesses
-from sources import files
+
+from helpers.message_fields import accesses
+from helpers.sources import files
 
 PLANTED = {
     "a parameter": "def f(message):\n    return message.agent_id",

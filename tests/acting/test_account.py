@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from learners import LEARNER, ME, again, published
-from worlds import random_trajectory
 
+from helpers.learners import LEARNER, ME, again, published
+from helpers.worlds import random_trajectory
 from pa_ros.acting.account import KEPT, RESENT, Account, FreeAccount, Newest
 from pa_ros.acting.answer import Wait
 from pa_ros.core.published import NO_LAG, LearnerInfo, PublishedPolicy

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORLD, PointWorld, dpg
 
+from helpers.worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck

@@ -7,9 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learners import ARENA, DESIGN, FACTS, LEARNER, ME, NETWORK, WORLD, again, published, snapshot
-from obedient_arm import FAR_BEHIND, Arm, Says, following
 
+from helpers.learners import (
+    ARENA,
+    DESIGN,
+    FACTS,
+    LEARNER,
+    ME,
+    NETWORK,
+    WORLD,
+    again,
+    published,
+    snapshot,
+)
+from helpers.obedient_arm import FAR_BEHIND, Arm, Says, following
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Act, Load, Wait
 from pa_ros.acting.errors import LearnerRequestError, PolicyError, StepError

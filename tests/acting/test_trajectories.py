@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from worlds import POSE, PROGRAMS, WORLD
 
+from helpers.worlds import POSE, PROGRAMS, WORLD
 from pa_ros.acting.errors import StepError
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.experience import AgentKey, Observation, Verdict

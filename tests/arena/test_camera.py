@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from pictures import opengl, pixel_of
 
+from helpers.pictures import opengl, pixel_of
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.camera import Camera, CameraConfig, intrinsics, optical_pose

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from acted_episodes import acted, rearranged, recorded
-from program_bags import storage_file, written
-from recorded_runs import train
+
+from helpers.acted_episodes import acted, rearranged, recorded
+from helpers.program_bags import storage_file, written
+from helpers.recorded_runs import train
 
 
 @pytest.fixture(scope="module")

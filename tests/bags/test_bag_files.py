@@ -17,11 +17,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from program_bags import START, TOPIC, identifiers, payload, storage_file, written
-from recorded_runs import train
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from helpers.program_bags import START, TOPIC, identifiers, payload, storage_file, written
+from helpers.recorded_runs import train
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import (
     BagError,

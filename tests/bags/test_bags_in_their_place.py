@@ -7,9 +7,9 @@ import os
 import shlex
 
 import pytest
-from program_bags import START, identifiers, payload, storage_file, written
-from recorded_runs import train
 
+from helpers.program_bags import START, identifiers, payload, storage_file, written
+from helpers.recorded_runs import train
 from pa_ros.bags.errors import BagFullError, BagMovedError
 from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main

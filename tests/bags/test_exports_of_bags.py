@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from acted_episodes import DESIGN, STEPS, acted, rearranged
 from mcap.reader import make_reader
-from recorded_runs import train
-from rerun_files import columns
 
+from helpers.acted_episodes import DESIGN, STEPS, acted, rearranged
+from helpers.recorded_runs import train
+from helpers.rerun_files import columns
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import arenas_of

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from acted_episodes import STEPS, acted
-from films import captions
 from PIL import Image, ImageSequence
 
+from helpers.acted_episodes import STEPS, acted
+from helpers.films import captions
 from pa_ros.arena.movie import captioned
 from pa_ros.arena.render import top_view
 from pa_ros.bags.episodes import episodes

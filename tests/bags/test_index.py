@@ -12,9 +12,9 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from program_bags import START, TOPIC, identifiers, payload, storage_file, written
-from wrong_yaml import WRONG
 
+from helpers.program_bags import START, TOPIC, identifiers, payload, storage_file, written
+from helpers.wrong_yaml import WRONG
 from pa_ros.bags.errors import DamagedBagError, ForeignBagError
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from recorded_runs import rewritten, train
 
+from helpers.recorded_runs import rewritten, train
 from pa_ros.bags.contents import topic
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.experience import Experience

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from acted_episodes import STEPS, acted
-from recorded_runs import rewritten
 
+from helpers.acted_episodes import STEPS, acted
+from helpers.recorded_runs import rewritten
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
-from worlds import PROGRAMS, WORLD, PointWorld, dpg
 
+from helpers.worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.benchmarks import design
 from pa_ros.benchmarks import learner as bench
 from pa_ros.benchmarks.cost import Cost, Rates, Sizes, floor_us, update_cost

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from worlds import PROGRAMS, WORLD, dpg
-
+from helpers.worlds import PROGRAMS, WORLD, dpg
 from pa_ros.benchmarks.cost import Sizes
 from pa_ros.benchmarks.growth import AXES, Axis, bench_growth, markdown_table, series
 from pa_ros.benchmarks.growth_figure import growth_figure

@@ -19,8 +19,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from documented import COMMANDS, NODES, ROOT, Command, is_run
-from waiting import DEADLINE_S
+
+from helpers.documented import COMMANDS, NODES, ROOT, Command, is_run
+from helpers.waiting import DEADLINE_S
 
 LIMIT_S = 20.0
 RECORDING_S = 45.0  # what is recorded is looked at: an episode or two, on a busy machine, too

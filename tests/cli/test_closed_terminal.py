@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from waiting import DEADLINE_S
 
+from helpers.waiting import DEADLINE_S
 from pa_ros.tools.domain import DomainClaim
 
 ARENA = "sim_node:\n  ros__parameters:\n    program_source: topic\n"

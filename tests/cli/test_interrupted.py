@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from waiting import DEADLINE_S, wait_for
 
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.cli.main import main
 
 

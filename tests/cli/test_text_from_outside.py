@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from program_bags import written
 
+from helpers.program_bags import written
 from pa_ros.cli.main import main
 from pa_ros.cli.send import print_answers, result_text
 from pa_ros.tools.send import Answers

@@ -5,7 +5,8 @@ from __future__ import annotations
 from unittest.mock import MagicMock
 
 import pytest
-from graph import graph
+
+from helpers.graph import graph
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from console.conftest import SCREENSHOTS
-from recorded_runs import train
-from recording import pa_ros
-from waiting import DEADLINE_S
 
+from helpers.recorded_runs import train
+from helpers.recording import pa_ros
+from helpers.waiting import DEADLINE_S
 from pa_ros.ros.process import ros_arguments
 
 pytestmark = [pytest.mark.graph, pytest.mark.browser, pytest.mark.timeout(900)]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from graph import graph
+
+from helpers.graph import graph
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 from unittest.mock import Mock
 
-from learners import LEARNER, again, published
-
+from helpers.learners import LEARNER, again, published
 from pa_ros.console.weights import AgentWeights
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.ros.refusals import Refusals

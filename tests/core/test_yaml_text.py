@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 import yaml
-from wrong_yaml import WRONG
 
+from helpers.wrong_yaml import WRONG
 from pa_ros.core.yaml_text import read_yaml
 
 

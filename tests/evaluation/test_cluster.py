@@ -15,10 +15,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hosts import Hosts, hosts, why_not
-from seeds_on_cluster import CONDITIONS, EPISODES, SEEDS, SMALL
-from waiting import wait_for
 
+from helpers.hosts import Hosts, hosts, why_not
+from helpers.seeds_on_cluster import CONDITIONS, EPISODES, SEEDS, SMALL
+from helpers.waiting import wait_for
 from pa_ros.cli.main import main
 from pa_ros.core.errors import PaError
 from pa_ros.evaluation.scoring.agents import load_agent
@@ -33,7 +33,7 @@ from pa_ros.evaluation.studies.seeds import folder_of, train_seeds
 from pa_ros.learning.checkpoints import LATEST
 from pa_ros.learning.folder import checkpoint_of, claim
 
-DRIVER = Path(__file__).parents[1] / "seeds_on_cluster.py"
+DRIVER = Path(__file__).parents[1] / "helpers" / "seeds_on_cluster.py"
 RAY = Path(sys.executable).with_name("ray")
 PORT = 6379
 ENVIRONMENT = {

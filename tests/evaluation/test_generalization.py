@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from newcomers import example
 
+from helpers.newcomers import example
 from pa_ros.arena import ReachTask, conditions_for, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring import benchmark

@@ -8,7 +8,8 @@ from math import isfinite
 from statistics import fmean, median
 
 import pytest
-from stated import (
+
+from helpers.stated import (
     README,
     RESULTS,
     ROOT,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from statistics import median
 
 import pytest
-from stated import check_stated, frames, short_of, span, summary
+
+from helpers.stated import check_stated, frames, short_of, span, summary
 
 TABLE, NEW = "programmable-3D.paper-arm", "reach-new-both"
 

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from newcomers import example, trained
 
+from helpers.newcomers import example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms import ALGORITHMS, Algorithm

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from learning_graph import learned_over_the_graph
 
+from helpers.learning_graph import learned_over_the_graph
 from pa_ros.arena import (
     ArenaConfig,
     ReachTask,

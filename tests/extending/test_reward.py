@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from newcomers import example, trained
 
+from helpers.newcomers import example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import reward_from

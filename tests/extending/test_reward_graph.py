@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from newcomers import FOLDER, FRAMES, SMALL, example
-from waiting import DEADLINE_S
 
+from helpers.newcomers import FOLDER, FRAMES, SMALL, example
+from helpers.waiting import DEADLINE_S
 from pa_ros.core.published import LearnerInfo
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node

@@ -6,10 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from fuzzing import explore
 from hypothesis import strategies as st
-from recorded_runs import train
 
+from helpers.fuzzing import explore
+from helpers.recorded_runs import train
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fuzzing import explore
 from hypothesis import strategies as st
-from learner_input import ARENA, trajectory
-from learners import NETWORK, WORLD
 
+from helpers.fuzzing import explore
+from helpers.learner_input import ARENA, trajectory
+from helpers.learners import NETWORK, WORLD
 from pa_ros.core.errors import PaError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import LATEST, load_policy, restore, save_checkpoint

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import learner_input
 import numpy as np
 import pytest
-from damage import damaged
-from fuzzing import explore
-from learners import FACTS, LEARNER, ME, NETWORK, published
 
 from agent_node.programs import ProgramBook
+from helpers import learner_input
+from helpers.damage import damaged
+from helpers.fuzzing import explore
+from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.answer import Load
 from pa_ros.acting.learning_agent import LearningAgent

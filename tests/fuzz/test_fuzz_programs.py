@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from fuzzing import explore
 from hypothesis import strategies as st
 
+from helpers.fuzzing import explore
 from pa_ros.arena import design_named
 from pa_ros.language import ProgramError, parse
 from pa_ros.language.limits import MAX_LENGTH

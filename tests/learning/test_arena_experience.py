@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import dpg
 
+from helpers.worlds import dpg
 from pa_ros.arena import (
     ReachTask,
     design_named,

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from point_runs import NETWORK, SETTINGS, run
-from worlds import PROGRAMS, SCORING, PointWorld, dpg, random_trajectory
 
+from helpers.point_runs import NETWORK, SETTINGS, run
+from helpers.worlds import PROGRAMS, SCORING, PointWorld, dpg, random_trajectory
 from pa_ros.acting.actor import Actor
 from pa_ros.core.settings import read_json
 from pa_ros.core.software import here

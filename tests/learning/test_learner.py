@@ -6,8 +6,8 @@ from typing import cast
 
 import numpy as np
 import pytest
-from worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, WORLD, dpg, random_trajectory
 
+from helpers.worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, WORLD, dpg, random_trajectory
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, Engine

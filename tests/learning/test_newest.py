@@ -6,9 +6,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from learner_input import ARENA, trajectory
-from learners import NETWORK, WORLD
 
+from helpers.learner_input import ARENA, trajectory
+from helpers.learners import NETWORK, WORLD
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import LATEST, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError

@@ -6,8 +6,8 @@ from typing import cast
 
 import numpy as np
 import pytest
-from worlds import PROGRAMS, WORLD, dpg, random_trajectory
 
+from helpers.worlds import PROGRAMS, WORLD, dpg, random_trajectory
 from pa_ros.core.experience import Float32
 from pa_ros.core.update import Engine
 from pa_ros.language import Vocabulary, parse

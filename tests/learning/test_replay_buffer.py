@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from worlds import WORLD, random_trajectory
 
+from helpers.worlds import WORLD, random_trajectory
 from pa_ros.core.experience import AgentKey, Float32, TrajectoryKey
 from pa_ros.learning.errors import (
     EmptyReplayError,

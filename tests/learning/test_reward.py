@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from worlds import NEAR_M, PROGRAMS, WORLD, PointWorld, dpg
 
+from helpers.worlds import NEAR_M, PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.arena.gym_env import ReachEnv
 from pa_ros.core.experience import Float64

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from worlds import PROGRAMS, WORLD, PointWorld, random_batch
 
+from helpers.worlds import PROGRAMS, WORLD, PointWorld, random_batch
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch
 from pa_ros.learning.algorithms import ALGORITHMS

@@ -13,9 +13,9 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from point_runs import NETWORK, SETTINGS, run
-from worlds import PROGRAMS, SCORING, WORLD, PointWorld, dpg
 
+from helpers.point_runs import NETWORK, SETTINGS, run
+from helpers.worlds import PROGRAMS, SCORING, WORLD, PointWorld, dpg
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise

@@ -6,8 +6,8 @@ import itertools
 from dataclasses import replace
 
 import pytest
-from learner_input import DESIGN, WORLD, trajectory
 
+from helpers.learner_input import DESIGN, WORLD, trajectory
 from pa_ros.arena import training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import TrajectoryKey

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from fused_settings import (
+
+from helpers.fused_settings import (
     PROGRAMS,
     SMALL,
     VOCABULARY,
@@ -18,8 +19,7 @@ from fused_settings import (
     make_batch,
     setting,
 )
-from worlds import dpg
-
+from helpers.worlds import dpg
 from pa_ros.benchmarks.straightforward import Scenes, parameters
 from pa_ros.benchmarks.straightforward import actor as formulas
 from pa_ros.language import LOGICS, MIN_MAX, Logic, parse

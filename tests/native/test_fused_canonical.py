@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from worlds import dpg, objects_at, random_batch
 
+from helpers.worlds import dpg, objects_at, random_batch
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine

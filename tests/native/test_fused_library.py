@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fused_settings import (
+
+from helpers.fused_settings import (
     setting,
 )
-from worlds import dpg
-
+from helpers.worlds import dpg
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
@@ -93,7 +93,7 @@ def test_narrower_instruction_sets_agree(name: str) -> None:
 def test_a_misspelt_instruction_set_is_an_error_and_not_a_reason() -> None:
     """Nobody is given torch, or other instructions, without a word."""
     probe = """
-from fused_settings import setting
+from helpers.fused_settings import setting
 from pa_ros.core.errors import PaError
 from pa_ros.native.library import level, why_not_network
 for attempt in (level, lambda: why_not_network(setting().network), lambda: setting().engine()):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
-from worlds import PROGRAMS, WORDS, WORLD
 
+from helpers.worlds import PROGRAMS, WORDS, WORLD
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine

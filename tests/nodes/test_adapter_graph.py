@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from graph import graph
 
 from agent_node.node import AgentNode
+from helpers.graph import graph
 from pa_ros.ros import topics
 from pa_ros.wire import codec
 from sim_node.node import SimNode

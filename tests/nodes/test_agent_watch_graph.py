@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from graph import graph
 
 from agent_node.node import AgentNode
+from helpers.graph import graph
 from pa_ros.ros import topics
 from pa_ros.ros.health import OK, WARN
 from sim_node.node import SimNode

@@ -8,9 +8,9 @@ import sys
 
 import numpy as np
 import pytest
-from graph import graph
-from pictures import opengl, pixel_of
 
+from helpers.graph import graph
+from helpers.pictures import opengl, pixel_of
 from pa_ros.ros import topics
 from pa_ros.wire import codec
 from sim_node.camera import FRAME

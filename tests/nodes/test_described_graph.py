@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from graph import Probe, graph
 from rcl_interfaces.srv import DescribeParameters
 
 from agent_node.node import AgentNode
+from helpers.graph import Probe, graph
 from learner_node.node import LearnerNode
 from sim_node.node import SimNode
 

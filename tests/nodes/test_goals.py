@@ -8,9 +8,9 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from learners import WORLD
 
 from agent_node.goals import ProgramGoals
+from helpers.learners import WORLD
 from pa_ros.acting.errors import PolicyError
 from pa_ros.core.experience import Verdict
 from pa_ros.ros.refusals import Refusals

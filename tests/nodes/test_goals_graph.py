@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import pytest
 from action_msgs.msg import GoalStatus
-from graph import Probe, graph
-from managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
+from helpers.graph import Probe, graph
+from helpers.managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import steady_timer

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from graph import graph
-from waiting import DEADLINE_S
 
 from agent_node.node import AgentNode
+from helpers.graph import graph
+from helpers.waiting import DEADLINE_S
 from pa_ros.ros import topics
 from pa_ros.tools.send import ProgramSender
 from pa_ros.wire import codec

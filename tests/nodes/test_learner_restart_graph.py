@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from graph import Probe, graph
-from learner_input import begin_run
 
 from agent_node.node import AgentNode
+from helpers.graph import Probe, graph
+from helpers.learner_input import begin_run
 from learner_node.config import LearnerNodeConfig
 from learner_node.node import LearnerNode
 from sim_node.node import SimNode

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from waiting import Clock
 
+from helpers.waiting import Clock
 from learner_node.watch import AT_WORK_S, IDLE_S, REFUSED_S, Watch
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros.health import ERROR, OK, WARN

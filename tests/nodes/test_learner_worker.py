@@ -9,9 +9,9 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from learner_input import ARENA, trajectory
-from waiting import wait_for
 
+from helpers.learner_input import ARENA, trajectory
+from helpers.waiting import wait_for
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError

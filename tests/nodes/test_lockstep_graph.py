@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from graph import graph
 
 from agent_node.node import AgentNode
+from helpers.graph import graph
 from pa_ros.language import Program, Word
 from pa_ros.ros import topics
 from pa_ros.wire import codec

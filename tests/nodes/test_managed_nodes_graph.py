@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graph import Probe, graph
-from learner_input import ARENA, trajectory
-from managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
+from helpers.graph import Probe, graph
+from helpers.learner_input import ARENA, trajectory
+from helpers.managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
 from learner_node.node import LearnerNode
 from learner_node.worker import LearnerWorker
 from pa_ros.learning.checkpoints import read_metadata

@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from waiting import DEADLINE_S, wait_for
+
+from helpers.waiting import DEADLINE_S, wait_for
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.graph

@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from graph import graph
 
 from agent_node.node import AgentNode
+from helpers.graph import graph
 from pa_ros.ros import topics
 from pa_ros.wire import codec
 from pa_ros.wire.records import Command

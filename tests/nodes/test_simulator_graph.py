@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
-from graph import Probe, graph
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
+from helpers.graph import Probe, graph
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS

@@ -6,9 +6,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from graph import graph
 
 from agent_node.node import AgentNode
+from helpers.graph import graph
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.wire import codec

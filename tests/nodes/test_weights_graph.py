@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import learners
 import numpy as np
 import pytest
-from graph import graph
 
 from agent_node.node import AgentNode
+from helpers import learners
+from helpers.graph import graph
 from pa_ros.arena import design_named
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.published import PublishedPolicy

@@ -11,14 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import learners
 import numpy as np
 import pytest
-from graph import Probe, graph
-from learner_input import ARENA, begin_run, trajectory
-from reenacted import Witness
 
 from agent_node.node import AgentNode
+from helpers import learners
+from helpers.graph import Probe, graph
+from helpers.learner_input import ARENA, begin_run, trajectory
+from helpers.reenacted import Witness
 from learner_node.config import LearnerNodeConfig
 from learner_node.node import LearnerNode
 from pa_ros.acting.agent import Agent

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from worlds import PROGRAMS, WORLD, dpg
-
+from helpers.worlds import PROGRAMS, WORLD, dpg
 from pa_ros.arena import design_named, preset_named
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig

@@ -12,7 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from waiting import DEADLINE_S
+
+from helpers.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[2]
 BUILT = ROOT / "build/colcon"

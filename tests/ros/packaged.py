@@ -16,7 +16,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from waiting import DEADLINE_S
+
+from helpers.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("sim_node", "agent_node", "learner_node", "pa_ros", "msgs_schema")

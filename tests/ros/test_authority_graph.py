@@ -11,11 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from graph import Probe, graph
-from learner_input import trajectory
-from learners import LEARNER, published
 
 from agent_node.node import AgentNode
+from helpers.graph import Probe, graph
+from helpers.learner_input import trajectory
+from helpers.learners import LEARNER, published
 from learner_node.node import LearnerNode
 from pa_ros.benchmarks.codec import sample_step
 from pa_ros.ros import topics

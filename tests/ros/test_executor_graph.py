@@ -6,8 +6,8 @@ import os
 import signal
 
 import pytest
-from waiting import DEADLINE_S
 
+from helpers.waiting import DEADLINE_S
 from pa_ros.core.signals import Interrupted, signals_interrupt
 from pa_ros.ros.executor import spin_until, steady_timer
 from pa_ros.tools.client import client_node

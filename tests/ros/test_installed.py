@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from waiting import DEADLINE_S
+
+from helpers.waiting import DEADLINE_S
 
 NODES = ("sim_node", "agent_node", "learner_node")
 ROOT = Path(__file__).parents[2]

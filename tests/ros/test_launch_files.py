@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from stand_in_launch import described
-from waiting import DEADLINE_S, wait_for
 
+from helpers.stand_in_launch import described
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.tools.client import client_node
 
 ROOT = Path(__file__).parents[2]

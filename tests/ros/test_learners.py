@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from learners import LEARNER, again
 
+from helpers.learners import LEARNER, again
 from pa_ros.ros.learners import KNOWN, SAID_S, UNKNOWN_S, Learners
 from pa_ros.ros.rivals import GONE_S
 

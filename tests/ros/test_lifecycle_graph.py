@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 from action_msgs.msg import GoalStatus
-from graph import graph
-from managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User
 from pydantic import Field
 from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
+from helpers.graph import graph
+from helpers.managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.managed import Managed
 from pa_ros.ros import topics

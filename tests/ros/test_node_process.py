@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from waiting import DEADLINE_S, wait_for
 
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.ros import topics
 from pa_ros.ros.environment import LOOPBACK_PROFILE, NETWORK_CHOICES, prepare_environment
 from pa_ros.ros.process import PARENT, ros_arguments

@@ -6,10 +6,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from graph import graph
 
 import pa_ros.ros
 from agent_node.node import AgentNode
+from helpers.graph import graph
 from learner_node.node import LearnerNode
 from sim_node.node import SimNode
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hosts import hosts
-from sites import NO_HOSTS, SUBNET, Site, ended
-from waiting import wait_for
 
+from helpers.hosts import hosts
+from helpers.sites import NO_HOSTS, SUBNET, Site, ended
+from helpers.waiting import wait_for
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify

@@ -6,8 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from recording import pa_ros
-from waiting import DEADLINE_S
+
+from helpers.recording import pa_ros
+from helpers.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.graph
 

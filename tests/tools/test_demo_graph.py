@@ -13,8 +13,8 @@ from urllib.request import urlopen
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from waiting import DEADLINE_S, wait_for
 
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.acting.execution import Execution
 from pa_ros.arena import design_named, preset_named, training_programs, world_of
 from pa_ros.core.errors import ConfigError

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from waiting import DEADLINE_S
 
+from helpers.waiting import DEADLINE_S
 from pa_ros.core.experience import Float32
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until

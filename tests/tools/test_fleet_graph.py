@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from recorded_runs import SMALL
-from waiting import DEADLINE_S
 
+from helpers.recorded_runs import SMALL
+from helpers.waiting import DEADLINE_S
 from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import present, start_nodes, watch

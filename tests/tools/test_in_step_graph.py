@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from recorded_runs import SMALL
-from recording import launched
-from waiting import DEADLINE_S
 
+from helpers.recorded_runs import SMALL
+from helpers.recording import launched
+from helpers.waiting import DEADLINE_S
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from waiting import DEADLINE_S, wait_for
 
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.core.errors import ConfigError
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import claimed

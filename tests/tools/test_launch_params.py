@@ -2,8 +2,8 @@
 
 import pytest
 import yaml
-from wrong_yaml import WRONG
 
+from helpers.wrong_yaml import WRONG
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from recorded_runs import SMALL
-from recording import launched
 
+from helpers.recorded_runs import SMALL
+from helpers.recording import launched
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify

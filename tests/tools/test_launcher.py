@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from program_bags import written
-from waiting import wait_for
 
+from helpers.program_bags import written
+from helpers.waiting import wait_for
 from pa_ros.cli import launch
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError

@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hosts import hosts
-from sites import NO_HOSTS, SUBNET, Site, ended
+
+from helpers.hosts import hosts
+from helpers.sites import NO_HOSTS, SUBNET, Site, ended
 
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
 CUT_S = 5.0

@@ -3,8 +3,8 @@
 import io
 
 import pytest
-from waiting import Clock
 
+from helpers.waiting import Clock
 from pa_ros.tools.monitor import LINE_PERIOD_S, STALE_S, Display, GraphFigures
 from pa_ros.wire.records import Health
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from program_bags import written
-from recorded_runs import SMALL, train
-from recording import decoded
 from rosbags.typesys import get_types_from_msg
-from waiting import DEADLINE_S, wait_for
 
+from helpers.program_bags import written
+from helpers.recorded_runs import SMALL, train
+from helpers.recording import decoded
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag

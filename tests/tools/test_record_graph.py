@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from recording import decoded, pa_ros, publisher_heard
 from rosbags.rosbag2 import Reader
-from waiting import DEADLINE_S, wait_for
 
+from helpers.recording import decoded, pa_ros, publisher_heard
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main

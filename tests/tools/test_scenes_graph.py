@@ -7,8 +7,8 @@ import subprocess
 import sys
 
 import pytest
-from graph import graph
 
+from helpers.graph import graph
 from pa_ros.arena import ArenaConfig, design_named
 from pa_ros.arena.task import world_of
 from pa_ros.cli.main import main

@@ -7,12 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-import learner_input
 import pytest
-from damage import damaged
-from fuzzing import explore
-from learners import LEARNER, published
 
+from helpers import learner_input
+from helpers.damage import damaged
+from helpers.fuzzing import explore
+from helpers.learners import LEARNER, published
 from pa_ros.benchmarks.codec import sample_step
 from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr

@@ -1,19 +1,25 @@
-"""The root of every error this project raises on purpose."""
+"""The root of every error that this project raises on purpose."""
 
 from __future__ import annotations
 
 
 class PaError(Exception):
-    """Input refused: says what was expected and what came.
+    """Rejected input. The message says what was wrong, what was expected and what to do.
 
-    `code` names the kind of refusal ("program.unknown_word", "wire.non_finite"); nodes count
-    refusals by it and publish the counts in /diagnostics. Subclasses set it as a class attribute.
+    `code` names the kind of error ("program.unknown_word", "wire.non_finite"). Nodes count
+    rejected messages by code and publish the counts in /diagnostics. A room has one class whose
+    errors differ by code; it has more only where a caller catches them apart.
     """
 
     code = "error"
 
+    def __init__(self, message: str = "", code: str = "") -> None:
+        super().__init__(message)
+        if code:
+            self.code = code
+
 
 class ConfigError(PaError):
-    """A parameter, option or file that cannot be used, with the value received."""
+    """A parameter, option or file that cannot be used; the message holds the value received."""
 
     code = "config"

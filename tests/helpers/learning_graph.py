@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from waiting import DEADLINE_S
-
+from helpers.waiting import DEADLINE_S
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from hosts import Hosts, why_not
-from recorded_runs import SMALL
-from waiting import wait_for
 
+from helpers.hosts import Hosts, why_not
+from helpers.recorded_runs import SMALL
+from helpers.waiting import wait_for
 from pa_ros.core.errors import PaError
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.folder import checkpoint_of

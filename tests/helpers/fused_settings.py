@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from worlds import dpg
 
+from helpers.worlds import dpg
 from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import parse

@@ -8,8 +8,8 @@ from typing import Any
 
 import rclpy
 from rclpy.node import Node
-from waiting import DEADLINE_S
 
+from helpers.waiting import DEADLINE_S
 from pa_ros.ros import topics
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.executor import release, spin_until

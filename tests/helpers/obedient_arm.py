@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from learners import ARENA, DESIGN, FACTS, LEARNER, ME, published
 
+from helpers.learners import ARENA, DESIGN, FACTS, LEARNER, ME, published
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Act, Wait
 from pa_ros.acting.learning_agent import LearningAgent

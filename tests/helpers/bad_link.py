@@ -1,7 +1,7 @@
 """A link that loses, delays and reorders what goes over it: Ethernet frames, handed on between two
 interfaces by a process (not every kernel has `tc netem`). Needs root and the switch's namespace:
 
-    python tests/bad_link.py port2 up2 --loss 0.02 --delay-ms 20 --jitter-ms 10
+    python tests/helpers/bad_link.py port2 up2 --loss 0.02 --delay-ms 20 --jitter-ms 10
 """
 
 from __future__ import annotations

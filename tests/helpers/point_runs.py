@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from worlds import PROGRAMS, WORLD, PointWorld, dpg
 
+from helpers.worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import TrainConfig, train

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PACKAGES = {
     "pa_ros": ROOT / "pa_ros/pa_ros",
     "sim_node": ROOT / "sim_node/sim_node",

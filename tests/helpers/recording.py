@@ -11,8 +11,8 @@ from typing import Any
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from waiting import DEADLINE_S, wait_for
 
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.ros.topics import Topic
 
 

@@ -6,8 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from waiting import wait_for
-
+from helpers.waiting import wait_for
 from pa_ros.evaluation.studies.cluster import Cluster
 from pa_ros.evaluation.studies.cluster_jobs import score_on, train_seeds_on
 from pa_ros.evaluation.studies.experiments import experiment_named

@@ -6,7 +6,7 @@ import csv
 from math import inf, isfinite
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TABLES = ROOT / "docs/results"
 RESULTS, README = (ROOT / "RESULTS.md").read_text(), (ROOT / "README.md").read_text()
 

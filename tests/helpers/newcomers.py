@@ -15,7 +15,7 @@ from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.world import Reward
 
-FOLDER = Path(__file__).parent / "extending"
+FOLDER = Path(__file__).parents[1] / "extending"
 FRAMES = 300
 SMALL = (  # of the protocol `ours`: what a few hundred frames need
     "learner.replay.warmup_frames=100",

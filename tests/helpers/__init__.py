@@ -1,0 +1,1 @@
+"""Builders, stand-ins and running graphs that several tests share."""
