@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.message_fields import accesses
-from helpers.sources import files
+from helpers.sources import accesses, files
 
 PLANTED = {
     "a parameter": "def f(message):\n    return message.agent_id",

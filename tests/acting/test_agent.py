@@ -12,15 +12,18 @@ from helpers.learners import (
     ARENA,
     DESIGN,
     FACTS,
+    FAR_BEHIND,
     LEARNER,
     ME,
     NETWORK,
     WORLD,
+    Arm,
+    Says,
     again,
+    following,
     published,
     snapshot,
 )
-from helpers.obedient_arm import FAR_BEHIND, Arm, Says, following
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Act, Load, Wait
 from pa_ros.acting.errors import LearnerRequestError, PolicyError, StepError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from helpers.films import captions
+from helpers.pictures import captions
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.movie import captioned, check_movie, write_movie
 from pa_ros.cli.main import main

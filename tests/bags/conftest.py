@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.acted_episodes import acted, rearranged, recorded
-from helpers.program_bags import storage_file, written
-from helpers.recorded_runs import train
+from helpers.recordings import acted, rearranged, recorded, storage_file, train, written
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from helpers.program_bags import START, TOPIC, identifiers, payload, storage_file, written
-from helpers.recorded_runs import train
+from helpers.recordings import START, TOPIC, identifiers, payload, storage_file, train, written
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import (
     BagError,

@@ -8,8 +8,7 @@ import shlex
 
 import pytest
 
-from helpers.program_bags import START, identifiers, payload, storage_file, written
-from helpers.recorded_runs import train
+from helpers.recordings import START, identifiers, payload, storage_file, train, written
 from pa_ros.bags.errors import BagFullError, BagMovedError
 from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main

@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from helpers.acted_episodes import DESIGN, STEPS, acted, rearranged
-from helpers.recorded_runs import train
-from helpers.rerun_files import columns
+from helpers.recordings import DESIGN, STEPS, acted, columns, rearranged, train
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import arenas_of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from helpers.acted_episodes import STEPS, acted
-from helpers.films import captions
+from helpers.pictures import captions
+from helpers.recordings import STEPS, acted
 from pa_ros.arena.movie import captioned
 from pa_ros.arena.render import top_view
 from pa_ros.bags.episodes import episodes

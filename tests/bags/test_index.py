@@ -13,8 +13,8 @@ import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from helpers.program_bags import START, TOPIC, identifiers, payload, storage_file, written
-from helpers.wrong_yaml import WRONG
+from helpers.damage import WRONG_YAML
+from helpers.recordings import START, TOPIC, identifiers, payload, storage_file, written
 from pa_ros.bags.errors import DamagedBagError, ForeignBagError
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
@@ -133,7 +133,7 @@ def test_a_topic_of_two_types_is_refused(tmp_path, second):
         Bag(file)
 
 
-@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+@pytest.mark.parametrize("text", WRONG_YAML.values(), ids=WRONG_YAML.keys())
 @pytest.mark.parametrize("where", ["custom_data", "relative_file_paths"])
 def test_an_index_of_wrong_yaml_is_refused_until_repaired(whole, tmp_path, text, where):
     shutil.copytree(whole[0], tmp_path / "bag")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from helpers.recorded_runs import rewritten, train
+from helpers.recordings import rewritten, train
 from pa_ros.bags.contents import topic
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.experience import Experience

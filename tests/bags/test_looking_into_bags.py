@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from helpers.acted_episodes import STEPS, acted
-from helpers.recorded_runs import rewritten
+from helpers.recordings import STEPS, acted, rewritten
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from helpers.program_bags import identifiers, storage_file, written
+from helpers.recordings import identifiers, storage_file, written
 from pa_ros.bags.contents import RESERVE
 from pa_ros.bags.errors import BagInUseError, DamagedBagError, UnfinishedBagError
 from pa_ros.bags.reader import Bag

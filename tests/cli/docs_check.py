@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.documented import COMMANDS, NODES, ROOT, Command, is_run
+from helpers.documents import COMMANDS, NODES, ROOT, Command, is_run
 from helpers.waiting import DEADLINE_S
 
 LIMIT_S = 20.0

@@ -9,7 +9,7 @@ import yaml
 from lifecycle_msgs.msg import Transition
 
 from agent_node.config import AgentConfig
-from helpers.documented import COMMANDS, NODES, NOT_RUN, ROOT, Command, is_run
+from helpers.documents import COMMANDS, NODES, NOT_RUN, ROOT, Command, is_run
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli import main as cli
 from pa_ros.core.settings import Settings

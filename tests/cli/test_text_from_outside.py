@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.program_bags import written
+from helpers.recordings import written
 from pa_ros.cli.main import main
 from pa_ros.cli.send import print_answers, result_text
 from pa_ros.tools.send import Answers

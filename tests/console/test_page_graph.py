@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 from console.conftest import SCREENSHOTS
 
-from helpers.recorded_runs import train
-from helpers.recording import pa_ros
+from helpers.recordings import pa_ros, train
 from helpers.waiting import DEADLINE_S
 from pa_ros.ros.process import ros_arguments
 

@@ -9,8 +9,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from helpers.recorded_runs import rewritten, train
-from helpers.rerun_files import columns
+from helpers.recordings import columns, rewritten, train
 from pa_ros.arena.appearance import look_of
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError, ProvenanceError

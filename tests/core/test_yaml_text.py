@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from helpers.wrong_yaml import WRONG
+from helpers.damage import WRONG_YAML
 from pa_ros.core.yaml_text import read_yaml
 
 
-@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+@pytest.mark.parametrize("text", WRONG_YAML.values(), ids=WRONG_YAML.keys())
 def test_what_is_wrong_is_a_value_error(text):
     with pytest.raises(ValueError, match=r"\S"):
         read_yaml(text)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from helpers.newcomers import example
+from helpers.learners import load_example
 from pa_ros.arena import ReachTask, conditions_for, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring import benchmark
@@ -39,7 +39,7 @@ def test_all_conditions_of_the_paper_in_its_order():
 
 
 def test_conditions_of_own_groups_and_of_several_relations_are_among_all() -> None:
-    example("sizes")
+    load_example("sizes")
     design = design_named("sizes").with_relations("NEAR", "ABOVE")
     own = "only-size not-size train-near train-above eval-near eval-above".split()
     names = conditions_of(design)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from helpers.newcomers import example, trained
+from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms import ALGORITHMS, Algorithm
@@ -22,7 +22,7 @@ from pa_ros.networks.inference import TorchActor
 
 
 def test_it_learns_through_the_same_learner_and_is_announced(tmp_path: Path) -> None:
-    crr = example("algorithm")
+    crr = load_example("algorithm")
     usual, learner = trained(tmp_path / "a"), trained(tmp_path / "b", algorithm="crr")
     assert isinstance(learner.config, crr.CRRConfig)
     assert isinstance(learner.engine, crr.TorchCRR)
@@ -35,7 +35,7 @@ def test_it_learns_through_the_same_learner_and_is_announced(tmp_path: Path) -> 
 
 def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
     """In one state with two stored actions, of which one is rewarded: a bandit."""
-    example("algorithm")
+    load_example("algorithm")
     fast = ["learner.optimizer.actor_rate=3e-3", "learner.optimizer.critic_rate=3e-3"]
     fast.append("network.critic_output_bias=0")  # what a bandit's values are near
     learner = trained(tmp_path, algorithm="crr", frames=100, options=fast)
@@ -62,7 +62,7 @@ def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
 
 
 def test_its_settings_are_options_and_its_values_join_the_protocol() -> None:
-    example("algorithm")
+    load_example("algorithm")
     assert protocol_named("ours", "crr").learner.value("temperature") == 0.2
     assert protocol_named("paper", "crr").learner.value("temperature") == 0.1
     changed = protocol_named("ours", "crr").with_options(["learner.temperature=0.3"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.newcomers import example, trained
+from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import reward_from
@@ -21,7 +21,7 @@ def rewards_drawn(learner: Learner) -> np.ndarray:
 
 
 def test_what_the_learner_learns_from_changes(tmp_path: Path) -> None:
-    example("reward")
+    load_example("reward")
     usual, shaped = trained(tmp_path / "a"), trained(tmp_path / "b", reward_from(SHAPED))
     assert set(rewards_drawn(usual)) <= {-1.0, 1.0}
     drawn = rewards_drawn(shaped)
@@ -33,7 +33,7 @@ def test_what_the_learner_learns_from_changes(tmp_path: Path) -> None:
 
 
 def test_it_is_known_by_name_and_says_what_it_is() -> None:
-    shaped = example("reward").Shaped
+    shaped = load_example("reward").Shaped
     assert reward_from("shaped") == shaped()
     assert reward_from(SHAPED).to_json() == '{"length_m":0.3,"name":"shaped","weight":0.8}'
     with pytest.raises(ConfigError, match=r"\['weight', 'length_m'\], got wait = 1"):
@@ -41,7 +41,7 @@ def test_it_is_known_by_name_and_says_what_it_is() -> None:
 
 
 def test_one_state_and_many_are_paid_alike() -> None:
-    reward = example("reward").Shaped()
+    reward = load_example("reward").Shaped()
     measure = np.array([0.1, 0.25, np.inf])
     many = reward(measure <= 0.2, measure)
     assert [float(reward(bool(m <= 0.2), float(m))) for m in measure] == many.tolist()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.newcomers import FOLDER, FRAMES, SMALL, example
+from helpers.learners import EXAMPLES, FRAMES, SMALL, load_example
 from helpers.waiting import DEADLINE_S
 from pa_ros.core.published import LearnerInfo
 from pa_ros.ros import topics
@@ -18,13 +18,13 @@ from pa_ros.wire import codec
 from pa_ros.wire.records import ArenaDescription
 from pa_ros.world import reward_from
 
-EXTENSIONS = [str(FOLDER / "reward.py")]
+EXTENSIONS = [str(EXAMPLES / "reward.py")]
 REWARD = '{"name": "shaped", "weight": 0.8}'
 
 
 @pytest.mark.graph
 def test_the_arena_announces_it_and_the_learner_learns_from_it(tmp_path: Path) -> None:
-    example("reward")
+    load_example("reward")
     arenas: list[ArenaDescription] = []
     learners: list[LearnerInfo] = []
     versions: list[int] = []

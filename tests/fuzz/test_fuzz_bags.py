@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import strategies as st
 
-from helpers.fuzzing import explore
-from helpers.recorded_runs import train
+from helpers.damage import explore
+from helpers.recordings import train
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from helpers.fuzzing import explore
-from helpers.learner_input import ARENA, trajectory
-from helpers.learners import NETWORK, WORLD
+from helpers.damage import explore
+from helpers.learners import ARENA, NETWORK, WORLD, trajectory
 from pa_ros.core.errors import PaError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import LATEST, load_policy, restore, save_checkpoint

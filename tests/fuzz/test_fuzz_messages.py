@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from agent_node.programs import ProgramBook
-from helpers import learner_input
-from helpers.damage import damaged
-from helpers.fuzzing import explore
+from helpers import learners
+from helpers.damage import damaged, explore
 from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.answer import Load
@@ -95,9 +94,9 @@ def _acts(agent: Agent, policy: Any) -> None:
 
 def trajectory(message: Any) -> None:
     """By a learner, which then still learns from what is good, and from finite numbers."""
-    received = codec.decode_trajectory(message, learner_input.WORLD)
+    received = codec.decode_trajectory(message, learners.WORLD)
     network = replace_words(NETWORK)
-    run = LearningRun(Learner(network, SETTINGS, learner_input.ARENA.training_programs, 0), 0.1)
+    run = LearningRun(Learner(network, SETTINGS, learners.ARENA.training_programs, 0), 0.1)
     before = run.learner.counters.version
     try:
         run.consume(received)
@@ -108,17 +107,17 @@ def trajectory(message: Any) -> None:
 
 
 def replace_words(network: NetworkConfig) -> NetworkConfig:
-    return network.changed(world=learner_input.WORLD)
+    return network.changed(world=learners.WORLD)
 
 
 def program(message: Any) -> None:
     request = codec.decode_program(message)
     assert request.program_id
-    parse(request.text, learner_input.DESIGN.vocabulary)
+    parse(request.text, learners.DESIGN.vocabulary)
 
 
 DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
-    "arena_info": (codec.encode_arena_info(learner_input.ARENA), arena),
+    "arena_info": (codec.encode_arena_info(learners.ARENA), arena),
     "object_features": (FEATURES, features),
     "joint_states": (JOINTS, joints),
     "verdict": (codec.encode_verdict(VERDICT), codec.decode_verdict),
@@ -128,7 +127,7 @@ DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
         codec.encode_weights(replace(published(1, 1), latest=TrajectoryKey(*ME, 0))),
         weights,
     ),
-    "trajectory": (codec.encode_trajectory(learner_input.trajectory(0)), trajectory),
+    "trajectory": (codec.encode_trajectory(learners.trajectory(0)), trajectory),
     "program": (codec.encode_program(ProgramRequest("p", "NEAR(HAND, RED)")), program),
     "program_status": (codec.encode_program_status(JUDGEMENT), codec.decode_program_status),
     "provenance": (codec.encode_provenance(ORIGIN), codec.decode_provenance),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import strategies as st
 
-from helpers.fuzzing import explore
+from helpers.damage import explore
 from pa_ros.arena import design_named
 from pa_ros.language import ProgramError, parse
 from pa_ros.language.limits import MAX_LENGTH

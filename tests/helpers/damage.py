@@ -1,4 +1,7 @@
-"""Messages with any of their fields changed to anything of its type, as strangers may send."""
+"""Fuzzing: messages with changed fields, wrong YAML, and the runner of hypothesis cases.
+
+`make test` checks a small, fixed share of the cases; `make fuzz` checks all (PA_ROS_FUZZ=1).
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,13 @@ import array
 import copy
 import functools
 import math
+import os
 import re
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 import numpy as np
+from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
 Path = tuple[str | int, ...]
@@ -31,7 +36,7 @@ def damaged(message: Any) -> st.SearchStrategy[Any]:
 
 
 def _places(message: Any, within: Path = ()) -> Iterator[tuple[Path, str]]:
-    """(path, type) of every field, those of messages inside too."""
+    """(path, type) of every field, including those of nested messages."""
     for name, kind in message.get_fields_and_field_types().items():
         path, value = (*within, name), getattr(message, name)
         if hasattr(value, "get_fields_and_field_types"):
@@ -54,7 +59,7 @@ def _changed(message: Any, edits: list[tuple[Path, Any]]) -> Any:
     for (*path, name), value in edits:
         try:
             setattr(_at(changed, tuple(path)), str(name), copy.deepcopy(value))
-        except IndexError:  # of an item that the edit before took away
+        except IndexError:  # The previous edit removed this item.
             continue
     return changed
 
@@ -112,3 +117,53 @@ def _sequences(inner: str, value: Any) -> st.SearchStrategy[Any]:
     if isinstance(value, array.array):
         return several.map(lambda items: array.array(value.typecode, items))
     return several
+
+
+SHARE = float(os.environ.get("PA_ROS_FUZZ", "0.001"))
+FEWEST, PART = 50, 2_000
+Case = TypeVar("Case")
+
+
+def explore(cases: st.SearchStrategy[Case], check: Callable[[Case], object], whole: int) -> int:
+    """Check our share of `whole` cases, in parts so that a million fit in memory; their number."""
+    wanted, looked = max(FEWEST, round(whole * SHARE)), 0
+
+    def look(case: Any) -> None:
+        nonlocal looked
+        looked += 1
+        check(case)
+
+    for number, size in enumerate(_parts(wanted)):
+        within = settings(
+            max_examples=size, deadline=None, database=None, suppress_health_check=list(HealthCheck)
+        )
+        seed(number)(within(given(cases)(look)))()
+    assert looked >= min(wanted, FEWEST), "hypothesis found fewer cases than expected"
+    return looked
+
+
+def _parts(wanted: int) -> Iterator[int]:
+    for begun in range(0, wanted, PART):
+        yield min(PART, wanted - begun)
+
+
+# YAML that is wrong in its syntax, in its values, or in its references.
+WRONG_YAML = {
+    "syntax": "a: [",
+    "date": "seed: 2024-13-01",
+    "digits": f"seed: {'1' * 5000}",
+    "hexadecimal": f"seed: 0x{'f' * 5000}",
+    "nested": "[" * 3000,
+    "deep": "[" * 60 + "]" * 60,
+    "deep by aliases": "[&a0 [1]" + "".join(f", &a{i + 1} [*a{i}]" for i in range(900)) + "]",
+    "many by aliases": "[&a0 [1]" + "".join(f", &a{i + 1} [*a{i}, *a{i}]" for i in range(30)) + "]",
+    "within itself": "a: &p {x: *p}",
+    "within itself twice": "a: &p [*p, *p]",
+    "no integer": "a: !!int abc",
+    "no truth": "a: !!bool maybe",
+    "no number": "a: !!float abc",
+    "no time": "a: !!timestamp x",
+    "an object": "a: !!python/object:os.system {}",
+    "no text": 'a: "\\ud800"',
+    "no key": "? [a]\n: 1\n? {a: 1}\n: 2",
+}

@@ -1,24 +1,44 @@
-"""A graph in this process: real nodes and real DDS, in the ROS domain of a test marked `graph`."""
+"""Running graphs with real nodes and real DDS, in the ROS domain of a test marked `graph`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import rclpy
+from lifecycle_msgs.msg import Transition, TransitionEvent
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
+from helpers.learners import ARENA
 from helpers.waiting import DEADLINE_S
+from learner_node.config import LearnerNodeConfig
+from learner_node.worker import LearnerWorker, Sinks
+from pa_ros.arena import ReachTask, world_of
+from pa_ros.arena.designs import Kind
+from pa_ros.arena.verifier import Verifier
+from pa_ros.core.experience import Observation, PolicySnapshot
 from pa_ros.ros import topics
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.executor import release, spin_until
+from pa_ros.tools.client import client_node
+from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters
+from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import codec
-from pa_ros.wire.records import Health, Outcome
+from pa_ros.wire.interfaces import Message
+from pa_ros.wire.records import ArenaDescription, Health, Outcome
+from pa_ros.world import Trajectory
+from sim_node.session import Session
 
 
 class Probe(Node):
-    """Hears every topic, speaks on any, and calls services."""
+    """A node that subscribes to every topic, publishes on any, and calls services."""
 
     def __init__(self) -> None:
         super().__init__("probe")
@@ -40,7 +60,7 @@ class Probe(Node):
         self.create_subscription(topic.type, topic.name, receive, topic.reader)
 
     def until(self, condition: Callable[[], bool], timeout_s: float = DEADLINE_S) -> bool:
-        """Serve every node of the graph until the condition holds; whether it does in time."""
+        """Spin all nodes of the graph until the condition is true; whether it became so in time."""
         return spin_until(self, condition, timeout_s, *self.nodes)
 
     def count(self, topic: topics.Topic) -> int:
@@ -50,22 +70,22 @@ class Probe(Node):
         return self.heard[topic.name][-1]
 
     def reaches(self, step: int) -> bool:
-        """Whether the arena comes to a step of its episode, in time."""
+        """Wait for a step of the episode; whether the arena reached it in time."""
         features = topics.OBJECT_FEATURES
         return self.until(lambda: self.count(features) > 0 and self.last(features).step >= step)
 
     def value(self, node: str, key: str) -> str:
-        """A value that a node reported last; empty if it has not."""
+        """The last value that a node reported under a key; empty if it has not reported any."""
         health = self.health.get(f"/{node}")
         return health.values.get(key, "") if health else ""
 
     def message(self, node: str) -> str:
-        """What a node said of itself last; empty if it has not."""
+        """The last diagnostic message of a node; empty if it has not sent any."""
         health = self.health.get(f"/{node}")
         return health.message if health else ""
 
     def speaker(self, topic: topics.Topic) -> Any:
-        """A publisher that someone listens to."""
+        """A publisher that is already connected to the node under test."""
         publisher = self.create_publisher(topic.type, topic.name, topic.writer)
         wanted = 2  # the probe itself and the node under test
         assert self.until(lambda: publisher.get_subscription_count() >= wanted)
@@ -81,8 +101,8 @@ class Probe(Node):
 
 @contextmanager
 def graph(*makers: Callable[[], Node], remaps: Any = (), **parameters: object) -> Iterator[Probe]:
-    """The nodes and a probe beside them. Parameters are `node__name=value`, remaps "from:=to" for
-    all, or "node:from:=to"."""
+    """Start the nodes and a probe. Parameters are `node__name=value`; remaps are "from:=to" for
+    all nodes, or "node:from:=to"."""
     prepare_environment()
     arguments = ["--ros-args", "--log-level", "error"]
     for rule in remaps:
@@ -99,10 +119,147 @@ def graph(*makers: Callable[[], Node], remaps: Any = (), **parameters: object) -
         yield probe
     finally:
         try:
-            for node in probe.nodes:  # those that a test put in others' places, too
+            # A test may have replaced nodes in the list, so close those that it contains now.
+            for node in probe.nodes:
                 node.close()
-        finally:  # as a process of its own does: what a node says last needs the executor
+        finally:
+            # Release the executor only now: a closing node still publishes its last messages.
             release(probe)
             for node in probe.nodes:
                 node.destroy_node()
             rclpy.shutdown()
+
+
+def learned_over_the_graph(
+    folder: Path, given: Parameters, version: int
+) -> tuple[PolicySnapshot, ArenaDescription]:
+    """Run a graph of real processes until it publishes at least a version of the weights; the
+    policy and the arena's description.
+
+    The graph doesn't wait for this subscriber. On a busy machine a version may be published before
+    the subscriber is discovered, so a later one is accepted too.
+    """
+    policies: list[PolicySnapshot] = []
+    arenas: list[ArenaDescription] = []
+
+    def receive(message: Message) -> None:
+        snapshot = codec.decode_weights(message).snapshot
+        if snapshot.version >= version:
+            policies.append(snapshot)
+
+    with Supervisor(folder) as supervisor, client_node("watch") as node:
+        topics.POLICY_WEIGHTS.subscribe(node, receive)
+        topics.ARENA_INFO.subscribe(node, lambda m: arenas.append(codec.decode_arena_info(m)))
+        start_nodes(supervisor, given, folder)
+        heard = lambda: bool(policies and arenas)  # noqa: E731
+        assert watch(node, supervisor, lambda: None, heard, DEADLINE_S)
+    return policies[0], arenas[0]
+
+
+CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE, SHUTDOWN = (
+    Transition.TRANSITION_CONFIGURE,
+    Transition.TRANSITION_CLEANUP,
+    Transition.TRANSITION_ACTIVATE,
+    Transition.TRANSITION_DEACTIVATE,
+    Transition.TRANSITION_ACTIVE_SHUTDOWN,
+)
+
+
+class User:
+    """Changes the state and parameters of a lifecycle node over its services."""
+
+    def __init__(self, probe: Probe, node: Any) -> None:
+        self.probe, self.node, name = probe, node, node.get_name()
+        self._change = probe.create_client(ChangeState, f"{name}/change_state")
+        self._state = probe.create_client(GetState, f"{name}/get_state")
+        self._set = probe.create_client(SetParameters, f"{name}/set_parameters")
+        self.events: list[str] = []
+        probe.create_subscription(
+            TransitionEvent,
+            f"{name}/transition_event",
+            lambda event: self.events.append(event.goal_state.label),
+            100,
+        )
+
+    def ask(self, number: int = 0, label: str = "") -> tuple[bool, str]:
+        """Request a transition; whether it succeeded, and the state after it."""
+        wanted = ChangeState.Request(transition=Transition(id=number, label=label))
+        changed = self._call(self._change, wanted).success
+        return changed, self._call(self._state, GetState.Request()).current_state.label
+
+    def set(self, name: str, value: Any) -> str:
+        """Set a parameter; the reason if it was rejected, else an empty string."""
+        return self._send(Parameter(name, value=value))
+
+    def delete(self, name: str) -> str:
+        """Delete a parameter; the reason if that was rejected, else an empty string."""
+        return self._send(Parameter(name, Parameter.Type.NOT_SET))
+
+    def _send(self, parameter: Parameter) -> str:
+        request = SetParameters.Request(parameters=[parameter.to_parameter_msg()])
+        (result,) = self._call(self._set, request).results
+        return "" if result.successful else str(result.reason)
+
+    def _call(self, client: Any, request: Any) -> Any:
+        assert self.probe.until(client.service_is_ready)
+        answer = client.call_async(request)
+        assert self.probe.until(answer.done)
+        return answer.result()
+
+
+class Witness:
+    """Records what moved the arm of a session, and replays it to check experience against."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._world = world_of(session.arena, session.task.design)
+        self._moves: dict[int, list[Any]] = {}  # velocities, by episode
+        self._kinds: dict[int, list[Kind]] = {}  # of the blocks, by episode
+        advance, task = session.task.advance, session.task
+
+        def recording(joint_velocity: Any) -> Observation:
+            assert task.episode is not None
+            self._moves.setdefault(task.episode.index, []).append(np.array(joint_velocity))
+            self._kinds[task.episode.index] = [block.kind for block in task.episode.blocks]
+            return advance(joint_velocity)
+
+        task.advance = recording  # type: ignore[method-assign]
+
+    def false(self, trajectories: Iterable[Trajectory]) -> list[str]:
+        """The transitions that never happened in the arena, by name."""
+        happened = {episode: self._again(episode) for episode in self._moves}
+        return [
+            f"{one.key} {t}"
+            for one in trajectories
+            for t in range(len(one))
+            if not self._happened(one, t, happened[one.episode])
+        ]
+
+    def _again(self, episode: int) -> list[Observation]:
+        session = self._session
+        task = ReachTask(session.arena, session.task.design, session.config.seed)
+        first, _ = task.reset(episode)
+        return [first, *(task.step(move)[0] for move in self._moves[episode])]
+
+    def _happened(self, one: Trajectory, t: int, steps: list[Observation]) -> bool:
+        first = one.first_step + t
+        velocity = one.actions[t].astype(np.float64) * self._session.speed_limits
+        before, after = steps[first], steps[first + 1]
+        # Another arena may have sent the current program.
+        verifier = Verifier(one.program, self._kinds[one.episode], self._session.task.scoring)
+        return (
+            np.array_equal(velocity, self._moves[one.episode][first])
+            and np.array_equal(one.objects[t], before.objects)
+            and np.array_equal(one.arm[t], self._world.arm(before))
+            and np.array_equal(one.objects[t + 1], after.objects)
+            and np.array_equal(one.arm[t + 1], self._world.arm(after))
+            and one.rewards[t] == np.float32(verifier.score(after.objects, after.hand_pose).reward)
+        )
+
+
+def begin_run(config: LearnerNodeConfig) -> str:
+    """Write a checkpoint of version 0 to the folder `config.out`; the run's id."""
+    worker = LearnerWorker(config, ARENA, Sinks(lambda _: None, lambda *_: None, lambda _: None))
+    worker.start()
+    worker.close()
+    return worker.run.info.run_id

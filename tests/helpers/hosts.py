@@ -1,26 +1,36 @@
-"""Several hosts made of network namespaces: a switch, and a cable to each host."""
+"""Several hosts made of network namespaces, with a switch and a cable to each host."""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
+
+import yaml
+
+from helpers.recordings import SMALL
+from helpers.waiting import wait_for
+from pa_ros.core.errors import PaError
+from pa_ros.learning.checkpoints import read_metadata
+from pa_ros.learning.folder import checkpoint_of
 
 BAD_LINK = Path(__file__).with_name("bad_link.py")
-# What the wheels' programs need that are not Python's.
+# Libraries that the compiled programs of the ROS wheels need.
 LIBRARIES = f"{sysconfig.get_path('platlib')}/ros_fastrtps.libs:{sys.prefix}/lib"
-# What this process has set for itself, and a child on another host must not inherit.
+# Variables that this process set for itself and that a process on another host must not inherit.
 OWN = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "FASTRTPS_DEFAULT_PROFILES_FILE",
        "RMW_FASTRTPS_USE_QOS_FROM_XML")  # fmt: skip
 
 
 def why_not() -> str:
-    """Why this machine makes no network namespaces; empty: it does."""
+    """The reason why this machine cannot make network namespaces; empty if it can."""
     if os.geteuid() != 0:
         return "network namespaces need root"
     name = f"pa-{os.getpid()}-try"
@@ -36,7 +46,7 @@ def ip(*words: str) -> None:
 
 
 class Hosts:
-    """Hosts 10.77.0.1, 10.77.0.2, … on one switch; what runs in one is stopped with it."""
+    """Hosts 10.77.0.1, 10.77.0.2, … on one switch. Removing a host ends its processes."""
 
     def __init__(self, count: int) -> None:
         self._stem = f"pa-{os.getpid()}"
@@ -92,7 +102,7 @@ class Hosts:
         environment: Mapping[str, str] | None = None,
         log: Path = Path(os.devnull),
     ) -> None:
-        """Run a command on a host until all are stopped."""
+        """Start a command on a host; it runs until `stop`."""
         kept = {k: v for k, v in os.environ.items() if k not in OWN}
         kept["LD_LIBRARY_PATH"] = LIBRARIES if str(command[0]) != sys.executable else ""
         kept = {k: v for k, v in (kept | dict(environment or {})).items() if v}
@@ -101,19 +111,19 @@ class Hosts:
             self._processes.append(subprocess.Popen(words, stdout=output, stderr=output, env=kept))
 
     def running(self, host: int) -> list[int]:
-        """The processes of a host."""
+        """The process ids of a host."""
         words = ["ip", "netns", "pids", self.names[host]]
         found = subprocess.run(words, check=True, capture_output=True, text=True)
         return [int(word) for word in found.stdout.split()]
 
     def switch_off(self, host: int) -> None:
-        """End all that runs on a host, without warning."""
+        """Kill every process of a host, without warning."""
         for process in self.running(host):
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
 
     def stop(self) -> None:
-        """End all that runs, in good order."""
+        """Terminate all processes and wait for them."""
         for process in self._processes:
             process.terminate()
         for process in self._processes:
@@ -125,7 +135,7 @@ class Hosts:
         self._processes.clear()
 
     def remove(self) -> None:
-        """End all that runs, and take the hosts away."""
+        """Terminate all processes and remove the hosts."""
         self.stop()
         for name in (*self.names, self._switch):
             ip("netns", "del", name)
@@ -139,3 +149,78 @@ def hosts(count: int) -> Iterator[Hosts]:
         yield made
     finally:
         made.remove()
+
+
+NO_HOSTS = why_not()
+SUBNET = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+
+
+class Site:
+    """A learner on one host and an arena with its agent on each of two others."""
+
+    def __init__(self, made: Hosts, folder: Path, environment: Callable[[int], dict[str, str]]):
+        self.hosts, self.folder = made, folder
+        self._environment = environment
+        common = {"ROS_DOMAIN_ID": "3", "ROS_LOG_DIR": str(folder)}
+        self._common = common | {"OMP_NUM_THREADS": "1"}
+
+    def run(self, host: int, node: str, namespace: str = "", **parameters: object) -> None:
+        path = self.folder / f"{host}-{node}.yaml"
+        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
+        log = self.folder / f"{host}-{node}.log"
+        words = [sys.executable, "-m", f"{node}.main", "--ros-args", "--params-file", path]
+        words += ["-r", f"__ns:={namespace}"] if namespace else []
+        environment = self._common | self._environment(host)
+        self.hosts.run(host, words, environment, log)
+
+    def begin(self, *options: str, sim: Mapping[str, Any] | None = None, **learner: Any) -> None:
+        arenas = ["arena1", "arena2"]
+        learner |= {"options": [*SMALL, *options], "out": str(self.folder / "run")}
+        learner.setdefault("checkpoint_every_frames", 200)
+        self.run(0, "learner_node", arenas=arenas, **learner)
+        for host, arena in enumerate(arenas, start=1):
+            self.run(host, "sim_node", f"/{arena}", seed=host, **(sim or {}))
+            agent = {"learning": True, "learner": "/", "agent_id": arena, "stuck_after_s": 3.0}
+            self.run(host, "agent_node", f"/{arena}", **agent)
+
+    def record(self, bag: Path, topics: Sequence[str], host: int = 0) -> None:
+        """Start to record some topics on a host, before the other nodes start."""
+        words = [sys.executable, "-m", "pa_ros", "record", bag, "--arenas", "arena1", "arena2"]
+        environment = self._common | self._environment(host)
+        log = self.folder / f"record-{host}.log"
+        self.hosts.run(host, [*words, "--topics", *topics], environment, log)
+        wait_for(lambda: "recording" in (log.read_text() if log.exists() else ""), "a recorder")
+
+    @property
+    def ledger(self) -> dict[str, Any]:
+        """The sequence numbers of all agents in the newest checkpoint."""
+        return dict(read_metadata(checkpoint_of(self.folder / "run"))["replay"]["ledger"])
+
+    @property
+    def frames(self) -> int:
+        log = self.folder / "0-learner_node.log"
+        told = re.findall(r"frames ([\d,]+) \(", log.read_text()) if log.exists() else []
+        return int(told[-1].replace(",", "")) if told else 0
+
+    @property
+    def heard(self) -> set[str]:
+        """The agents of which the newest checkpoint contains trajectories."""
+        try:
+            return set(self.ledger["accounts"])
+        except PaError:  # no checkpoint yet
+            return set()
+
+    def learns(self, frames: int = 500) -> None:
+        """Wait until both agents act and the learner has learned from `frames` more frames."""
+        for host in (1, 2):
+            log = self.folder / f"{host}-agent_node.log"
+            wait_for(lambda log=log: "]: acting" in log.read_text(), f"acting in {log}")  # type: ignore[misc]
+        wait_for(lambda: self.heard == {"arena1", "arena2"}, "both agents' trajectories")
+        before = self.frames
+        wait_for(lambda: self.frames >= before + frames, f"{frames} frames after {before}")
+
+
+def ended(site: Site) -> dict[str, dict[str, object]]:
+    """Stop everything; what the learner's last checkpoint says of each agent."""
+    site.hosts.stop()
+    return dict(site.ledger["accounts"])

@@ -1,4 +1,4 @@
-"""Rendered pictures: whether there is OpenGL, and where in them a place is."""
+"""Rendered pictures and films: is OpenGL available, where is a place seen, what captions say."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pa_ros.arena.render import render
 
 
 def opengl() -> None:
-    """Skip the test where there is no OpenGL."""
+    """Skip the test where OpenGL is missing."""
     missing = _missing()
     if missing:
         pytest.skip(f"no OpenGL: {missing}")
@@ -31,7 +31,8 @@ def _missing() -> str:
 
 
 def pixel_of(place: Any, matrix: Any, position: Any, quaternion: Any) -> Any:
-    """Where a place, [3] m, is seen: (u, v) by K, from an optical frame's pose (xyzw)."""
+    """The pixel (u, v) at which a camera sees a place [3] m, by K and the optical frame's pose
+    (quaternion xyzw)."""
     x, y, z, w = quaternion
     turn = np.array(
         [
@@ -43,3 +44,15 @@ def pixel_of(place: Any, matrix: Any, position: Any, quaternion: Any) -> Any:
     seen = np.asarray(matrix).reshape(3, 3) @ turn.T @ (np.asarray(place) - position)
     assert seen[2] > 0, "behind the camera"
     return seen[:2] / seen[2]
+
+
+def captions(monkeypatch: pytest.MonkeyPatch, where: str) -> list[list[str]]:
+    """A list that collects the captions of all pictures; `where` names the replaced function."""
+    said: list[list[str]] = []
+
+    def caption(picture: Any, lines: list[str]) -> Any:
+        said.append(lines)
+        return picture
+
+    monkeypatch.setattr(where, caption)
+    return said

@@ -1,15 +1,15 @@
-"""Waiting for events: tests never ask how long something took, only whether it comes at all."""
+"""Waiting for events. Tests check whether something happened at all, never how long it took."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
-DEADLINE_S = 120.0  # far beyond what anything takes on a busy machine
+DEADLINE_S = 120.0  # far longer than anything takes, even on a busy machine
 
 
 def wait_for(condition: Callable[[], object], what: str = "an event") -> None:
-    """Fail unless the condition comes to hold within DEADLINE_S."""
+    """Wait until the condition is true; fail after DEADLINE_S."""
     deadline = time.monotonic() + DEADLINE_S
     while not condition():
         assert time.monotonic() < deadline, f"timed out: {what}"
@@ -17,7 +17,7 @@ def wait_for(condition: Callable[[], object], what: str = "an event") -> None:
 
 
 class Clock:
-    """A clock of the test's own, in seconds."""
+    """A clock that the test sets, in seconds."""
 
     now = 100.0
 

@@ -1,6 +1,8 @@
-"""A fake of the arena, small enough to solve in seconds, and random experience."""
+"""A point world, small enough to solve in seconds, with random experience and training runs."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 
@@ -8,13 +10,16 @@ from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.learner import Learner
+from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Reward, Scoring, Sparse, Trajectory
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 WORLD = World(PAPER, WORDS, joints=6)
-POSE = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])  # of a hand
+POSE = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])  # pose of a hand
 PROGRAMS = tuple(
     parse(f"NEAR(HAND, AND({words}))", WORDS) for words in ("RED, CUBE", "BLUE, SPHERE")
 )
@@ -23,12 +28,12 @@ NEAR_M = 0.25
 
 
 def dpg(base: DPGConfig | None = None, /, **values: object) -> DPGConfig:
-    """Settings with some of another value: `replay__batch_size=4` is replay.batch_size."""
+    """Settings with some values changed: `replay__batch_size=4` is replay.batch_size."""
     changed = {name.replace("__", "."): value for name, value in values.items()}
     return (base or DPGConfig()).changed(**changed)
 
 
-SCORING = Scoring({"NEAR": NEAR_M})  # of a PointWorld, unless it pays another reward
+SCORING = Scoring({"NEAR": NEAR_M})  # of a PointWorld with the default reward
 
 
 def objects_at(positions: Float64) -> np.ndarray:
@@ -42,7 +47,7 @@ def objects_at(positions: Float64) -> np.ndarray:
 
 
 def random_batch(rng: np.random.Generator, size: int, k: int, programs: int) -> Batch:
-    """`size` transitions × `k` of so many programs."""
+    """`size` transitions, each with `k` of `programs` programs."""
 
     def scenes() -> np.ndarray:
         return np.stack([objects_at(rng.normal(0, 0.3, (2, 3))) for _ in range(size)])
@@ -62,8 +67,8 @@ def random_batch(rng: np.random.Generator, size: int, k: int, programs: int) -> 
 class PointWorld:
     """A hand that moves in the plane by the first two velocities; two blocks that stay.
 
-    Reward +1 within NEAR_M of the named block, or as `reward` has it. Same protocol as the
-    arena's task.
+    The reward is +1 within NEAR_M of the named block, or what `reward` pays. It has the same
+    methods as the arena's task.
     """
 
     def __init__(self, seed: int = 0, steps: int = 20, reward: Reward | None = None) -> None:
@@ -104,7 +109,7 @@ class PointWorld:
 
 
 def random_trajectory(rng: np.random.Generator, steps: int = 5, **fields: object) -> Trajectory:
-    """Random numbers of the right shapes; `fields` replace any of it."""
+    """Random numbers of the right shapes; `fields` replace any of them."""
     values = {
         "agent_id": "agent",
         "sequence": 0,
@@ -122,3 +127,27 @@ def random_trajectory(rng: np.random.Generator, steps: int = 5, **fields: object
         "world_digest": WORLD.digest,
     }
     return Trajectory(**(values | fields))  # type: ignore[arg-type]
+
+
+NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
+SETTINGS = dpg(
+    replay__batch_size=4,
+    replay__capacity_frames=500,
+    replay__warmup_frames=30,
+    schedule__trajectory_steps=20,
+    relabeling__rule="all-goals",
+)
+SPEED = np.ones(6)
+
+
+def run(
+    out: Path,
+    frames: int,
+    settings: DPGConfig = SETTINGS,
+    resume: bool = False,
+    network: NetworkConfig = NETWORK,
+    **fields: object,
+) -> Learner:
+    """Train on the point world."""
+    config = TrainConfig(out=out, seed=3, frames=frames, **fields)  # type: ignore[arg-type]
+    return train(config, network, settings, PointWorld(3), SPEED, PROGRAMS, None, resume)

@@ -9,8 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.point_runs import NETWORK, SETTINGS, run
-from helpers.worlds import PROGRAMS, SCORING, PointWorld, dpg, random_trajectory
+from helpers.worlds import (
+    NETWORK,
+    PROGRAMS,
+    SCORING,
+    SETTINGS,
+    PointWorld,
+    dpg,
+    random_trajectory,
+    run,
+)
 from pa_ros.acting.actor import Actor
 from pa_ros.core.settings import read_json
 from pa_ros.core.software import here

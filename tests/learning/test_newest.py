@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.learner_input import ARENA, trajectory
-from helpers.learners import NETWORK, WORLD
+from helpers.learners import ARENA, NETWORK, WORLD, trajectory
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import LATEST, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.point_runs import run
+from helpers.worlds import run
 from pa_ros.arena import design_named, preset_named, world_of
 from pa_ros.arena.conditions import training_programs
 from pa_ros.evaluation.scoring.agents import load_agent

@@ -14,8 +14,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from helpers.point_runs import NETWORK, SETTINGS, run
-from helpers.worlds import PROGRAMS, SCORING, WORLD, PointWorld, dpg
+from helpers.worlds import NETWORK, PROGRAMS, SCORING, SETTINGS, WORLD, PointWorld, dpg, run
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import PolicyError
 from pa_ros.acting.exploration import ExplorationNoise

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from helpers.learner_input import DESIGN, WORLD, trajectory
+from helpers.learners import DESIGN, WORLD, trajectory
 from pa_ros.arena import training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import TrajectoryKey

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from helpers.learning_graph import learned_over_the_graph
+from helpers.graph import learned_over_the_graph
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata

@@ -12,8 +12,7 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
-from helpers.graph import Probe, graph
-from helpers.managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
+from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Probe, User, graph
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import steady_timer

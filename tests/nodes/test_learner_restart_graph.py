@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from agent_node.node import AgentNode
-from helpers.graph import Probe, graph
-from helpers.learner_input import begin_run
+from helpers.graph import Probe, begin_run, graph
 from learner_node.config import LearnerNodeConfig
 from learner_node.node import LearnerNode
 from sim_node.node import SimNode

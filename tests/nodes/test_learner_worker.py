@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from helpers.learner_input import ARENA, trajectory
+from helpers.learners import ARENA, trajectory
 from helpers.waiting import wait_for
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from helpers.graph import graph
-from helpers.learner_input import ARENA, trajectory
+from helpers.learners import ARENA, trajectory
 from learner_node.node import WATCH_S, LearnerNode
 from pa_ros.learning.folder import claim
 from pa_ros.ros import topics

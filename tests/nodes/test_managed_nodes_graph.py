@@ -9,9 +9,8 @@ import pytest
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
-from helpers.graph import Probe, graph
-from helpers.learner_input import ARENA, trajectory
-from helpers.managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User
+from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Probe, User, graph
+from helpers.learners import ARENA, trajectory
 from learner_node.node import LearnerNode
 from learner_node.worker import LearnerWorker
 from pa_ros.learning.checkpoints import read_metadata

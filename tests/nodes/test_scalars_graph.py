@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from helpers.graph import graph
-from helpers.learner_input import ARENA, trajectory
+from helpers.learners import ARENA, trajectory
 from learner_node.node import LearnerNode
 from pa_ros.ros import topics
 from pa_ros.wire import codec

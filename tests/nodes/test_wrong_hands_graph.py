@@ -16,9 +16,8 @@ import pytest
 
 from agent_node.node import AgentNode
 from helpers import learners
-from helpers.graph import Probe, graph
-from helpers.learner_input import ARENA, begin_run, trajectory
-from helpers.reenacted import Witness
+from helpers.graph import Probe, Witness, begin_run, graph
+from helpers.learners import ARENA, trajectory
 from learner_node.config import LearnerNodeConfig
 from learner_node.node import LearnerNode
 from pa_ros.acting.agent import Agent

@@ -14,8 +14,7 @@ import pytest
 
 from agent_node.node import AgentNode
 from helpers.graph import Probe, graph
-from helpers.learner_input import trajectory
-from helpers.learners import LEARNER, published
+from helpers.learners import LEARNER, published, trajectory
 from learner_node.node import LearnerNode
 from pa_ros.benchmarks.codec import sample_step
 from pa_ros.ros import topics

@@ -10,8 +10,7 @@ from pydantic import Field
 from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
-from helpers.graph import graph
-from helpers.managed import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User
+from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User, graph
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.managed import Managed
 from pa_ros.ros import topics

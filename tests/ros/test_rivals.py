@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from helpers.learner_input import ARENA
+from helpers.learners import ARENA
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros.arenas import KNOWN, RIVAL_S, SILENT_S, Arenas, OtherArenaError
 from pa_ros.ros.rivals import COMMANDED_S, GONE_S, Commanders, Rivals

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from helpers.hosts import hosts
-from helpers.sites import NO_HOSTS, SUBNET, Site, ended
+from helpers.hosts import NO_HOSTS, SUBNET, Site, ended, hosts
 from helpers.waiting import wait_for
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag

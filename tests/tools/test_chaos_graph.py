@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.recording import pa_ros
+from helpers.recordings import pa_ros
 from helpers.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.graph

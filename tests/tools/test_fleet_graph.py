@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.recorded_runs import SMALL
+from helpers.recordings import SMALL
 from helpers.waiting import DEADLINE_S
 from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.client import client_node

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.recorded_runs import SMALL
-from helpers.recording import launched
+from helpers.recordings import SMALL, launched
 from helpers.waiting import DEADLINE_S
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag

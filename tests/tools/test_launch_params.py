@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from helpers.wrong_yaml import WRONG
+from helpers.damage import WRONG_YAML
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
@@ -252,7 +252,7 @@ def test_what_is_to_be_added_to_is_a_list(value):
         in_step({"learner_node": {"options": value}}, "exact")
 
 
-@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+@pytest.mark.parametrize("text", WRONG_YAML.values(), ids=WRONG_YAML.keys())
 def test_a_file_of_wrong_yaml_is_refused(tmp_path, text):
     (tmp_path / "params.yaml").write_text(text)
     with pytest.raises(ConfigError, match=r"params.yaml: \S"):

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from helpers.recorded_runs import SMALL
-from helpers.recording import launched
+from helpers.recordings import SMALL, launched
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.program_bags import written
+from helpers.recordings import written
 from helpers.waiting import wait_for
 from pa_ros.cli import launch
 from pa_ros.cli.main import main

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from helpers.hosts import hosts
-from helpers.sites import NO_HOSTS, SUBNET, Site, ended
+from helpers.hosts import NO_HOSTS, SUBNET, Site, ended, hosts
 
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
 CUT_S = 5.0

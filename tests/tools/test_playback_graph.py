@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_types_from_msg
 
-from helpers.program_bags import written
-from helpers.recorded_runs import SMALL, train
-from helpers.recording import decoded
+from helpers.recordings import SMALL, decoded, train, written
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.experience import Experience

@@ -14,7 +14,7 @@ import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import Reader
 
-from helpers.recording import decoded, pa_ros, publisher_heard
+from helpers.recordings import decoded, pa_ros, publisher_heard
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair

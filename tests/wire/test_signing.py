@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from helpers import learner_input
-from helpers.damage import damaged
-from helpers.fuzzing import explore
+from helpers import learners
+from helpers.damage import damaged, explore
 from helpers.learners import LEARNER, published
 from pa_ros.benchmarks.codec import sample_step
 from pa_ros.wire import codec
@@ -32,10 +31,10 @@ from pa_ros.wire.signing import (
 
 KEY, OTHER = b"k" * KEY_BYTES, b"o" * KEY_BYTES
 MESSAGES = {
-    "ArenaInfo": lambda: codec.encode_arena_info(learner_input.ARENA),
+    "ArenaInfo": lambda: codec.encode_arena_info(learners.ARENA),
     "LearnerInfo": lambda: codec.encode_learner_info(LEARNER),
     "JointCommand": lambda: codec.encode_command(sample_step()[2]),
-    "Trajectory": lambda: codec.encode_trajectory(learner_input.trajectory(0)),
+    "Trajectory": lambda: codec.encode_trajectory(learners.trajectory(0)),
     "PolicyWeights": lambda: codec.encode_weights(published(1, 1)),
 }
 

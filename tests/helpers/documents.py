@@ -1,4 +1,4 @@
-"""Commands in the fenced blocks of README and docs, as they stand there."""
+"""The commands that the fenced blocks of README and docs show."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Command:
     page: str
     block: int
     text: str
-    output: str = ""  # what a block shows of it, where its commands stand behind `$ `
+    output: str = ""  # what the block shows as its output, where commands begin with `$ `
 
     @cached_property
     def words(self) -> list[str]:
-        """As a shell takes it apart, comments left out."""
+        """The words of the command as a shell splits them, without comments."""
         return shlex.split(self.text, comments=True)
 
     @property
@@ -43,13 +43,14 @@ class Command:
 
 
 def session(page: str, block: int, text: str) -> list[Command]:
-    """Commands behind `$ `, each with the lines that follow it."""
+    """The commands after `$ `, each with the output lines that follow it."""
     parts = re.split(r"^\$ (.*)\n", text, flags=re.MULTILINE)[1:]
     return [Command(page, block, *pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
 
 
 def documented(page: Path) -> list[Command]:
-    """Of every fenced block that is a shell's by its language or, without one, by its lines."""
+    """The commands of a page. A fenced block is shell by its language or, without one, by its
+    lines."""
     found: list[Command] = []
     for block, (_, language, text) in enumerate(FENCED.findall(page.read_text())):
         name = page.relative_to(ROOT).as_posix()
@@ -64,14 +65,14 @@ def documented(page: Path) -> list[Command]:
 
 COMMANDS = [command for page in PAGES for command in documented(page)]
 
-# How commands begin that `make docs-check` does not run, and why; test_documented_commands.py looks
-# at what they name and takes their options. All others it runs as they stand.
+# How the commands begin that `make docs-check` does not run, and why. test_documented_commands.py
+# still checks their options and the files they name. All other commands are run unchanged.
 NOT_RUN = {
-    "make": "it is the installation, and what CI runs",
-    "source": "of the person's shell",
-    "export": "of the person's shell",
+    "make": "the installation, which CI runs",
+    "source": "sets up the user's shell",
+    "export": "sets up the user's shell",
     "ros2": "not on the Python index",
-    "ray": "of several machines; tests/evaluation/test_cluster.py starts it on two",
+    "ray": "needs several machines; tests/evaluation/test_cluster.py starts it on two",
     "pa_ros experiment programmable-3D --seeds 10 --cluster": "needs a cluster",
     **dict.fromkeys(
         (f"pa_ros experiment {name}" for name in STUDIES),

@@ -1,0 +1,223 @@
+"""Bags: of programs, of acted episodes, of small runs, and recorded from running graphs."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from helpers.waiting import DEADLINE_S, wait_for
+from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
+from pa_ros.arena.rearranging import bodies, rearrange
+from pa_ros.bags.contents import reliable_qos, topic
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.writer import BagOptions, BagWriter
+from pa_ros.cli.main import main
+from pa_ros.core.body import Body
+from pa_ros.core.experience import Observation, Verdict
+from pa_ros.language import Program, parse
+from pa_ros.provenance.origins import describe
+from pa_ros.ros.topics import Topic
+from pa_ros.wire import codec
+from pa_ros.wire.definitions import installed_types, message_type, to_cdr
+from pa_ros.wire.records import Command, ProgramRequest, StepContext
+
+STORE = installed_types()
+TOPIC = topic(STORE, "/program", "msgs_schema/msg/Program", [reliable_qos(1, latched=True)])
+START = 1_700_000_000_000_000_000
+
+
+def payload(i: int, size: int = 10) -> bytes:
+    return to_cdr(STORE, codec.encode_program(ProgramRequest(str(i), "X" * size)))
+
+
+def written(
+    folder: Path, count: int, size: int = 10, close: bool = True, **options: Any
+) -> BagWriter:
+    """Write a bag of `count` programs, one per second; without `close`, as after SIGKILL."""
+    bag = BagWriter(folder, BagOptions(**options))
+    bag.add(TOPIC)
+    for i in range(count):
+        bag.write("/program", payload(i, size), START + i * 10**9, START + i * 10**9 - 5, i + 1)
+        bag.flush()
+    if close:
+        bag.close({"pa_ros.test": "yes"})
+    return bag
+
+
+def identifiers(path: Path) -> list[int]:
+    with Bag(path) as bag:
+        programs = [codec.decode_program(bag.deserialize(recorded)) for recorded in bag.messages()]
+    return [int(program.program_id) for program in programs]
+
+
+def storage_file(folder: Path) -> Path:
+    (file,) = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
+    return file
+
+
+STEPS = 30
+Step = tuple[Observation, Verdict, Command | None, Program, bool]
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+ARENA, DESIGN = preset_named("fast"), design_named("2-L")
+
+
+def rearranged() -> list[Step]:
+    """An episode in which the first block is removed and two others are added later."""
+    task, found = ReachTask(ARENA, DESIGN, 3), list[Step]()
+    observation, verdict = task.reset(7)
+    kinds = [block.kind for block in task.episode.blocks]
+    for step in range(9):
+        if step == 3:
+            rearrange(task, kinds[1:], bodies(task)[2:])
+        if step == 6:
+            corners = [Body.at_rest(np.array([x, -0.4, 0.0]), UPRIGHT) for x in (-0.4, -0.3)]
+            spare = kinds[0].but(color="GREEN")
+            rearrange(task, [*kinds[1:], kinds[0], spare], [*bodies(task)[1:], *corners])
+        found.append((observation, verdict, None, task.program, False))
+        observation, verdict = task.step(np.full(6, 0.2))
+    return found
+
+
+def acted() -> list[Step]:
+    """Two short episodes, training 7 and evaluation 7, with the commands that were executed."""
+    task, rng, found = ReachTask(ARENA, DESIGN, 3), np.random.default_rng(0), []
+    for evaluation in (False, True):
+        observation, verdict = task.reset(7, "eval" if evaluation else "train")
+        for step in range(STEPS + 1):
+            action = rng.uniform(-1, 1, 6).astype(np.float32)
+            stamp = observation.stamp_ns
+            command = Command(7, step, stamp, "a", 4, action) if step < STEPS else None
+            found.append((observation, verdict, command, task.program, evaluation))
+            if command is not None:
+                observation, verdict = task.step(action * np.array(ARENA.joint_speed_limits))
+    return found
+
+
+def recorded(folder: Path, steps: list[Step]) -> Path:
+    store = installed_types()
+    with BagWriter(folder) as bag:
+        clock = iter(range(10**18, 10**18 + 10**9, 1000))
+        declared: set[str] = set()
+
+        def write(name: str, message: Any) -> None:
+            if name not in declared:
+                declared.add(name)
+                kind = message_type(type(message))
+                bag.add(topic(store, name, kind, [reliable_qos(100)]))
+            bag.write(name, to_cdr(store, message), next(clock))
+
+        about = describe(ARENA, DESIGN, 3, [parse("NEAR(HAND, RED)", DESIGN.vocabulary)], "x")
+        write("/arena_info", codec.encode_arena_info(about))
+        for i, (observation, verdict, command, program, evaluation) in enumerate(steps):
+            if observation.step == 0:
+                request = ProgramRequest(observation.program_id, str(program))
+                write("/program", codec.encode_program(request))
+            features, joints = codec.encode_observation(
+                observation, ARMS["jaco"].joint_names, StepContext(evaluation=evaluation)
+            )
+            parts = [
+                ("/joint_states", joints),
+                ("/object_features", features),
+                ("/verdict", codec.encode_verdict(verdict, evaluation)),
+            ]
+            if command is not None:
+                parts.append(("/joint_commands", codec.encode_command(command)))
+            for name, message in parts if i % 2 else reversed(parts):
+                write(name, message)
+            if i == 5:
+                write("/object_features", features)
+    return folder
+
+
+SMALL = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16"]
+
+
+def train(out: Path, *arguments: str | Path, frames: int = 500) -> int:
+    """Run `pa_ros train` with small networks; its exit status."""
+    options = [f"--set={option}" for option in SMALL]
+    fixed = ["--seed", "5", "--eval-every", "0", "--frames", str(frames)]
+    return main(["train", "--out", str(out), *fixed, *options, *map(str, arguments)])
+
+
+def rewritten(bag: Path, copy: Path, change: Callable[[str, Any], list[Any]]) -> Path:
+    """A copy of a bag, each message replaced by those that `change(topic, message)` returns."""
+    store = installed_types()
+    with Bag(bag) as source, BagWriter(copy) as target:
+        for name, type_name in source.types.items():
+            target.add(topic(store, name, type_name, source.qos(name)))
+        for recorded in source.messages():
+            for message in change(recorded.topic, source.deserialize(recorded)):
+                payload = bytes(store.serialize_cdr(message, recorded.type_name))
+                target.write(recorded.topic, payload, recorded.stamp_ns)
+    return copy
+
+
+def decoded(bag: Path) -> list[tuple[str, Any]]:
+    """(topic, message) in recorded order, decoded by mcap-ros2-support instead of our reader."""
+    found = []
+    for file in sorted(bag.glob("*.mcap")):
+        with file.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            found += [(r.channel.topic, r.decoded_message) for r in reader.iter_decoded_messages()]
+    return found
+
+
+def publisher_heard(node: Any, topic: Topic, listeners: int = 1) -> Any:
+    """A publisher that is already connected to its subscribers."""
+    publisher = node.create_publisher(topic.type, topic.name, topic.writer)
+    wait_for(lambda: publisher.get_subscription_count() >= listeners, "a listener")
+    return publisher
+
+
+def pa_ros(*arguments: str | Path) -> subprocess.Popen[str]:
+    """Start a `pa_ros` command as a separate process."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "pa_ros", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def launched(folder: Path, nodes: dict[str, Any], size: int, *words: str) -> tuple[Path, str]:
+    """Launch and record a graph from the command line, and interrupt it when the bag has `size`
+    bytes; the bag and what was printed. `nodes` holds the parameters of each node."""
+    params = folder / "params.yaml"
+    params.write_text(yaml.safe_dump({k: {"ros__parameters": v} for k, v in nodes.items()}))
+    folders = ("--out", folder / "run", "--record", folder / "bag")
+    with pa_ros("launch", "--params", params, *words, *folders) as process:
+        try:
+            storage = folder / "bag" / "bag.mcap"
+            wait_for(lambda: storage.exists() and storage.stat().st_size > size, "recording")
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=DEADLINE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0, err
+    return folder / "bag", out
+
+
+def columns(path: Path) -> dict[str, list[Any]]:
+    """The rows of a Rerun file: "entity component" to (simulation time in s, value) in order."""
+    from rerun.chunk import RrdReader
+
+    found: dict[str, list[Any]] = {}
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        if "sim_time" not in batch.schema.names:
+            continue
+        times = [round(time.total_seconds(), 6) for time in batch.column("sim_time").to_pylist()]
+        for name in batch.schema.names:
+            if ":" in name:
+                rows = found.setdefault(f"{chunk.entity_path} {name}", [])
+                rows += zip(times, batch.column(name).to_pylist(), strict=True)
+    return {name: sorted(rows, key=lambda row: row[0]) for name, rows in found.items()}
