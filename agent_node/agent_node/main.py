@@ -11,19 +11,22 @@ if TYPE_CHECKING:
     from pa_ros.core.settings import Settings
 
 
+def make() -> Shell:
+    """The node; imported here, after the environment is prepared."""
+    from agent_node.node import AgentNode
+
+    return AgentNode()
+
+
+def settings() -> type[Settings]:
+    """The node's parameters."""
+    from agent_node.config import AgentConfig
+
+    return AgentConfig
+
+
 def main() -> int:
     """Run the agent until SIGINT or SIGTERM; the exit status."""
-
-    def make() -> Shell:
-        from agent_node.node import AgentNode  # after the environment is prepared
-
-        return AgentNode()
-
-    def settings() -> type[Settings]:
-        from agent_node.config import AgentConfig
-
-        return AgentConfig
-
     return run_node("agent_node", make, settings)
 
 

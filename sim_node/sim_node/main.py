@@ -12,20 +12,23 @@ if TYPE_CHECKING:
     from pa_ros.core.settings import Settings
 
 
+def make() -> Shell:
+    """The node; imported here, after the environment is prepared."""
+    check_opengl()
+    from sim_node.node import SimNode
+
+    return SimNode()
+
+
+def settings() -> type[Settings]:
+    """The node's parameters."""
+    from sim_node.config import SimConfig
+
+    return SimConfig
+
+
 def main() -> int:
     """Run the arena until SIGINT or SIGTERM; the exit status."""
-
-    def make() -> Shell:
-        check_opengl()
-        from sim_node.node import SimNode  # after the environment is prepared
-
-        return SimNode()
-
-    def settings() -> type[Settings]:
-        from sim_node.config import SimConfig
-
-        return SimConfig
-
     return run_node("sim_node", make, settings)
 
 

@@ -131,7 +131,7 @@ def graph(*makers: Callable[[], Node], remaps: Any = (), **parameters: object) -
 
 
 def learned_over_the_graph(
-    folder: Path, given: Parameters, version: int
+    folder: Path, given: Parameters, version: int, compose: bool = False
 ) -> tuple[PolicySnapshot, ArenaDescription]:
     """Run a graph of real processes until it publishes at least a version of the weights; the
     policy and the arena's description.
@@ -150,7 +150,7 @@ def learned_over_the_graph(
     with Supervisor(folder) as supervisor, client_node("watch") as node:
         topics.POLICY_WEIGHTS.subscribe(node, receive)
         topics.ARENA_INFO.subscribe(node, lambda m: arenas.append(codec.decode_arena_info(m)))
-        start_nodes(supervisor, given, folder)
+        start_nodes(supervisor, given, folder, compose=compose)
         heard = lambda: bool(policies and arenas)  # noqa: E731
         assert watch(node, supervisor, lambda: None, heard, DEADLINE_S)
     return policies[0], arenas[0]

@@ -31,9 +31,11 @@ def parameters(**changes: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {node: values | changes.get(node, {}) for node, values in common.items()}
 
 
-def over_the_graph(folder: Path, version: int, given: Parameters) -> PolicySnapshot:
-    """As three processes learned it."""
-    return learned_over_the_graph(folder, given, version)[0]
+def over_the_graph(
+    folder: Path, version: int, given: Parameters, compose: bool = False
+) -> PolicySnapshot:
+    """As three processes learned it, or two with the arena and the agent composed."""
+    return learned_over_the_graph(folder, given, version, compose)[0]
 
 
 def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:
@@ -58,10 +60,10 @@ def assert_same_as_the_loop(there: PolicySnapshot, folder: Path) -> None:
         assert np.array_equal(there.tensors[name], tensor), name
 
 
-@pytest.mark.parametrize("eval_every", [0, 1])
-def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, eval_every):
+@pytest.mark.parametrize(("eval_every", "compose"), [(0, False), (1, False), (1, True)])
+def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, eval_every, compose):
     given = parameters(sim_node={"eval_every_episodes": eval_every})
-    there = over_the_graph(tmp_path / "graph", EPISODES, given)
+    there = over_the_graph(tmp_path / "graph", EPISODES, given, compose)
     assert_same_as_the_loop(there, tmp_path / "loop")
 
 

@@ -157,10 +157,10 @@ def test_children_have_process_groups_of_their_own(tmp_path):
 
 
 def test_node_command_runs_this_interpreter_in_a_namespace(tmp_path):
-    command = node_command("sim_node", tmp_path / "p.yaml", "arena1")
+    command = node_command(["sim_node"], tmp_path / "p.yaml", "arena1")
     assert command[:3] == [sys.executable, "-m", "sim_node.main"]
     assert "__ns:=/arena1" in command and str(tmp_path / "p.yaml") in command
-    assert not any("__ns" in word for word in node_command("sim_node", tmp_path / "p.yaml"))
+    assert not any("__ns" in word for word in node_command(["sim_node"], tmp_path / "p.yaml"))
 
 
 def test_tail_reads_only_the_end(tmp_path):

@@ -63,7 +63,7 @@ def _sampled(seconds: float, capacity: int) -> list[Sample]:
             )
             path = Path(name) / "params.yaml"
             write_parameters(path, parameters)
-            pids = {n: supervisor.start(n, node_command(n, path)) for n in parameters}
+            pids = {n: supervisor.start(n, node_command([n], path)) for n in parameters}
             began = time.monotonic()
             while time.monotonic() - began < seconds:
                 spin_until(node, lambda: False, SAMPLE_S)

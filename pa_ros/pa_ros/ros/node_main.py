@@ -9,9 +9,8 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from types import FrameType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import on_ending
@@ -42,7 +41,21 @@ def run_node(
     grace_s: float = 10.0,
     lingers_s: float = 0.0,
 ) -> int:
-    """Run the node called `name` until SIGINT, SIGTERM or SIGHUP; the process's exit status.
+    """Run one node in this process; see `run_nodes`."""
+    return run_nodes(name, [make], settings, arguments, grace_s, lingers_s)
+
+
+def run_nodes(
+    name: str,
+    makes: Sequence[Callable[[], Shell]],
+    settings: Callable[[], type[Settings]] | None = None,
+    arguments: Sequence[str] | None = None,
+    grace_s: float = 10.0,
+    lingers_s: float = 0.0,
+) -> int:
+    """Run nodes on one executor until SIGINT, SIGTERM or SIGHUP; the process's exit status.
+
+    Nodes are closed in the reverse of the order in which they were made.
 
     0: stopped as asked, or what the node's `close` says instead. 2: a parameter was refused, with
     the reason on standard error. Should closing hang for `grace_s`, the process ends all the same
@@ -55,7 +68,7 @@ def run_node(
         die_with_parent(grace_s, lingers_s)
         import rclpy
 
-        from pa_ros.ros.executor import release, spin_until
+        from pa_ros.ros.executor import spin_until
 
         given = [name, *(sys.argv[1:] if arguments is None else arguments)]
         own = _own_words(given)
@@ -66,24 +79,47 @@ def run_node(
             if own:
                 raise ConfigError(f"arguments: expected --ros-args or --help, got {own[0]!r}")
             start_ros(given)
-            node = make()
-            ended_by = partial(getattr, node, "ended_by", None)
-            gc.collect()
-            gc.freeze()  # what is there now stays; a full collection would stall a control step
+            nodes: list[Any] = []
             try:
-                spin_until(node, lambda: stop.is_set() or ended_by() is not None, None)
+                for make in makes:
+                    nodes.append(make())
+                gc.collect()
+                gc.freeze()  # what is there now stays; a full collection would stall a step
+                spin_until(
+                    nodes[0],
+                    lambda: stop.is_set() or _ended_by(nodes) is not None,
+                    None,
+                    *nodes[1:],
+                )
             finally:
-                status = node.close()
-                release(node)  # type: ignore[arg-type]
-                node.destroy_node()  # type: ignore[attr-defined]
-            if ended_by() is not None:
-                raise ended_by()
+                status = _close(nodes)
+            if (error := _ended_by(nodes)) is not None:
+                raise error
         except PaError as error:
             print(f"{name}: [{error.code}] {error}", file=sys.stderr)
             return EXIT_REFUSED
         finally:
             rclpy.try_shutdown()
-    return status or 0
+    return status
+
+
+def _ended_by(nodes: Sequence[Any]) -> PaError | None:
+    """The error by which one of the nodes asked to end the process."""
+    errors = (getattr(node, "ended_by", None) for node in nodes)
+    return next((error for error in errors if error is not None), None)
+
+
+def _close(nodes: Sequence[Any]) -> int:
+    """Close and destroy nodes, the newest first; the process's exit status."""
+    from pa_ros.ros.executor import release
+
+    try:
+        return max((node.close() or 0 for node in reversed(nodes)), default=0)
+    finally:
+        if nodes:
+            release(nodes[0])
+        for node in nodes:
+            node.destroy_node()
 
 
 def _own_words(given: Sequence[str]) -> Sequence[str]:

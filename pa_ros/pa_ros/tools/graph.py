@@ -22,14 +22,21 @@ DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 
 
 
 def start_nodes(
-    supervisor: Supervisor, parameters: Parameters, folder: Path, namespace: str = ""
+    supervisor: Supervisor,
+    parameters: Parameters,
+    folder: Path,
+    namespace: str = "",
+    compose: bool = False,
 ) -> dict[str, int]:
-    """Write `folder`/params.yaml and start every node in it; one in a namespace of its own
-    (`arena1/agent_node`) as `arena1.agent_node`, and speaking with the learner of `namespace`.
+    """Write `folder`/params.yaml and start every node in it; return process ids by node.
 
-    What an earlier start wrote there, if it is another, stays as params-1.yaml and so on. Agents
-    come last, after those that they wait for; nobody waits for a process to be up. Process ids by
-    node."""
+    A node in a namespace of its own (`arena1/agent_node`) is the process `arena1.agent_node`, and
+    its learner is the one of `namespace`. With `compose`, an arena and its agent share one
+    process, `arena1.sim_node+agent_node`.
+
+    Different parameters that an earlier start wrote there stay as params-1.yaml and so on. Agents
+    start last, after the nodes that they wait for; no start waits for another process.
+    """
     path, processes = folder / "params.yaml", {}
     above = f"/{namespace.strip('/')}"
     if "learner_node" in parameters:
@@ -40,10 +47,17 @@ def start_nodes(
     if earlier and earlier != path.read_bytes():
         numbered = (path.with_stem(f"{path.stem}-{number}") for number in count(1))
         next(name for name in numbered if not name.exists()).write_bytes(earlier)
+    groups: dict[str, list[str]] = {}  # by process
     for place in sorted(parameters, key=lambda place: NODES.index(place.rpartition("/")[2])):
         within, _, name = place.rpartition("/")
-        command = node_command(name, path, f"{above}/{within}")
-        processes[place] = supervisor.start(place.replace("/", "."), command)
+        shares = compose and name != "learner_node"
+        groups.setdefault(f"{within}/" if shares else place, []).append(place)
+    for places in groups.values():
+        within = places[0].rpartition("/")[0]
+        names = [place.rpartition("/")[2] for place in places]
+        title = f"{within}/{'+'.join(names)}".strip("/").replace("/", ".")
+        process = supervisor.start(title, node_command(names, path, f"{above}/{within}"))
+        processes |= dict.fromkeys(places, process)
     return processes
 
 

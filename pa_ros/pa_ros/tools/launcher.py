@@ -151,11 +151,13 @@ class Supervisor:
             running = [child for child in running if child.process.poll() is None]
 
 
-def node_command(name: str, params: Path, namespace: str = "") -> list[str]:
-    """Command of a node, run by this interpreter with a parameters file."""
+def node_command(nodes: Sequence[str], params: Path, namespace: str = "") -> list[str]:
+    """Command of one process for these nodes, run by this interpreter with a parameters file."""
     within = f"/{namespace.strip('/')}" if namespace.strip("/") else None
     arguments = ros_arguments(params_file=params.resolve(), namespace=within)
-    return [sys.executable, "-m", f"{name}.main", *arguments]
+    alone = len(nodes) == 1
+    module = [f"{nodes[0]}.main"] if alone else ["pa_ros.ros.composition", *nodes]
+    return [sys.executable, "-m", *module, *arguments]
 
 
 def tail(log: Path, lines: int = TAIL_LINES) -> str:

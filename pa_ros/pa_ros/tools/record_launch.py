@@ -41,7 +41,11 @@ def start_recorder(
 
 
 def start_recorded(
-    supervisor: Supervisor, node: Node, parameters: Parameters, folder: Path
+    supervisor: Supervisor,
+    node: Node,
+    parameters: Parameters,
+    folder: Path,
+    compose: bool = False,
 ) -> None:
     """Start nodes, in the namespace of `node`, so that a recorder hears them from the first step.
 
@@ -54,7 +58,8 @@ def start_recorded(
         if place.endswith("sim_node") and not values.get("paused", False)
     ]
     changes = {place: {"paused": True} for place in held}
-    start_nodes(supervisor, merged(parameters, changes), folder, node.get_namespace())
+    held_back = merged(parameters, changes)
+    start_nodes(supervisor, held_back, folder, node.get_namespace(), compose)
 
     def gathered() -> bool:
         return present(node, parameters) == set(parameters)

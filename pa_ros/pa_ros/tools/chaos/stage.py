@@ -184,7 +184,7 @@ class Stage:
         rules = remaps(name) if self._kind == "relayed" else {}
         within, _, node = name.rpartition("/")
         place = f"{namespace}/{within}" if within else namespace
-        return [*node_command(node, path, place), *ros_arguments(remaps=rules)[1:]]
+        return [*node_command([node], path, place), *ros_arguments(remaps=rules)[1:]]
 
     def _values(self, name: str, beside: bool = False) -> dict[str, Any]:
         """A node's parameters; the learner goes on where there is something to go on from."""
