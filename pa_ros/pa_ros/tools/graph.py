@@ -37,7 +37,8 @@ def start_nodes(
     Different parameters that an earlier start wrote there stay as params-1.yaml and so on. Agents
     start last, after the nodes that they wait for; no start waits for another process.
     """
-    path, processes = folder / "params.yaml", {}
+    path = folder / "params.yaml"
+    processes: dict[str, int] = {}
     above = f"/{namespace.strip('/')}"
     if "learner_node" in parameters:
         agents = [place for place in parameters if place.endswith("/agent_node")]
