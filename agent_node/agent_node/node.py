@@ -20,7 +20,7 @@ from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Observation
 from pa_ros.language import Program, ProgramError
-from pa_ros.networks.slots import UnsupportedProgramError
+from pa_ros.networks.errors import NetworkError
 from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas
@@ -221,7 +221,7 @@ class AgentNode(ManagedNode):
             return
         try:
             self.agent.act()
-        except (UnsupportedProgramError, ProgramError) as error:
+        except (NetworkError, ProgramError) as error:
             self.refusals.refuse("program", error)
             self._watch.held(str(error))
             self.agent.hold()

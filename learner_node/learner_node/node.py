@@ -13,12 +13,7 @@ from learner_node.watch import Watch
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
-from pa_ros.learning.errors import (
-    CheckpointError,
-    FolderInUseError,
-    FolderUsedError,
-    ScalarsError,
-)
+from pa_ros.learning.errors import CheckpointError, FolderTakenError, LearningError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.newest import newest_whole
 from pa_ros.learning.scalars import Scalars
@@ -226,7 +221,7 @@ class LearnerNode(ManagedNode):
 
     def _look(self) -> None:
         if self.worker is None:
-            used = isinstance(self._failure, (FolderInUseError, FolderUsedError))
+            used = isinstance(self._failure, FolderTakenError)
             waited_s = time.monotonic() - self._failed_at
             if isinstance(self._failure, CheckpointError) and (used or waited_s > OTHER_ARENA_S):
                 self.ended_by = self._failure
@@ -267,7 +262,7 @@ class LearnerNode(ManagedNode):
             return
         try:
             self._scalars.add(self.worker.metrics)
-        except ScalarsError as error:
+        except LearningError as error:
             self.refusals.refuse("tensorboard: nothing more is written", error)
             self._scalars.close()
             self._scalars = None

@@ -16,12 +16,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.learning.checkpoints import restore, save_checkpoint
-from pa_ros.learning.errors import (
-    CheckpointError,
-    DivergedError,
-    FolderInUseError,
-    FolderUsedError,
-)
+from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.newest import make_latest, newest_whole
@@ -272,7 +267,7 @@ class LearnerWorker:
         config = self._config
         try:
             return claim(Path(config.out), config.resume) if config.out else None
-        except (FolderInUseError, FolderUsedError):
+        except FolderTakenError:
             raise
         except CheckpointError as error:
             self.unsaved = error

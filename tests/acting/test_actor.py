@@ -10,7 +10,7 @@ import pytest
 
 from helpers.worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.acting.actor import Actor, inference_for
-from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
 from pa_ros.language import MIN_MAX, PRODUCT, ProgramError, Vocabulary, parse
 from pa_ros.learning.learner import Learner
@@ -67,7 +67,7 @@ def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message)
     actor.load(good)
     observation, _ = PointWorld().reset(0)
     before = actor.act(observation, PROGRAMS[0])
-    with pytest.raises(PolicyError, match=message):
+    with pytest.raises(ActingError, match=message):
         actor.load(replace(good, **change))
     assert actor.version == 0
     np.testing.assert_array_equal(actor.act(observation, PROGRAMS[0]), before)
@@ -127,7 +127,7 @@ def test_the_graph_and_the_loop_choose_alike() -> None:
 def test_other_refusals() -> None:
     actor = Actor(NETWORK)
     observation, _ = PointWorld().reset(0)
-    with pytest.raises(PolicyError, match="got none"):
+    with pytest.raises(ActingError, match="got none"):
         actor.act(observation, PROGRAMS[0])
     actor.load(snapshot())
     with pytest.raises(ProgramError):
@@ -135,9 +135,9 @@ def test_other_refusals() -> None:
             observation,
             parse("NEAR(HAND, GREEN)", Vocabulary.of(shape=("CUBE",), color=("GREEN",))),
         )
-    with pytest.raises(PolicyError, match="greedy actor"):
+    with pytest.raises(ActingError, match="greedy actor"):
         actor.explore(observation, PROGRAMS[0])
-    with pytest.raises(PolicyError, match="architecture"):
+    with pytest.raises(ActingError, match="architecture"):
         Actor.of(replace(snapshot(), architecture="{}"))
 
 

@@ -12,7 +12,7 @@ import pytest
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Load
-from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.errors import ActingError
 from pa_ros.arena import (
     ArenaConfig,
     Design,
@@ -27,9 +27,9 @@ from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.language.errors import UnknownWordError
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import FAMILIES
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.networks.slots import UnsupportedProgramError
 
 
 @dataclass(frozen=True)
@@ -100,14 +100,14 @@ def test_weights_of_each_world_act_in_the_arenas_of_others_or_refuse_them(family
             if ours == theirs:
                 assert (unknown, shown, acted) == (None, None, None)
             if one.arm_features != one.arm(observation).size:
-                assert isinstance(acted, PolicyError)
+                assert isinstance(acted, ActingError)
                 features = f"{one.object_features} features of an object and {one.arm_features}"
                 assert f"expected {features} of the arm, got" in str(acted)
             known = {*one.vocabulary.words, *one.relations}
             if family == "programmable" and not {*program.words, program.relation} <= known:
                 assert isinstance(unknown, UnknownWordError)
             if family == "canonical" and program.relation not in one.relations:
-                assert isinstance(unknown, UnsupportedProgramError)
+                assert isinstance(unknown, NetworkError)
                 assert "expected a relation of" in str(unknown) and str(program) in str(unknown)
 
 
@@ -121,5 +121,5 @@ def test_objects_of_another_size_are_refused(family, inference) -> None:
     seen, program = scene(Place())
     wider = replace(seen, objects=np.hstack([seen.objects, seen.objects[:, :1]]))
     for ask in (actor.act, actor.relevance) if actor.relevance(seen, program) else (actor.act,):
-        with pytest.raises(PolicyError, match="expected 16 features of an object .* got 17 and"):
+        with pytest.raises(ActingError, match="expected 16 features of an object .* got 17 and"):
             ask(wider, program)

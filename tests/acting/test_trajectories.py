@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.worlds import POSE, PROGRAMS, WORLD
-from pa_ros.acting.errors import StepError
+from pa_ros.acting.errors import ActingError
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.experience import AgentKey, Observation, Verdict
 from pa_ros.language import Program
@@ -148,7 +148,7 @@ def test_weights_change_between_trajectories_only() -> None:
     feed(builder, [(0, 0, P, False)], version=3)
     assert not builder.at_boundary
     builder.observe(*step(0, 1))
-    with pytest.raises(StepError, match="expected policy version 3 .* got 4"):
+    with pytest.raises(ActingError, match="expected policy version 3 .* got 4"):
         builder.acted(action(0, 1), 4)
     builder.acted(action(0, 1), 3)
     feed(builder, [(0, 2, P, False), (0, 3, P, False)], version=3)
@@ -160,16 +160,16 @@ def test_weights_change_between_trajectories_only() -> None:
 
 def test_refused_steps() -> None:
     builder = TrajectoryBuilder(*AGENT)
-    with pytest.raises(StepError, match="expected an observation"):
+    with pytest.raises(ActingError, match="expected an observation"):
         builder.acted(action(0, 0), 0)
     builder.observe(*step(0, 0))
     builder.acted(action(0, 0), 0)
-    with pytest.raises(StepError, match="expected an observation"):
+    with pytest.raises(ActingError, match="expected an observation"):
         builder.acted(action(0, 0), 0)
     observation, verdict, program = step(0, 1)
     for wrong in (replace(verdict, step=2), replace(verdict, episode=1),
                   replace(verdict, stamp_ns=0), replace(verdict, program_id="?")):  # fmt: skip
-        with pytest.raises(StepError, match="verdict"):
+        with pytest.raises(ActingError, match="verdict"):
             builder.observe(observation, wrong, program)
 
 

@@ -12,7 +12,8 @@ from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import TensorError, initial_actor, initial_critic
+from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.networks.slots import slot_values, target_one_hots
 from pa_ros.world.programs import ProgramTable
 
@@ -217,9 +218,9 @@ def test_tensors_are_all_there_is() -> None:
 def test_tensors_that_do_not_fit_are_refused() -> None:
     engine = made()
     tensors = engine.tensors()
-    with pytest.raises(TensorError, match="actor.output.bias: expected .6,., got .7,."):
+    with pytest.raises(NetworkError, match="actor.output.bias: expected .6,., got .7,."):
         engine.load_tensors(tensors | {"actor.output.bias": np.zeros(7)})
-    with pytest.raises(TensorError, match=r"missing \['adam.actor.step'\]"):
+    with pytest.raises(NetworkError, match=r"missing \['adam.actor.step'\]"):
         engine.load_tensors({k: v for k, v in tensors.items() if k != "adam.actor.step"})
 
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from helpers.worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, WORLD, dpg, random_trajectory
-from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.errors import ActingError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.errors import NonFiniteError
+from pa_ros.learning.errors import LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.slots import UnsupportedProgramError
+from pa_ros.networks.errors import NetworkError
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 
@@ -107,7 +107,7 @@ def test_a_refused_trajectory_changes_nothing() -> None:
     one = learner()
     one.consume(random_trajectory(rng))
     before = (one.counters.version, len(one.table), one.replay.to_metadata())
-    with pytest.raises(NonFiniteError):
+    with pytest.raises(LearningError):
         one.consume(random_trajectory(rng, sequence=1, rewards=np.full(5, np.nan, np.float32)))
     with pytest.raises(ProgramError):
         one.consume(
@@ -124,7 +124,7 @@ def test_canonical_networks_refuse_other_programs() -> None:
     one = learner(NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=6))
     rng = np.random.default_rng(0)
     assert one.consume(random_trajectory(rng)).updates == 5
-    with pytest.raises(UnsupportedProgramError):
+    with pytest.raises(NetworkError):
         one.consume(
             random_trajectory(rng, sequence=1, program=parse("NEAR(HAND, NOT(RED))", WORDS))
         )
@@ -140,7 +140,7 @@ def test_published_versions() -> None:
     assert second.version == 1 and one.snapshot(0) is first and one.snapshot(1) is second
     assert not np.array_equal(first.tensors["output.bias"], second.tensors["output.bias"])
     one.consume(random_trajectory(rng, sequence=1))
-    with pytest.raises(PolicyError, match=r"expected one of the versions \[1, 2\], got 0"):
+    with pytest.raises(ActingError, match=r"expected one of the versions \[1, 2\], got 0"):
         one.snapshot(0)
     for tensor in second.tensors.values():
         assert tensor.flags.c_contiguous and tensor.dtype == np.float32

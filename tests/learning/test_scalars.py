@@ -14,7 +14,7 @@ import pytest
 
 from learner_node.node import LearnerNode
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.errors import ScalarsError
+from pa_ros.learning.errors import LearningError
 from pa_ros.learning.scalars import Scalars
 from pa_ros.ros.refusals import Refusals
 
@@ -86,7 +86,7 @@ def test_a_full_disk_costs_scalars_and_no_learner(tmp_path, monkeypatch, capsys)
     monkeypatch.setattr("pa_ros.learning.scalars._writer", lambda: lambda _: full)
     scalars = Scalars(tmp_path)
     metrics = {"frames": 100.0, "updates": 1.0}
-    with pytest.raises(ScalarsError, match="expected room for more"):
+    with pytest.raises(LearningError, match="expected room for more"):
         scalars.add({**metrics, "frames": 50.0})
     node = SimpleNamespace(
         _scalars=scalars, worker=SimpleNamespace(metrics=metrics), refusals=Refusals(print)

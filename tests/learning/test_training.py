@@ -16,7 +16,7 @@ import pytest
 
 from helpers.worlds import NETWORK, PROGRAMS, SCORING, SETTINGS, WORLD, PointWorld, dpg, run
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.bags.claim import Claim
 from pa_ros.core.errors import ConfigError
@@ -29,7 +29,7 @@ from pa_ros.learning.checkpoints import (
     restore,
     save_checkpoint,
 )
-from pa_ros.learning.errors import CheckpointError, DivergedError, FolderInUseError, FolderUsedError
+from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import ConsumeReport, Learner
 from pa_ros.learning.loop import TrainConfig
@@ -169,7 +169,7 @@ def test_another_runs_checkpoint_is_refused(tmp_path, field, value) -> None:
 
 
 def test_a_folder_that_another_run_writes_into_is_refused(tmp_path) -> None:
-    with claim(tmp_path), pytest.raises(FolderInUseError, match="another run writes into"):
+    with claim(tmp_path), pytest.raises(FolderTakenError, match="another run writes into"):
         run(tmp_path, 20)
     assert not (tmp_path / "progress.csv").exists()
     run(tmp_path, 20)
@@ -187,7 +187,7 @@ def test_where_no_file_has_locks_a_run_goes_on_without(tmp_path, monkeypatch) ->
 
     monkeypatch.setattr(fcntl, "flock", no_locks)
     run(tmp_path, 20)
-    with pytest.raises(FolderUsedError):
+    with pytest.raises(FolderTakenError):
         run(tmp_path, 20)
     with Claim(tmp_path):
         pass
@@ -225,7 +225,7 @@ def test_seconds_that_are_none_are_refused(tmp_path, wall_s) -> None:
 def test_a_folder_that_holds_a_run_is_resumed_or_refused(tmp_path) -> None:
     run(tmp_path, 60, evaluate_every_frames=20)
     kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    with pytest.raises(FolderUsedError, match=r"expected a folder without a run.*--resume"):
+    with pytest.raises(FolderTakenError, match=r"expected a folder without a run.*--resume"):
         run(tmp_path, 40, evaluate_every_frames=20)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
     assert run(tmp_path, 80, resume=True).counters.frames == 80
@@ -347,10 +347,10 @@ def test_rows_that_had_no_room_are_written_with_the_next(tmp_path, monkeypatch, 
 
 def test_an_error_of_the_learner_reaches_the_caller(tmp_path, monkeypatch) -> None:
     def consume(self: Learner, trajectory: Trajectory) -> ConsumeReport:
-        raise PolicyError("no")
+        raise ActingError("no")
 
     monkeypatch.setattr(Learner, "consume", consume)
-    with pytest.raises(PolicyError, match="no"):
+    with pytest.raises(ActingError, match="no"):
         run(tmp_path, 200)
 
 

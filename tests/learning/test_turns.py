@@ -11,7 +11,7 @@ from helpers.learners import DESIGN, WORLD, trajectory
 from pa_ros.arena import training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import TrajectoryKey
-from pa_ros.learning.errors import SupersededAgentError, TooOldError, TurnError
+from pa_ros.learning.errors import LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.learning.run import LearningRun
@@ -60,11 +60,13 @@ def test_a_missing_trajectory_is_waited_for_and_named_by_its_agent():
 def test_who_has_no_turn_and_who_was_superseded_is_refused():
     run = run_of("learner.schedule.in_step=exact")
     turns = Turns(run, ("a", "b"))
-    with pytest.raises(TurnError, match=r"expected one of the agents \['a', 'b'\].*got one of 'c'"):
+    with pytest.raises(
+        LearningError, match=r"expected one of the agents \['a', 'b'\].*got one of 'c'"
+    ):
         list(turns.ready(trajectory(0, "c")))
     for one in turns.ready(replace(trajectory(0, "a"), incarnation=1)):
         run.consume(one)
-    with pytest.raises(SupersededAgentError):
+    with pytest.raises(LearningError):
         list(turns.ready(trajectory(1, "a")))
 
 
@@ -95,7 +97,7 @@ def test_free_agents_are_not_to_wait_and_what_too_old_weights_did_is_counted_and
     ours = [replace(trajectory(m), run_id=run.info.run_id) for m in range(6)]
     for one in ours[:3]:
         run.consume(one)
-    with pytest.raises(TooOldError, match="at most schedule.oldest_policy = 2 versions before 3"):
+    with pytest.raises(LearningError, match="at most schedule.oldest_policy = 2 versions before 3"):
         run.consume(ours[3])
     figures = run.learner.metrics()
     assert figures["too_old_trajectories"] == 1 and figures["frames"] == 30

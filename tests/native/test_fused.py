@@ -30,8 +30,8 @@ from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
 from pa_ros.native.errors import FusedError
 from pa_ros.native.families import FUSED
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
-from pa_ros.networks.parameters import TensorError
 from pa_ros.world.relations import RELATIONS
 from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 
@@ -186,7 +186,7 @@ def test_state_survives_a_round_trip() -> None:
     for name, tensor in before.tensors().items():
         np.testing.assert_array_equal(after.tensors()[name], tensor, err_msg=name)
     state.pop("critic.output.bias")
-    with pytest.raises(TensorError, match=r"critic\.output\.bias"):
+    with pytest.raises(NetworkError, match=r"critic\.output\.bias"):
         after.load_tensors(state)
 
 

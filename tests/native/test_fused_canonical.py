@@ -15,8 +15,9 @@ from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.native.engine import FusedActor, FusedEngine
 from pa_ros.networks.canonical import CanonicalActor
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
-from pa_ros.networks.slots import UnsupportedProgramError, target_one_hots
+from pa_ros.networks.slots import target_one_hots
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
@@ -145,8 +146,8 @@ def test_is_chosen_and_refuses_what_it_cannot_be_told() -> None:
     assert engine.name == "fused"
     actor, _ = tensors(network())
     seen = objects_at(np.zeros((2, 3))), np.zeros(18, np.float32)
-    with pytest.raises(UnsupportedProgramError):
+    with pytest.raises(NetworkError):
         FusedActor(network(), actor).act(*seen, parse("NEAR(HAND, RED)", WORDS), 0)
     programs.add(parse("NEAR(HAND, OR(RED, CUBE))", WORDS))
-    with pytest.raises(UnsupportedProgramError):
+    with pytest.raises(NetworkError):
         engine.update(batch_of(np.random.default_rng(0), 4, 1))

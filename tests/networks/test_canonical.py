@@ -9,14 +9,10 @@ import torch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
-from pa_ros.networks.slots import (
-    UnsupportedProgramError,
-    canonical_inputs,
-    slot_values,
-    target_one_hots,
-)
+from pa_ros.networks.slots import canonical_inputs, slot_values, target_one_hots
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
@@ -114,5 +110,5 @@ def test_initial_weights_are_lillicraps() -> None:
     ],
 )
 def test_other_programs_are_refused(text) -> None:
-    with pytest.raises(UnsupportedProgramError, match="expected NEAR"):
+    with pytest.raises(NetworkError, match="expected NEAR"):
         target_one_hots(parse(text, WORDS), WORDS)

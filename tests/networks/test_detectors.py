@@ -13,8 +13,8 @@ from pa_ros.language import MIN_MAX, PRODUCT, parse
 from pa_ros.language.logic import LOGICS
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.detectors import degrees
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
-from pa_ros.networks.parameters import TensorError
 from pa_ros.world.labels import labels
 from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup, Real
 
@@ -32,7 +32,7 @@ def test_degrees_are_those_of_the_torch_reference(scene, logic):
     seen = observation.objects, network.world.arm(observation)
     expected = TorchActor(network, policy.tensors, logic).properties(*seen)
     assert np.allclose(degrees(network, policy.tensors, *seen, logic), expected, atol=1e-5)
-    with pytest.raises(TensorError, match="expected columns of 34 features, got 37"):
+    with pytest.raises(NetworkError, match="expected columns of 34 features, got 37"):
         degrees(network, policy.tensors, seen[0], np.zeros(21, np.float32))
 
 

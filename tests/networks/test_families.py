@@ -15,8 +15,8 @@ from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import FAMILIES, Programmable, codes_of, family_named
-from pa_ros.networks.slots import UnsupportedProgramError
 from pa_ros.world.programs import ProgramTable
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4, canonical_hidden=8)
@@ -55,9 +55,9 @@ def test_only_families_that_evaluate_programs_are_told_every_program() -> None:
             family.check(program, WORDS)
             assert len(codes_of(program, network)) == 3
             continue
-        with pytest.raises(UnsupportedProgramError):
+        with pytest.raises(NetworkError):
             family.check(program, WORDS)
-        with pytest.raises(UnsupportedProgramError):
+        with pytest.raises(NetworkError):
             codes_of(program, network)
 
 

@@ -145,17 +145,3 @@ def test_true_properties_of_words() -> None:
     for i, name in enumerate(PAPER.feature_names[7:]):
         truth = WORLD.truth(np.eye(16, dtype=np.float32)[7 + i])
         np.testing.assert_array_equal(truth, [expected.get(word) == name for word in WORDS.words])
-
-
-def test_texts_of_version_02_are_of_the_papers_world() -> None:
-    config = NetworkConfig(world=WORLD, hidden=7, attention=4)
-    old = json.loads(config.architecture)
-    del old["world"]
-    words = {"shapes": ["CUBE", "SPHERE", "C"], "colors": ["BLUE", "A"]}
-    old |= words | {"object_features": 16, "arm_features": 18, "actions": 6}
-    assert actor_config(json.dumps(old)).architecture == config.architecture
-    settings = json.loads(config.to_json())
-    del settings["world"]
-    assert NetworkConfig.from_json(json.dumps(settings | words)) == config
-    with pytest.raises(ConfigError, match="actions: expected 6, got 7"):
-        actor_config(json.dumps(old | {"actions": 7}))

@@ -9,14 +9,9 @@ import torch
 from pa_ros.benchmarks import straightforward as formulas
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
-from pa_ros.networks.parameters import (
-    TensorError,
-    actor_shapes,
-    critic_shapes,
-    initial_actor,
-    initial_critic,
-)
+from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.networks.relevance import program_tensors
 from pa_ros.world.programs import ProgramTable
@@ -209,9 +204,9 @@ def test_inference_shows_its_properties() -> None:
 def test_inference_refuses_tensors_that_do_not_fit() -> None:
     config = network()
     tensors = tensors_of(config)[0]
-    with pytest.raises(TensorError, match=r"query.bias: expected \(7,\), got \(8,\)"):
+    with pytest.raises(NetworkError, match=r"query.bias: expected \(7,\), got \(8,\)"):
         TorchActor(config, tensors | {"query.bias": np.zeros(8, np.float32)})
-    with pytest.raises(TensorError, match="missing .*output.bias"):
+    with pytest.raises(NetworkError, match="missing .*output.bias"):
         TorchActor(config, {k: v for k, v in tensors.items() if k != "output.bias"})
-    with pytest.raises(TensorError, match="finite"):
+    with pytest.raises(NetworkError, match="finite"):
         TorchActor(config, tensors | {"query.bias": np.full(7, np.nan, np.float32)})

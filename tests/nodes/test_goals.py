@@ -11,7 +11,7 @@ import pytest
 
 from agent_node.goals import ProgramGoals
 from helpers.learners import WORLD
-from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.errors import ActingError
 from pa_ros.core.experience import Verdict
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import codec
@@ -107,13 +107,13 @@ def test_a_step_that_the_weights_have_no_degrees_for_ends_no_agent(goals) -> Non
     """As of an arena that was started anew, with another arm."""
     observation, program = Mock(objects=SCENE, hand_index=0), Mock()
     goals.acting.agent.version = 3
-    goals.acting.agent.relevance.side_effect = PolicyError("policy: expected 18, got 21")
+    goals.acting.agent.relevance.side_effect = ActingError("policy: expected 18, got 21")
     goals.pursue()
     goals.verdict("one", 1_000_000_000)
     observation.program_id = goals.sent[-1].program_id
     goals.acting.seen = observation, program
     goals.tell()
-    assert goals.refusals.counts == {PolicyError.code: 1}
+    assert goals.refusals.counts == {ActingError.code: 1}
     assert not goals.results and not goals.told[-1].relevance
 
 

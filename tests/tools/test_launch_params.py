@@ -7,7 +7,7 @@ from helpers.damage import WRONG_YAML
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.errors import FolderUsedError
+from pa_ros.learning.errors import FolderTakenError
 from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import (
     Parameters,
@@ -187,7 +187,7 @@ def test_each_launch_has_a_folder_of_its_own_and_learns_into_it(tmp_path, monkey
 def test_a_launch_over_an_earlier_ones_work_is_refused_before_anything_starts(tmp_path):
     (tmp_path / "checkpoint").mkdir()
     (tmp_path / "checkpoint" / "LATEST").write_text("version-000000001")
-    with pytest.raises(FolderUsedError, match="expected a folder without a run"):
+    with pytest.raises(FolderTakenError, match="expected a folder without a run"):
         learning_into(tmp_path, {"learner_node": {}})
     resumed = {"learner_node": {"resume": True}}
     assert learning_into(tmp_path, resumed)["learner_node"]["out"] == str(tmp_path)

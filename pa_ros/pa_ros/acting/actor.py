@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
@@ -19,7 +19,8 @@ from pa_ros.language.evaluate import relevance
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.detectors import degrees
-from pa_ros.networks.parameters import TensorError, Tensors, actor_shapes, check_tensors
+from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
 if TYPE_CHECKING:
     from pa_ros.networks.inference import (
@@ -69,17 +70,17 @@ class Actor:
         try:
             return cls(actor_config(snapshot.architecture), logic=logic)
         except ConfigError as error:
-            raise PolicyError(str(error)) from error
+            raise ActingError(str(error)) from error
 
     @property
     def version(self) -> int:
-        """Of the weights in use; PolicyError before the first."""
+        """Of the weights in use; ActingError before the first."""
         if self._version is None:
-            raise PolicyError("policy: expected weights before their version is asked, got none")
+            raise ActingError("policy: expected weights before their version is asked, got none")
         return self._version
 
     def check(self, snapshot: PolicySnapshot) -> None:
-        """Raise PolicyError unless these weights fit."""
+        """Raise ActingError unless these weights fit."""
         self._check_kind(snapshot)
         with _refused(snapshot):
             check_tensors(snapshot.tensors, self._shapes, "actor")
@@ -87,13 +88,13 @@ class Actor:
     def _check_kind(self, snapshot: PolicySnapshot) -> None:
         ours = self.network.architecture
         if snapshot.architecture != ours:
-            raise PolicyError(f"policy: expected architecture {ours}, got {snapshot.architecture}")
+            raise ActingError(f"policy: expected architecture {ours}, got {snapshot.architecture}")
         digest = self.network.world.digest
         if snapshot.world_digest != digest:
-            raise PolicyError(f"policy: expected world {digest}, got {snapshot.world_digest}")
+            raise ActingError(f"policy: expected world {digest}, got {snapshot.world_digest}")
 
     def load(self, snapshot: PolicySnapshot) -> None:
-        """Act with these weights from now on; PolicyError, and no change, if they do not fit."""
+        """Act with these weights from now on; ActingError, and no change, if they do not fit."""
         self._check_kind(snapshot)
         with _refused(snapshot):  # what infers looks at tensors itself
             if self._inference is None:
@@ -105,11 +106,11 @@ class Actor:
     def act(self, observation: Observation, program: Program) -> Float32:
         """The greedy action, [J] in [-1, 1].
 
-        ProgramError if the program is of another vocabulary, PolicyError if objects or arm are of
+        ProgramError if the program is of another vocabulary, ActingError if objects or arm are of
         another size.
         """
         if self._inference is None:
-            raise PolicyError("policy: expected weights before acting, got none")
+            raise ActingError("policy: expected weights before acting, got none")
         arm = self._arm(observation)
         return self._inference.act(observation.objects, arm, program, observation.hand_index)
 
@@ -125,21 +126,21 @@ class Actor:
         return tuple(relevance(program, phi.tolist(), rows, hand, self.logic))
 
     def _arm(self, observation: Observation) -> Float32:
-        """Arm part of Ω, [A]; PolicyError for objects or an arm that these weights don't see."""
+        """Arm part of Ω, [A]; ActingError for objects or an arm that these weights don't see."""
         world = self.network.world
         arm = world.arm(observation)
         features = observation.objects.shape[-1], arm.size
         if features != (world.object_features, world.arm_features):
-            raise PolicyError(
+            raise ActingError(
                 f"policy: expected {world.object_features} features of an object and "
-                f"{world.arm_features} of the arm, got {features[0]} and {features[1]}"
+                f"{world.arm_features} of the arm, got {features[0]} and {features[1]}",
             )
         return arm
 
     def explore(self, observation: Observation, program: Program) -> Float32:
         """The action with this episode's exploration noise, clipped to [-1, 1], [J]."""
         if self._noise is None:
-            raise PolicyError("policy: expected exploration noise, got a greedy actor")
+            raise ActingError("policy: expected exploration noise, got a greedy actor")
         noisy = self.act(observation, program) + self._noise.sample(observation.episode)
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
@@ -149,8 +150,8 @@ def _refused(snapshot: PolicySnapshot) -> Iterator[None]:
     """Tensors that do not fit are a policy that does not."""
     try:
         yield
-    except TensorError as error:
-        raise PolicyError(f"policy version {snapshot.version}: {error}") from error
+    except NetworkError as error:
+        raise ActingError(f"policy version {snapshot.version}: {error}") from error
 
 
 def _why_torch(network: NetworkConfig, inference: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from pa_ros.acting.account import Account, Newest
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.answer import Act, Answer, Load, Wait
-from pa_ros.acting.errors import PolicyError, StepError
+from pa_ros.acting.errors import ActingError
 from pa_ros.acting.requests import ArenaFacts, check_words, network_of
 from pa_ros.core.experience import (
     AgentKey,
@@ -74,16 +74,18 @@ class Agent:
 
     @property
     def version(self) -> int:
-        """Of those weights. StepError if there are none."""
+        """Of those weights. ActingError if there are none."""
         policy = self._at_hand()
         if isinstance(policy, Wait):
-            raise StepError(f"version: expected weights before it is asked, got {policy}")
+            raise ActingError(
+                f"version: expected weights before it is asked, got {policy}", code="learning.step"
+            )
         return policy.snapshot.version
 
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
         """Act with this learner's weights alone.
 
-        Those in use act until its own have come. Raises LearnerRequestError, and changes nothing,
+        Those in use act until its own have come. Raises ActingError, and changes nothing,
         if its weights cannot act in this arena.
         """
         check_words(learner, arena)
@@ -92,40 +94,40 @@ class Agent:
         self._offer_early(learner)
 
     def check_program(self, program: Program) -> None:
-        """Raise UnsupportedProgramError or UnknownWordError if the weights at hand cannot be told
+        """Raise NetworkError or UnknownWordError if the weights at hand cannot be told
         this program."""
         if self._actor is not None:
             network = self._actor.network
             network.family.check(program, network.vocabulary)
 
     def check_world(self, world: World) -> None:
-        """Raise PolicyError if the weights at hand see other objects, or another arm."""
+        """Raise ActingError if the weights at hand see other objects, or another arm."""
         ours = self._actor.network.world if self._actor is not None else world
         if ours.object_features != world.object_features:
-            raise PolicyError(
+            raise ActingError(
                 f"policy: expected {ours.object_features} features of an object, "
-                f"got {world.object_features}"
+                f"got {world.object_features}",
             )
         if ours.joints != world.joints:
-            raise PolicyError(
-                f"policy: expected an arm of {ours.joints} joints, got {world.joints}"
+            raise ActingError(
+                f"policy: expected an arm of {ours.joints} joints, got {world.joints}",
             )
 
     def offer(self, policy: PublishedPolicy) -> None:
-        """Weights have come. Raises PolicyError, and changes nothing, if they cannot be used."""
+        """Weights have come. Raises ActingError, and changes nothing, if they cannot be used."""
         try:
             self._take(policy)
-        except PolicyError:
+        except ActingError:
             self._keep(policy)  # their learner may come to be followed
             raise
 
     def _take(self, policy: PublishedPolicy) -> None:
         learner, actor = self._learner, self._actor
         if learner is not None and learner.learner_id != policy.learner_id:
-            raise PolicyError(
+            raise ActingError(
                 f"policy: expected weights of the learner that is followed, "
                 f"{learner.learner_id!r}, got version {policy.snapshot.version} of "
-                f"{policy.learner_id!r}"
+                f"{policy.learner_id!r}",
             )
         if learner is not None and (
             actor is None or actor.network.architecture != learner.architecture
@@ -161,16 +163,20 @@ class Agent:
     def load(self, policy: PublishedPolicy) -> None:
         """Act with these weights from here on."""
         if self._actor is None:
-            raise StepError("weights: expected an offer of them before they are loaded")
+            raise ActingError(
+                "weights: expected an offer of them before they are loaded", code="learning.step"
+            )
         self._actor.load(policy.snapshot)
         self._loaded = policy
         self._rule.use(policy)
 
     def act(self) -> Float32:
-        """The action at the step observed last, [J] in [-1, 1]. StepError unless it may act."""
+        """The action at the step observed last, [J] in [-1, 1]. ActingError unless it may act."""
         answer, step, actor = self.answer(), self._step, self._actor
         if step is None or actor is None or not isinstance(answer, Act):
-            raise StepError(f"action: expected the answer {Act()} before it, got {answer}")
+            raise ActingError(
+                f"action: expected the answer {Act()} before it, got {answer}", code="learning.step"
+            )
         action = self._action(actor, step)
         self._step = None
         return self._send(action)
@@ -178,10 +184,12 @@ class Agent:
     def hold(self) -> Float32:
         """Instead of `act`: the command that keeps the arm where it is, [J]; no experience.
 
-        StepError without a step to hold at.
+        ActingError without a step to hold at.
         """
         if self._step is None:
-            raise StepError("action: expected an observation before it, got none")
+            raise ActingError(
+                "action: expected an observation before it, got none", code="learning.step"
+            )
         joints = len(self._step.observation.joint_position)
         self._step = None
         return self._send(np.zeros(joints, np.float32))

@@ -1,23 +1,11 @@
-"""What the acting room refuses, and why."""
+"""Errors of the acting room; `code` says which kind each one is."""
 
 from __future__ import annotations
 
 from pa_ros.core.errors import PaError
 
 
-class StepError(PaError):
-    """An observation, verdict or action that does not belong to the step it came with."""
-
-    code = "learning.step"
-
-
-class PolicyError(PaError):
-    """Weights that this actor cannot use: another architecture, vocabulary or shape."""
+class ActingError(PaError):
+    """A step, weights or a learner's request that this agent cannot act on."""
 
     code = "learning.policy"
-
-
-class LearnerRequestError(PaError):
-    """A learner that asks of its agents what this one cannot do, or is not one for its arena."""
-
-    code = "learner.request"

@@ -8,7 +8,7 @@ from pa_ros.acting.account import Account, FreeAccount
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.answer import Act, Answer, Wait
-from pa_ros.acting.errors import PolicyError, StepError
+from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.requests import ArenaFacts, check_arena, exploration_of, network_of
 from pa_ros.acting.trajectories import TrajectoryBuilder
@@ -60,7 +60,7 @@ class LearningAgent(Agent):
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
         """Act for this learner in this arena, and for the one followed until now no more.
 
-        Raises LearnerRequestError, and then does not act, if it cannot do as the learner asks.
+        Raises ActingError, and then does not act, if it cannot do as the learner asks.
         """
         current = None if self._account is None else self._account.learner
         other = current is not None and current.learner_id != learner.learner_id
@@ -81,14 +81,14 @@ class LearningAgent(Agent):
         self._offer_early(learner)
 
     def offer(self, policy: PublishedPolicy) -> None:
-        """Weights have come. Raises PolicyError if they cannot be used, or are not the learner's
+        """Weights have come. Raises ActingError if they cannot be used, or are not the learner's
         that this agent follows."""
         if self._account is None or policy.learner_id != self._account.learner.learner_id:
             self._keep(policy)
             if policy.learner_id in self._past:
-                raise PolicyError(
+                raise ActingError(
                     f"policy: expected one of the learner that is followed, got version "
-                    f"{policy.snapshot.version} of {policy.learner_id!r}, which was before"
+                    f"{policy.snapshot.version} of {policy.learner_id!r}, which was before",
                 )
         else:
             self._take(policy)
@@ -102,7 +102,9 @@ class LearningAgent(Agent):
         if self._builder is None or self._account is None or step.evaluation:
             return None
         if verdict is None:
-            raise StepError("step: expected a verdict, since this agent learns, got none")
+            raise ActingError(
+                "step: expected a verdict, since this agent learns, got none", code="learning.step"
+            )
         goes_on = step.observation.step > 0 and not self._builder.at_boundary
         if goes_on and (step.executed is None or step.executed != self.sent):
             self._builder = self._break_off(self._account.learner)

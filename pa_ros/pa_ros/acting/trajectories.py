@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pa_ros.acting.errors import StepError
+from pa_ros.acting.errors import ActingError
 from pa_ros.core.experience import AgentKey, Float32, Observation, Verdict
 from pa_ros.language import Program
 from pa_ros.world import Trajectory
@@ -65,7 +65,7 @@ class TrajectoryBuilder:
     ) -> Trajectory | None:
         """Take in a step; return the trajectory that it completed, if it did.
 
-        `program` is what the observation's program id stands for. Raises StepError if the verdict
+        `program` is what the observation's program id stands for. Raises ActingError if the verdict
         is of another step than the observation.
         """
         _check_same_step(observation, verdict)
@@ -89,16 +89,19 @@ class TrajectoryBuilder:
     def acted(self, action: Float32, version: int) -> None:
         """Record the action, [J], applied at the step observed last, and the policy's version.
 
-        Raises StepError if no step was observed since the last action, or if the version is
+        Raises ActingError if no step was observed since the last action, or if the version is
         another one than that of the pending transitions: weights change between trajectories.
         """
         run = self._run
         if run is None or self._acted:
-            raise StepError("action: expected an observation before it, got none")
+            raise ActingError(
+                "action: expected an observation before it, got none", code="learning.step"
+            )
         if run.actions and run.version != version:
-            raise StepError(
+            raise ActingError(
                 f"action: expected policy version {run.version} until the trajectory ends, "
-                f"got {version}"
+                f"got {version}",
+                code="learning.step",
             )
         run.version = version
         run.actions.append(np.array(action, np.float32))
@@ -153,4 +156,7 @@ def _check_same_step(observation: Observation, verdict: Verdict) -> None:
     ours = (observation.episode, observation.step, observation.stamp_ns, observation.program_id)
     theirs = (verdict.episode, verdict.step, verdict.stamp_ns, verdict.program_id)
     if ours != theirs:
-        raise StepError(f"verdict: expected (episode, step, stamp, program) {ours}, got {theirs}")
+        raise ActingError(
+            f"verdict: expected (episode, step, stamp, program) {ours}, got {theirs}",
+            code="learning.step",
+        )

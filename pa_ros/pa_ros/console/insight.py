@@ -25,8 +25,8 @@ from pa_ros.language import (
     relevance,
 )
 from pa_ros.networks.config import actor_config
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
-from pa_ros.networks.parameters import TensorError
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Insight:
             raise ConfigError(f"the networks {network.family.name!r} evaluate no programs")
         try:
             self._inference = TorchActor(network, snapshot.tensors, logic)
-        except TensorError as error:
+        except NetworkError as error:
             raise ConfigError(str(error)) from error
         self._world, self._version, self._logic = network.world, snapshot.version, logic
         self._vocabulary = network.vocabulary

@@ -21,26 +21,24 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
+from pa_ros import __version__
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.settings import read_json
 from pa_ros.language import parse
 from pa_ros.learning.checksums import SUMS, check_files, checksums
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.edition2 import scoring_of
 from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.learner import Counters, Learner
-from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring
 
 FORMAT = 3
-OLDER = (1, 2)  # of 0.1 and 0.2, which knew the paper's world alone
 LATEST = "LATEST"
 METADATA = "metadata.json"
 POLICIES = "policies.safetensors"
 ACTING = (METADATA, POLICIES)  # all that acting needs of a checkpoint
 _NAME = r"version-\d{9,}"
-DPG = "dpg"  # the algorithm of checkpoints that name none
 SHIPPED = Path(__file__).parents[1] / "shipped"
 SHIPPED_PREFIX = "shipped:"
 # On resuming: they say where, not what.
@@ -99,21 +97,15 @@ def _remove_unfinished(root: Path, name: str) -> None:
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
-    """metadata.json of a checkpoint, or of the latest one under a root; `extra` is in it.
-
-    Those of 0.1 are brought to today's names as far as acting needs it.
-    """
+    """metadata.json of a checkpoint, or of the latest one under a root; `extra` is in it."""
     directory = find_checkpoint(path)
     try:
         check_files(directory, (METADATA,))
         values = read_json((directory / METADATA).read_text())
-        if values["format"] in OLDER:
-            architecture = actor_config(values["architecture"]).architecture
-            values |= {"format": FORMAT, "architecture": architecture}
         if values["format"] != FORMAT:
             raise CheckpointError(
-                f"checkpoint: {directory}: expected format {OLDER[0]} to {FORMAT}, "
-                f"got {values['format']!r}"
+                f"checkpoint: {directory}: expected format {FORMAT} (pa_ros {__version__}), got "
+                f"{values['format']!r}: use the version that wrote it, or train anew"
             )
         if not isinstance(values["extra"], dict):
             raise CheckpointError(
@@ -192,7 +184,7 @@ def check_trained_with(
 
 def check_facts(path: Path, values: Mapping[str, Any], **expected: object) -> None:
     """Raise CheckpointError unless a checkpoint's run said this of itself in metadata.json."""
-    facts = {"arm": "jaco", **values["extra"]}  # 0.2 had no other
+    facts = values["extra"]
     for name, value in expected.items():
         if facts.get(name) != value:
             raise CheckpointError(
@@ -271,13 +263,12 @@ def _check_same(
     ours_config: LearnerConfig,
     scoring: Scoring,
 ) -> None:
-    algorithm, here = values.get("algorithm", DPG), ours_config.ALGORITHM
+    algorithm, here = values["algorithm"], ours_config.ALGORITHM
     if algorithm != here:
         raise CheckpointError(
             f"checkpoint: {directory}: differs in algorithm: checkpoint {algorithm!r}, "
             f"here {here!r}"
         )
-    # A setting that is younger than the checkpoint had what is its default now.
     try:
         network = NetworkConfig.from_json(values["network"])
         config = type(ours_config).from_json(values["learner"])
@@ -288,7 +279,7 @@ def _check_same(
         ) from error
     theirs = network.flat() | config.flat()
     ours = ours_network.flat() | ours_config.flat()
-    theirs["scoring"], ours["scoring"] = scoring_of(values), repr(scoring)
+    theirs["scoring"], ours["scoring"] = values["scoring"], repr(scoring)
     differing = [
         f"{name}: checkpoint {theirs[name]!r}, here {ours[name]!r}"
         for name in sorted(ours)

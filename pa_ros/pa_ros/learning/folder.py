@@ -7,7 +7,7 @@ from typing import IO
 
 from pa_ros.core.lock import take_lock
 from pa_ros.learning.checkpoints import LATEST, completed
-from pa_ros.learning.errors import CheckpointError, FolderInUseError, FolderUsedError
+from pa_ros.learning.errors import CheckpointError, FolderTakenError
 
 
 def checkpoint_of(folder: Path) -> Path:
@@ -22,24 +22,24 @@ def holds_checkpoint(folder: Path) -> bool:
 
 
 def refuse_used(folder: Path) -> None:
-    """Raise FolderUsedError if the folder holds a run's checkpoint, CheckpointError if one can't
+    """Raise FolderTakenError if the folder holds a run's checkpoint, CheckpointError if one can't
     look."""
     try:
         used = holds_checkpoint(folder)
     except OSError as error:
         raise CheckpointError(f"{folder}: {error}") from error
     if used:
-        raise FolderUsedError(
+        raise FolderTakenError(
             f"{folder}: expected a folder without a run, got one that holds a checkpoint: resume "
-            "it (--resume, or the learner's parameter resume), or name another folder"
+            "it (--resume, or the learner's parameter resume), or name another folder",
         )
 
 
 def claim(folder: Path, resume: bool = False) -> IO[bytes]:
     """Take a run's folder for oneself, until what is returned is closed or the process ends.
 
-    Raises FolderInUseError if another run has it: two would overwrite each other's checkpoints;
-    FolderUsedError if it holds a run that is not to be resumed; CheckpointError if nothing can be
+    Raises FolderTakenError if another run has it: two would overwrite each other's checkpoints;
+    FolderTakenError if it holds a run that is not to be resumed; CheckpointError if nothing can be
     written there.
     """
     if not resume:
@@ -51,9 +51,10 @@ def claim(folder: Path, resume: bool = False) -> IO[bytes]:
         raise CheckpointError(f"{folder}: {error}") from error
     try:
         if not take_lock(lock.fileno()):
-            raise FolderInUseError(
+            raise FolderTakenError(
                 f"{folder}: expected a folder for this run alone, got one that another run writes "
-                "into"
+                "into",
+                code="learning.in_use",
             )
         if not resume:  # another may have come and gone meanwhile
             refuse_used(folder)

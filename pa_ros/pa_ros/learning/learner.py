@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.acting.errors import PolicyError
+from pa_ros.acting.errors import ActingError
 from pa_ros.core.experience import Float32, PolicySnapshot
 from pa_ros.core.update import Batch
 from pa_ros.language import Program
@@ -110,7 +110,7 @@ class Learner:
     def consume(self, trajectory: Trajectory) -> ConsumeReport:
         """Insert a trajectory, make the updates that it is due, publish one version more.
 
-        A duplicate is counted and does nothing else. Raises TrajectoryError or ProgramError, with
+        A duplicate is counted and does nothing else. Raises LearningError or ProgramError, with
         nothing changed, for a trajectory that cannot be used; DivergedError, with no version more,
         once numbers are not finite. If that says `restored`, the learner is as it was before the
         trajectory, but for its replay buffer; else it is not to be used any more.
@@ -168,7 +168,7 @@ class Learner:
             raise error
 
     def update(self, updates: int) -> None:
-        """Make this many updates, whether due or not; EmptyReplayError without transitions."""
+        """Make this many updates, whether due or not; LearningError without transitions."""
         for batch in self.batches(updates):
             self.engine.update(batch)
             self.counters.updates += 1
@@ -195,7 +195,7 @@ class Learner:
     def snapshot(self, version: int | None = None) -> PolicySnapshot:
         """Published weights: the newest, or one of the last policy_lag + 1 versions.
 
-        Raises PolicyError if that version is not kept any more, or not yet.
+        Raises ActingError if that version is not kept any more, or not yet.
         """
         if version is None:
             return self.published[-1]
@@ -203,7 +203,7 @@ class Learner:
             if kept.version == version:
                 return kept
         versions = [kept.version for kept in self.published]
-        raise PolicyError(f"policy: expected one of the versions {versions}, got {version}")
+        raise ActingError(f"policy: expected one of the versions {versions}, got {version}")
 
     def metrics(self) -> dict[str, float]:
         """Counters and the latest update's figures, by name."""
@@ -220,7 +220,7 @@ class Learner:
         }
 
     def _row(self, program: Program) -> int:
-        """Row of a program in the table; ProgramError or UnsupportedProgramError if it has none."""
+        """Row of a program in the table; ProgramError or NetworkError if it has none."""
         self.network.family.check(program, self.network.vocabulary)
         return self.table.add(program)
 

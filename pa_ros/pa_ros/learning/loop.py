@@ -134,8 +134,8 @@ def train(
     `max_speed` is [J] rad/s: a velocity command is the action times it. Leaves progress.csv and
     `checkpoint/` under `config.out`. With `resume`, goes on from the checkpoint there (raises
     CheckpointError if there is none that fits), and ends where an unbroken run would have. Raises
-    FolderInUseError if another run writes into `config.out`, FolderUsedError if it holds a run that
-    is not to be resumed.
+    FolderTakenError if another run writes into `config.out`, or if it holds a run that is not to be
+    resumed.
     """
     if learner_config.schedule.in_step == "free":
         raise ConfigError(

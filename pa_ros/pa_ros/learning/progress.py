@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, isnan, nan
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +18,15 @@ Row = Mapping[str, float] | Mapping[str, str]
 
 @dataclass
 class Rewards:
-    """Of the steps since the last row."""
+    """Rewards of the steps since the last row."""
 
-    total: float = 0.0  # NaN: of some of them it is not known
+    total: float = 0.0
     steps: int = 0
 
     @classmethod
     def of(cls, extra: Mapping[str, Any]) -> Rewards:
-        """Those that a run's checkpoint goes on from; an older one does not say them.
-
-        CheckpointError where they are no numbers.
-        """
-        if "reward_sum" not in extra:
-            return cls(total=nan)
-        total, steps = extra["reward_sum"], extra.get("reward_steps")
+        """Those that a resumed run's checkpoint kept; CheckpointError if they are not numbers."""
+        total, steps = extra.get("reward_sum"), extra.get("reward_steps")
         if not (isinstance(total, int | float) and isfinite(total)):
             raise CheckpointError(f"checkpoint: reward_sum: expected a number, got {total!r}")
         if not (type(steps) is int and steps >= 0):
@@ -40,9 +35,8 @@ class Rewards:
 
     @property
     def facts(self) -> dict[str, float]:
-        """For the checkpoint; {} where they are not known."""
-        known = {"reward_sum": self.total, "reward_steps": self.steps}
-        return {} if isnan(self.total) else known
+        """Values that the checkpoint keeps."""
+        return {"reward_sum": self.total, "reward_steps": self.steps}
 
     @property
     def mean(self) -> float:

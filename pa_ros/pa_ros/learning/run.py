@@ -12,7 +12,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.core.software import here
-from pa_ros.learning.errors import AheadError, DivergedError, TooOldError, TrajectorySizeError
+from pa_ros.learning.errors import DivergedError, LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
@@ -53,9 +53,9 @@ class LearningRun:
     def consume(self, trajectory: Trajectory) -> None:
         """Learn from a trajectory; a duplicate changes nothing.
 
-        Raises TrajectoryError or ProgramError for one that cannot be learned from. It is then
+        Raises LearningError or ProgramError for one that cannot be learned from. It is then
         accounted for all the same, since no agent must wait for ever; but not with
-        SupersededAgentError or AheadError. Whose weights acted doesn't matter: it may be a
+        LearningError or LearningError. Whose weights acted doesn't matter: it may be a
         recording's.
         """
         ledger = self.learner.replay.ledger
@@ -73,7 +73,7 @@ class LearningRun:
             raise
 
     def check(self, trajectory: Trajectory) -> None:
-        """Raise SupersededAgentError or AheadError for a trajectory that is not to be heard."""
+        """Raise LearningError or LearningError for a trajectory that is not to be heard."""
         self.learner.replay.ledger.check(trajectory)
         self._check_ahead(trajectory)
 
@@ -94,10 +94,11 @@ class LearningRun:
         first = max(accounted, trajectory.held_from)
         farthest = first + self._schedule.policy_lag + AHEAD
         if trajectory.sequence > farthest:
-            raise AheadError(
+            raise LearningError(
                 f"trajectory: expected at most number {farthest} of {trajectory.agent_id!r}, of "
                 f"whose trajectories those before {first} are accounted for, got "
-                f"{trajectory.sequence}: does someone else send under its name?"
+                f"{trajectory.sequence}: does someone else send under its name?",
+                code="learning.ahead",
             )
 
     def _check_age(self, trajectory: Trajectory) -> None:
@@ -108,19 +109,21 @@ class LearningRun:
             return
         if trajectory.run_id == self.info.run_id and replay.ledger.is_new(trajectory.key):
             replay.ledger.too_old += 1
-            raise TooOldError(
+            raise LearningError(
                 f"trajectory: expected one acted by weights of at most schedule.oldest_policy = "
                 f"{schedule.oldest_policy} versions before {self.learner.counters.version}, got "
                 f"number {trajectory.sequence} of {trajectory.agent_id!r}, acted by version "
-                f"{trajectory.policy_version}"
+                f"{trajectory.policy_version}",
+                code="learning.too_old",
             )
 
     def _check_length(self, trajectory: Trajectory) -> None:
         longest = self.info.trajectory_steps
         if len(trajectory) > longest:
-            raise TrajectorySizeError(
+            raise LearningError(
                 f"trajectory: expected at most trajectory_steps = {longest} transitions, "
-                f"got {len(trajectory)} from {trajectory.agent_id!r}"
+                f"got {len(trajectory)} from {trajectory.agent_id!r}",
+                code="learning.size",
             )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.errors import ScalarsError
+from pa_ros.learning.errors import LearningError
 
 AXIS = "frames"
 
@@ -28,7 +28,7 @@ class Scalars:
     def add(self, metrics: Mapping[str, float]) -> None:
         """What a learner reports of itself, unless it made no frame since.
 
-        ScalarsError, where there is no room for it; no more is to be added then.
+        LearningError, where there is no room for it; no more is to be added then.
         """
         if metrics[AXIS] == self._frames:
             return
@@ -38,7 +38,9 @@ class Scalars:
                 self._writer.add_scalar(f"learner/{name}", metrics[name], int(self._frames))
             self._writer.flush()
         except OSError as error:
-            raise ScalarsError(f"tensorboard: expected room for more: {error}") from error
+            raise LearningError(
+                f"tensorboard: expected room for more: {error}", code="learning.tensorboard"
+            ) from error
 
     def close(self) -> None:
         """End its thread, too; what there is no room for is left out."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 
 from pa_ros.core.experience import AgentKey, TrajectoryKey
-from pa_ros.learning.errors import TurnError
+from pa_ros.learning.errors import LearningError
 from pa_ros.learning.run import LearningRun
 from pa_ros.world import Trajectory
 
@@ -39,7 +39,7 @@ class Turns:
     def ready(self, trajectory: Trajectory) -> Iterator[Trajectory]:
         """Take one in; what can now be learned from, each to be consumed before the next is asked.
 
-        Raises TurnError for an agent without a turn, SupersededAgentError, AheadError.
+        Raises LearningError for an agent without a turn, LearningError, LearningError.
         """
         if self._hold(trajectory):
             while (following := self._next()) is not None:
@@ -57,9 +57,10 @@ class Turns:
             return False
         held = self._held.get(trajectory.agent_id)
         if held is None:
-            raise TurnError(
+            raise LearningError(
                 f"trajectory: expected one of the agents {list(self._agents)}, which have turns, "
-                f"got one of {trajectory.agent_id!r}"
+                f"got one of {trajectory.agent_id!r}",
+                code="learning.turn",
             )
         self._run.check(trajectory)
         if not self._run.learner.replay.ledger.is_new(trajectory.key):

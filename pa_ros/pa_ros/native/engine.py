@@ -165,7 +165,7 @@ class FusedEngine:
         return tensors
 
     def load_tensors(self, tensors: Arrays) -> None:
-        """The inverse of `tensors`; TensorError when names or shapes differ."""
+        """The inverse of `tensors`; NetworkError when names or shapes differ."""
         expected: Shapes = {name: value.shape for name, value in self.tensors().items()}
         check_shapes(tensors, expected, "engine")
         for name, trained in self._trained.items():
@@ -202,7 +202,7 @@ class FusedActor:
         self.load(tensors)
 
     def load(self, tensors: Tensors) -> None:
-        """Act with these weights from now on; TensorError, and no change, if they do not fit."""
+        """Act with these weights from now on; NetworkError, and no change, if they do not fit."""
         check_tensors(tensors, self._shapes, "actor")
         self._flat.write(sharpened(tensors, self._logic))
 
@@ -224,7 +224,7 @@ class _Programs:
         self._told = 0
 
     def tell(self) -> None:
-        """UnsupportedProgramError for a program that the networks cannot be told."""
+        """NetworkError for a program that the networks cannot be told."""
         if self._told != len(self._table):
             FUSED[type(self._network.family)].tell(self._engine, self._network, self._table)
             self._told = len(self._table)

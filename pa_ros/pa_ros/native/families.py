@@ -29,11 +29,11 @@ class FusedFamily(ABC):
 
     @abstractmethod
     def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
-        """A table's programs; UnsupportedProgramError for one that cannot be told."""
+        """A table's programs; NetworkError for one that cannot be told."""
 
     @abstractmethod
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        """A program as `act` is told it. UnsupportedProgramError if it cannot be told."""
+        """A program as `act` is told it. NetworkError if it cannot be told."""
 
     @abstractmethod
     def act(

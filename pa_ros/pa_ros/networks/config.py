@@ -10,7 +10,6 @@ from pydantic import Field
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings, canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.networks.edition2 import with_world
 from pa_ros.networks.families import FAMILIES, Family, family_named
 from pa_ros.world.world import World
 
@@ -106,9 +105,9 @@ class NetworkConfig(Settings):
 
     @classmethod
     def from_json(cls, text: str) -> NetworkConfig:
-        """The inverse of `to_json`, version 0.2's too; ConfigError for any other text."""
+        """The inverse of `to_json`; ConfigError for any other text."""
         try:
-            values = with_world(read_json(text))
+            values = dict(read_json(text))
             return cls(world=World.from_data(values.pop("world")), **values)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise ConfigError(f"network description: {error}: got {text[:200]!r}") from error
@@ -117,12 +116,11 @@ class NetworkConfig(Settings):
 def actor_config(architecture: str) -> NetworkConfig:
     """The configuration of an actor whose `architecture` text came with its weights.
 
-    What the text does not hold (initial weights, the critic) keeps its default; a text of version
-    0.2 is of the paper's world.
+    What the text does not hold (initial weights, the critic) keeps its default.
     Raises ConfigError if this version builds no such actor.
     """
     try:
-        values = with_world(read_json(architecture))
+        values = dict(read_json(architecture))
         config = NetworkConfig(
             world=World.from_data(values["world"]),
             kind=values["actor"],

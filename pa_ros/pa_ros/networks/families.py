@@ -65,7 +65,7 @@ class Family(ABC):
 
     @abstractmethod
     def codes(self, table: ProgramTable) -> Codes:
-        """UnsupportedProgramError if a program of the table cannot be told."""
+        """NetworkError if a program of the table cannot be told."""
 
     @abstractmethod
     def goals(self, *codes: Tensor) -> Any:
@@ -73,7 +73,7 @@ class Family(ABC):
 
     @abstractmethod
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
-        """UnsupportedProgramError if the networks cannot be told this program, UnknownWordError if
+        """NetworkError if the networks cannot be told this program, UnknownWordError if
         they know not all of its words."""
 
     def detects(self, critic: bool) -> bool:
@@ -200,7 +200,7 @@ def family_named(name: str) -> Family:
 
 
 def codes_of(program: Program, network: NetworkConfig) -> Codes:
-    """What networks are told of one program, arrays [1, …]; UnsupportedProgramError if nothing."""
+    """What networks are told of one program, arrays [1, …]; NetworkError if nothing."""
     table = ProgramTable(network.vocabulary)
     table.add(program)
     return network.family.codes(table)

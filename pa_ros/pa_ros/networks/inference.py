@@ -20,14 +20,14 @@ class Inference(Protocol):
     """Actions of one set of weights at a time."""
 
     def load(self, tensors: Tensors) -> None:
-        """Act with these weights from now on; TensorError, and no change, if they do not fit."""
+        """Act with these weights from now on; NetworkError, and no change, if they do not fit."""
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
 
 
 class TorchActor:
-    """`Inference` by the modules of `pa_ros.networks`; TensorError if the weights do not fit.
+    """`Inference` by the modules of `pa_ros.networks`; NetworkError if the weights do not fit.
 
     Networks that evaluate no programs know of no `logic`.
     """
@@ -45,7 +45,7 @@ class TorchActor:
 
     @torch.inference_mode()
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [J]; UnsupportedProgramError for what the network cannot be told."""
+        """Action in [-1, 1], [J]; NetworkError for what the network cannot be told."""
         goals = _goals(program, self._config)
         action = self._module(_scene(objects), _scene(arm), goals, hand_index)
         return np.asarray(action[0, 0].numpy())

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32
+from pa_ros.networks.errors import NetworkError
 
 if TYPE_CHECKING:
     from pa_ros.networks.config import NetworkConfig
@@ -25,12 +25,6 @@ LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
 
 Tensors = dict[str, Float32]
 Shapes = dict[str, tuple[int, ...]]
-
-
-class TensorError(PaError):
-    """Tensors that do not fit the network: says which name, expected and received."""
-
-    code = "networks.tensors"
 
 
 def actor_shapes(config: NetworkConfig) -> Shapes:
@@ -58,13 +52,13 @@ def initial_critic(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
 
 
 def check_tensors(tensors: Tensors, shapes: Shapes, whose: str) -> None:
-    """Raise TensorError unless names, shapes, float dtype and finiteness are as they must be."""
+    """Raise NetworkError unless names, shapes, float dtype and finiteness are as they must be."""
     check_shapes(tensors, shapes, whose)
     for name, tensor in tensors.items():
         if tensor.dtype not in (np.float32, np.float64):
-            raise TensorError(f"{whose}: {name}: expected a float tensor, got {tensor.dtype}")
+            raise NetworkError(f"{whose}: {name}: expected a float tensor, got {tensor.dtype}")
     if wrong := not_finite(tensors):
-        raise TensorError(f"{whose}: {', '.join(wrong)}: expected finite numbers")
+        raise NetworkError(f"{whose}: {', '.join(wrong)}: expected finite numbers")
 
 
 def not_finite(tensors: Tensors) -> list[str]:
@@ -76,13 +70,13 @@ def not_finite(tensors: Tensors) -> list[str]:
 
 
 def check_shapes(tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, whose: str) -> None:
-    """Raise TensorError unless `tensors` has exactly these names and shapes."""
+    """Raise NetworkError unless `tensors` has exactly these names and shapes."""
     if tensors.keys() != shapes.keys():
         missing, extra = sorted(shapes.keys() - tensors), sorted(tensors.keys() - shapes)
-        raise TensorError(f"{whose}: tensors missing {missing[:8]}, not expected {extra[:8]}")
+        raise NetworkError(f"{whose}: tensors missing {missing[:8]}, not expected {extra[:8]}")
     for name, shape in shapes.items():
         if tensors[name].shape != shape:
-            raise TensorError(f"{whose}: {name}: expected {shape}, got {tensors[name].shape}")
+            raise NetworkError(f"{whose}: {name}: expected {shape}, got {tensors[name].shape}")
 
 
 def linear(name: str, outputs: int, inputs: int) -> Shapes:

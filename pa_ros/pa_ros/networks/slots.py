@@ -7,23 +7,17 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32
 from pa_ros.language import And, Program, Vocabulary, Word
+from pa_ros.networks.errors import NetworkError
 from pa_ros.world.world import World
-
-
-class UnsupportedProgramError(PaError):
-    """A program that the canonical networks cannot be told."""
-
-    code = "networks.unsupported_program"
 
 
 def target_one_hots(program: Program, vocabulary: Vocabulary) -> Float32:
     """The target's properties as one-hots over the vocabulary, [V], then, where it has several, one
     of the relation, [V + R].
 
-    Raises UnsupportedProgramError unless the program is an AND of one word of each group, and asks
+    Raises NetworkError unless the program is an AND of one word of each group, and asks
     for one of the vocabulary's relations.
     """
     words, target = program.words, program.target
@@ -32,14 +26,16 @@ def target_one_hots(program: Program, vocabulary: Vocabulary) -> Float32:
     )
     rows = vocabulary.relation_row
     if program.relation not in rows:
-        raise UnsupportedProgramError(
-            f"canonical networks: expected a relation of {', '.join(rows)}, got {program}"
+        raise NetworkError(
+            f"canonical networks: expected a relation of {', '.join(rows)}, got {program}",
+            code="networks.unsupported_program",
         )
     found = [sum(word in group.words for word in words) for group in vocabulary.groups]
     if not (flat and len(words) == len(found) and set(found) == {1}):
         groups = ", ".join(group.name for group in reversed(vocabulary.groups))
-        raise UnsupportedProgramError(
-            f"canonical networks: expected {program.relation}(HAND, AND({groups})), got {program}"
+        raise NetworkError(
+            f"canonical networks: expected {program.relation}(HAND, AND({groups})), got {program}",
+            code="networks.unsupported_program",
         )
     one_hots = np.zeros(len(vocabulary.words) + vocabulary.relation_inputs, np.float32)
     one_hots[[vocabulary.row[word] for word in words]] = 1.0

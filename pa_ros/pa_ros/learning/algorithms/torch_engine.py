@@ -166,7 +166,7 @@ class TorchEngine(ABC):
         return tensors | {k: np.array(value, np.int64) for k, value in self._steps().items()}
 
     def load_tensors(self, tensors: Arrays) -> None:
-        """The inverse of `tensors`; TensorError when names or shapes differ."""
+        """The inverse of `tensors`; NetworkError when names or shapes differ."""
         named = self._named()
         shapes = {k: tuple(v.shape) for k, v in named.items()} | dict.fromkeys(self._steps(), ())
         check_shapes(tensors, shapes, "engine")
@@ -206,7 +206,7 @@ class TorchEngine(ABC):
         return named
 
     def _module(self, network: NetworkConfig, name: str, tensors: Tensors) -> nn.Module:
-        """The actor, or a critic, with these weights; TensorError if they do not fit."""
+        """The actor, or a critic, with these weights; NetworkError if they do not fit."""
         critic = name != ACTOR
         check_tensors(tensors, (critic_shapes if critic else actor_shapes)(network), name)
         module: nn.Module = network.family.modules()[critic](network)

@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.learning.errors import (
-    EmptyReplayError,
-    NonFiniteError,
-    OutOfBoundsError,
-    TrajectorySizeError,
-    TrajectoryWorldError,
-)
+from pa_ros.learning.errors import LearningError
 from pa_ros.learning.relabeling.all_goals import Marks
 from pa_ros.learning.replay_buffer.ledger import Ledger
 from pa_ros.world import Trajectory
@@ -76,22 +70,26 @@ class ReplayBuffer:
         return sum(array.nbytes for array in self.arrays.values())
 
     def check(self, trajectory: Trajectory) -> None:
-        """Raise a TrajectoryError unless the trajectory can be inserted."""
+        """Raise a LearningError unless the trajectory can be inserted."""
         if trajectory.world_digest != self.world.digest:
-            raise TrajectoryWorldError(
+            raise LearningError(
                 f"trajectory: expected world {self.world.digest}, "
-                f"got {trajectory.world_digest} from {trajectory.agent_id!r}"
+                f"got {trajectory.world_digest} from {trajectory.agent_id!r}",
+                code="learning.world",
             )
         self.ledger.check(trajectory)
         self._check_sizes(trajectory)
         for name, bound in LARGEST.items():
             values = getattr(trajectory, name)
             if not np.isfinite(values).all():
-                raise NonFiniteError(f"trajectory: {name}: expected finite numbers")
+                raise LearningError(
+                    f"trajectory: {name}: expected finite numbers", code="learning.non_finite"
+                )
             if (largest := np.abs(values).max()) > bound:
-                raise OutOfBoundsError(
+                raise LearningError(
                     f"trajectory: {name}: expected numbers in [-{bound:g}, {bound:g}], "
-                    f"got ±{largest:g} from {trajectory.agent_id!r}"
+                    f"got ±{largest:g} from {trajectory.agent_id!r}",
+                    code="learning.out_of_bounds",
                 )
 
     def insert(
@@ -104,7 +102,7 @@ class ReplayBuffer:
 
         `program` is the row of the trajectory's program in the learner's table; `marks` are
         the relabeler's of its T + 1 rows.
-        Raises a TrajectoryError, leaving the replay as it was, if `check` does.
+        Raises a LearningError, leaving the replay as it was, if `check` does.
         """
         self.check(trajectory)
         accepted = self.ledger.is_new(trajectory.key)
@@ -119,7 +117,9 @@ class ReplayBuffer:
     def sample(self, rng: np.random.Generator, size: int) -> Int64:
         """Draw rows [size] of transitions, uniformly and with replacement."""
         if self.rows == 0:
-            raise EmptyReplayError("replay: expected transitions, got an empty buffer")
+            raise LearningError(
+                "replay: expected transitions, got an empty buffer", code="learning.empty_replay"
+            )
         index = rng.integers(self.rows, size=size)
         last = self.arrays["last"]
         while (again := np.flatnonzero(last[index])).size:
@@ -140,18 +140,19 @@ class ReplayBuffer:
         return {"rows": self.rows, "head": self.head, "ledger": ledger}
 
     def restore(self, arrays: dict[str, NDArray[Any]], values: dict[str, Any]) -> None:
-        """The inverse of `filled` and `to_metadata`; TrajectorySizeError if they do not fit."""
+        """The inverse of `filled` and `to_metadata`; LearningError if they do not fit."""
         rows, head = int(values["rows"]), int(values["head"])
         if not (0 <= rows <= self.capacity and 0 <= head < self.capacity):
-            raise TrajectorySizeError(
-                f"replay: expected {self.capacity} rows, got {rows} at {head}"
+            raise LearningError(
+                f"replay: expected {self.capacity} rows, got {rows} at {head}", code="learning.size"
             )
         if arrays:
             self._allocate(arrays["objects"].shape[1])
             for name, array in self.arrays.items():
                 if arrays[name].shape != (rows, *array.shape[1:]):
-                    raise TrajectorySizeError(
-                        f"replay: {name}: expected {rows} rows, got {arrays[name].shape}"
+                    raise LearningError(
+                        f"replay: {name}: expected {rows} rows, got {arrays[name].shape}",
+                        code="learning.size",
                     )
                 array[:rows] = arrays[name]
         self.rows, self.head = rows, head
@@ -174,17 +175,18 @@ class ReplayBuffer:
         try:
             arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
         except MemoryError as error:
-            raise TrajectorySizeError(
+            raise LearningError(
                 f"replay: expected memory for {self.capacity} frames of {n_objects} objects "
-                f"(capacity_frames), got none: {error}"
+                f"(capacity_frames), got none: {error}",
+                code="learning.size",
             ) from error
         self.arrays = arrays
 
     def _check_sizes(self, trajectory: Trajectory) -> None:
         steps, found = len(trajectory), trajectory.objects.shape
         if len(found) != 3:
-            raise TrajectorySizeError(
-                f"trajectory: objects: expected three dimensions, got {found}"
+            raise LearningError(
+                f"trajectory: objects: expected three dimensions, got {found}", code="learning.size"
             )
         n_objects = self.arrays["objects"].shape[1] if self.arrays else found[1]
         expected = {
@@ -195,16 +197,19 @@ class ReplayBuffer:
         }
         for name, shape in expected.items():
             if getattr(trajectory, name).shape != shape:
-                raise TrajectorySizeError(
-                    f"trajectory: {name}: expected {shape}, got {getattr(trajectory, name).shape}"
+                raise LearningError(
+                    f"trajectory: {name}: expected {shape}, got {getattr(trajectory, name).shape}",
+                    code="learning.size",
                 )
         if not 1 <= steps < self.capacity:
-            raise TrajectorySizeError(
-                f"trajectory: expected 1 to {self.capacity - 1} steps, got {steps}"
+            raise LearningError(
+                f"trajectory: expected 1 to {self.capacity - 1} steps, got {steps}",
+                code="learning.size",
             )
         if not 0 <= trajectory.hand_index < n_objects:
-            raise TrajectorySizeError(
-                f"trajectory: hand_index: expected one of {n_objects}, got {trajectory.hand_index}"
+            raise LearningError(
+                f"trajectory: hand_index: expected one of {n_objects}, got {trajectory.hand_index}",
+                code="learning.size",
             )
 
     def _write(self, trajectory: Trajectory, program: int, marks: Marks) -> None:

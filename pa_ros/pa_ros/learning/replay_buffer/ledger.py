@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from pa_ros.core.experience import AgentKey, TrajectoryKey
-from pa_ros.learning.errors import SupersededAgentError
+from pa_ros.learning.errors import LearningError
 from pa_ros.world import Trajectory
 
 Intervals = list[tuple[int, int]]  # [first, end) of sequence numbers
@@ -73,12 +73,13 @@ class Ledger:
         return sum(account.missing for account in self.accounts.values())
 
     def check(self, trajectory: Trajectory) -> None:
-        """Raise SupersededAgentError for an agent whose name a later incarnation has taken."""
+        """Raise LearningError for an agent whose name a later incarnation has taken."""
         account = self.accounts.get(trajectory.agent_id)
         if account is not None and trajectory.incarnation < account.incarnation:
-            raise SupersededAgentError(
+            raise LearningError(
                 f"trajectory: expected one agent called {trajectory.agent_id!r}, the one of "
-                f"incarnation {account.incarnation}, got another of {trajectory.incarnation}"
+                f"incarnation {account.incarnation}, got another of {trajectory.incarnation}",
+                code="learning.superseded",
             )
 
     def is_new(self, key: TrajectoryKey) -> bool:
@@ -127,28 +128,17 @@ class Ledger:
     @classmethod
     def from_metadata(cls, values: dict[str, Any]) -> Ledger:
         """The inverse of `to_metadata`; KeyError, TypeError or ValueError if it is not that."""
-        if "next" in values:
-            return cls._of_0_1(values)
         accounts = {
             str(agent_id): Account(
                 int(one["incarnation"]),
                 int(one["next"]),
                 _intervals(one["gaps"]),
-                bool(one.get("taken", True)),
+                bool(one["taken"]),
             )
             for agent_id, one in values["accounts"].items()
         }
-        counts = int(values["duplicates"]), int(values["lost"]), int(values.get("too_old", 0))
+        counts = int(values["duplicates"]), int(values["lost"]), int(values["too_old"])
         return cls(*counts, accounts)
-
-    @classmethod
-    def _of_0_1(cls, values: dict[str, Any]) -> Ledger:
-        """As version 0.1 wrote it, when an agent's name was new at every start."""
-        accounts = {
-            str(agent_id): Account(0, int(following), _intervals(values["missing"][agent_id]))
-            for agent_id, following in values["next"].items()
-        }
-        return cls(int(values["duplicates"]), accounts=accounts)
 
 
 def _intervals(values: Any) -> Intervals:
