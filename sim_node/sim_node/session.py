@@ -221,6 +221,6 @@ class Session:
         return self._naming(Ordered(request.program_id, program), episode)
 
     def _naming(self, ordered: Ordered, episode: Episode) -> Ordered:
-        """The same; NamesNothingError if it names no block of the episode."""
+        """The same; ProgramError if it names no block of the episode."""
         require_target(ordered.program, [block.kind.words for block in episode.blocks], None)
         return ordered

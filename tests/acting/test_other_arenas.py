@@ -25,7 +25,6 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Program
-from pa_ros.language.errors import UnknownWordError
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import FAMILIES
@@ -105,7 +104,7 @@ def test_weights_of_each_world_act_in_the_arenas_of_others_or_refuse_them(family
                 assert f"expected {features} of the arm, got" in str(acted)
             known = {*one.vocabulary.words, *one.relations}
             if family == "programmable" and not {*program.words, program.relation} <= known:
-                assert isinstance(unknown, UnknownWordError)
+                assert unknown.code == "program.unknown_word"
             if family == "canonical" and program.relation not in one.relations:
                 assert isinstance(unknown, NetworkError)
                 assert "expected a relation of" in str(unknown) and str(program) in str(unknown)

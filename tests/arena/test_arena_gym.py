@@ -22,7 +22,6 @@ from pa_ros.arena.errors import CommandError
 from pa_ros.arena.references import scripted_action
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import ProgramError
-from pa_ros.language.errors import NamesNothingError
 
 UNBOUNDED = "ignore:.*Box observation space (min|max)imum value is .*infinity"
 
@@ -211,7 +210,7 @@ def test_an_episodes_program_may_be_asked_for() -> None:
     assert not np.array_equal(seen["program"], other["program"])
     for options, error, said in (
         ({"program": "NEAR(HAND"}, ProgramError, "expected"),
-        ({"program": "NEAR(HAND, A)"}, NamesNothingError, "A"),
+        ({"program": "NEAR(HAND, A)"}, ProgramError, "no such object"),
         ({"programme": "x"}, ConfigError, r"expected 'program' alone, got \['programme'\]"),
         ({1: 2, "a": 3}, ConfigError, r"expected 'program' alone, got \['1', 'a'\]"),
     ):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from helpers.damage import explore
 from pa_ros.arena import design_named
 from pa_ros.language import ProgramError, parse
-from pa_ros.language.limits import MAX_LENGTH
+from pa_ros.language.parser import MAX_LENGTH
 from pa_ros.world.programs import ProgramTable
 
 PROGRAMS = 1_000_000

@@ -9,8 +9,7 @@ import pytest
 
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.language import MIN_MAX, PRODUCT, parse
-from pa_ros.language.logic import LOGICS
+from pa_ros.language import LOGICS, MIN_MAX, PRODUCT, parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.detectors import degrees
 from pa_ros.networks.errors import NetworkError

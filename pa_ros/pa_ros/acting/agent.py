@@ -94,7 +94,7 @@ class Agent:
         self._offer_early(learner)
 
     def check_program(self, program: Program) -> None:
-        """Raise NetworkError or UnknownWordError if the weights at hand cannot be told
+        """Raise NetworkError or ProgramError if the weights at hand cannot be told
         this program."""
         if self._actor is not None:
             network = self._actor.network

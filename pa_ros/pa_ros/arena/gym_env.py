@@ -89,7 +89,7 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         """Next episode; with a seed, episode 0 of that seed.
 
         `options`: {"program": its text} in place of the episode's own. Raises ConfigError for other
-        options, ProgramError for a text that is none, and NamesNothingError for one that names none
+        options, ProgramError for a text that is none, and ProgramError for one that names none
         of the blocks of that episode, which begins all the same.
         """
         if not isinstance(options, (Mapping, type(None))):

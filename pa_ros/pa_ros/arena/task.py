@@ -90,7 +90,7 @@ class ReachTask:
     ) -> tuple[Observation, Verdict]:
         """Score by another program from now on; returns the present step under it.
 
-        Raises NamesNothingError if it names no block that is present; then nothing changes. The id
+        Raises ProgramError if it names no block that is present; then nothing changes. The id
         defaults to one that this episode has not used.
         """
         episode = self.episode

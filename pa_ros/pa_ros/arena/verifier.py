@@ -20,7 +20,7 @@ class Verifier:
         scoring: Scoring,
         may_name_nothing: bool = False,
     ) -> None:
-        """`kinds` are the blocks, objects 1, 2, …; raises NamesNothingError if none is named,
+        """`kinds` are the blocks, objects 1, 2, …; raises ProgramError if none is named,
         unless that may be, and ConfigError for a relation that `scoring` doesn't know."""
         scoring.threshold(program.relation)
         check = satisfying if may_name_nothing else require_target

@@ -75,7 +75,7 @@ class Insight:
         self._vocabulary = network.vocabulary
 
     def look(self, observation: Observation, program: Program | None) -> Look:
-        """Raises UnknownWordError if the program is of another vocabulary."""
+        """Raises ProgramError if the program is of another vocabulary."""
         phi = self._inference.properties(observation.objects, self._world.arm(observation))
         words, row = self._vocabulary.words, self._vocabulary.row
         if program is None:

@@ -1,9 +1,18 @@
-"""The program language: text to tree, what it means, and its flat form. Standard library only."""
+"""The program language: text to tree, its meaning, its flat form. Standard library only."""
 
 from pa_ros.language.errors import ProgramError
-from pa_ros.language.evaluate import degree, relevance, require_target, satisfying
+from pa_ros.language.evaluate import (
+    LOGICS,
+    MIN_MAX,
+    PRODUCT,
+    Logic,
+    degree,
+    logic_named,
+    relevance,
+    require_target,
+    satisfying,
+)
 from pa_ros.language.flat import FlatProgram, compile_program
-from pa_ros.language.logic import LOGICS, MIN_MAX, PRODUCT, Logic, logic_named
 from pa_ros.language.parser import parse
 from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
 from pa_ros.language.vocabulary import Vocabulary

@@ -1,4 +1,4 @@
-"""Why a program was refused: each kind of refusal is a class with its own `code`."""
+"""Rejected programs: one error class with a code, and messages with a caret under the fault."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 from pa_ros.core.errors import PaError
-from pa_ros.language.span import Span, excerpt, location
+from pa_ros.language.syntax import Span
 
 SHOWN_WORDS = 16
 """Words that an "expected" list names before it is cut."""
@@ -14,133 +14,73 @@ SHOWN_WORDS = 16
 SHOWN_CHARACTERS = 32
 """Characters of a received word that a message repeats."""
 
+EXCERPT_WIDTH = 72
+"""Characters of the source that an excerpt shows at most."""
+
+EXCERPT_LEAD = 40
+"""Characters before the caret that an excerpt shows at most."""
+
+SUMMARIES = {
+    "program.empty": "empty program",
+    "program.too_long": "program too long",
+    "program.too_deep": "program too deep",
+    "program.too_large": "program too large",
+    "program.unexpected_character": "unexpected character",
+    "program.unknown_word": "unknown word",
+    "program.wrong_case": "wrong case",
+    "program.arity": "wrong number of arguments",
+    "program.syntax": "syntax error",
+    "program.names_nothing": "no such object",
+}
+"""Every code of a ProgramError, with the words for it in the message."""
+
 
 class ProgramError(PaError):
-    """A program refused. `str()` gives the message and, unless the text is blank, an excerpt
-    with a caret, in ASCII.
+    """A rejected program. `str()` gives the message and, unless the text is blank, an excerpt of
+    the source with a caret, in ASCII.
 
-    Attributes: `source` (the text), `span` (half-open, 0-based characters of the source),
-    `position` (where the span starts), `expected` and `received` (words for people) and
-    `suggestion` (the nearest thing that would do, or None).
+    Attributes: `code` (a key of SUMMARIES), `source` (the text), `span` (the characters at fault),
+    `expected` and `received` (in words) and `suggestion` (the nearest valid word, or None).
     """
-
-    code = "program"
-    summary = "program refused"
 
     def __init__(
         self,
         source: str,
         span: Span,
         *,
+        code: str,
         expected: str,
         received: str,
         suggestion: str | None = None,
     ) -> None:
-        self.source = source
-        self.span = span
-        self.expected = expected
-        self.received = received
-        self.suggestion = suggestion
-        super().__init__(self.message)
+        self.source, self.span = source, span
+        self.expected, self.received, self.suggestion = expected, received, suggestion
+        hint = f"; did you mean {suggestion}?" if suggestion else ""
+        where, summary = _location(source, span.start), SUMMARIES[code]
+        self.message = f"{where}: {summary}: expected {expected}, received {received}{hint}"
+        """One line, without the excerpt."""
+        super().__init__(self.message, code)
 
     @property
     def position(self) -> int:
-        """First refused character, 0-based; the length of the text if something is missing."""
+        """First character at fault, 0-based; the length of the text if something is missing."""
         return self.span.start
-
-    @property
-    def message(self) -> str:
-        """One line, without the excerpt."""
-        hint = f"; did you mean {self.suggestion}?" if self.suggestion else ""
-        where = location(self.source, self.position)
-        return f"{where}: {self.summary}: expected {self.expected}, received {self.received}{hint}"
 
     def __str__(self) -> str:
         blank = not self.source or self.source.isspace()
         return self.message if blank else f"{self.message}\n{excerpt(self.source, self.span)}"
 
 
-class EmptyProgramError(ProgramError):
-    """No characters but white space."""
-
-    code = "program.empty"
-    summary = "empty program"
-
-
-class ProgramTooLongError(ProgramError):
-    """More characters than `limits.MAX_LENGTH`, as sent or in canonical form."""
-
-    code = "program.too_long"
-    summary = "program too long"
-
-
-class ProgramTooDeepError(ProgramError):
-    """Expressions nested deeper than `limits.MAX_DEPTH`."""
-
-    code = "program.too_deep"
-    summary = "program too deep"
-
-
-class ProgramTooLargeError(ProgramError):
-    """More words and operators than `limits.MAX_NODES`."""
-
-    code = "program.too_large"
-    summary = "program too large"
-
-
-class UnexpectedCharacterError(ProgramError):
-    """A character that no program contains, such as a non-ASCII one."""
-
-    code = "program.unexpected_character"
-    summary = "unexpected character"
-
-
-class UnknownWordError(ProgramError):
-    """A word that is neither an operator nor in the vocabulary."""
-
-    code = "program.unknown_word"
-    summary = "unknown word"
-
-
-class WrongCaseError(ProgramError):
-    """A known word that isn't written in upper case."""
-
-    code = "program.wrong_case"
-    summary = "wrong case"
-
-
-class ArityError(ProgramError):
-    """An operator with too few or too many arguments."""
-
-    code = "program.arity"
-    summary = "wrong number of arguments"
-
-
-class ProgramSyntaxError(ProgramError):
-    """Known words and signs in an order that the grammar does not have."""
-
-    code = "program.syntax"
-    summary = "syntax error"
-
-
-class NamesNothingError(ProgramError):
-    """A well-formed program whose target is not in the scene."""
-
-    code = "program.names_nothing"
-    summary = "no such object"
-
-
-def refuse_word(
-    source: str, span: Span, received: str, known: Iterable[str]
-) -> UnknownWordError | WrongCaseError:
-    """Error for a word outside `known`: wrong case if upper-casing it helps, else unknown."""
+def unknown_word(source: str, span: Span, received: str, known: Iterable[str]) -> ProgramError:
+    """An error for a word outside `known`: wrong case if its upper case is known, else unknown."""
     words = tuple(known)
-    kind = WrongCaseError if received.upper() in words else UnknownWordError
+    wrong_case = received.upper() in words
     nearest = difflib.get_close_matches(received.upper(), words, n=1)
-    return kind(
+    return ProgramError(
         source,
         span,
-        expected=one_of(words) if kind is UnknownWordError else received.upper(),
+        code="program.wrong_case" if wrong_case else "program.unknown_word",
+        expected=received.upper() if wrong_case else one_of(words),
         received=repr(shorten(received)),
         suggestion=nearest[0] if nearest else None,
     )
@@ -156,5 +96,37 @@ def one_of(words: Iterable[str]) -> str:
 
 
 def shorten(text: str) -> str:
-    """At most SHOWN_CHARACTERS of a text, with dots for what was cut."""
+    """At most SHOWN_CHARACTERS of a text, with dots for the rest."""
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
+
+
+def _location(source: str, position: int) -> str:
+    """A place in words, 1-based: "column 12", or "line 2, column 12" in text of several lines."""
+    column = position - source.rfind("\n", 0, position)
+    if "\n" not in source:
+        return f"column {column}"
+    return f"line {source.count(chr(10), 0, position) + 1}, column {column}"
+
+
+def excerpt(source: str, span: Span) -> str:
+    """The line in which `span` starts, with a caret line under it.
+
+    Long lines are cut to a window around the caret. The result is printable ASCII for every source,
+    so that it cannot break a terminal, a log or the alignment of the caret.
+    """
+    line_start = source.rfind("\n", 0, span.start) + 1
+    line_end = source.find("\n", span.start)
+    line_end = len(source) if line_end < 0 else line_end
+    left = max(line_start, span.start - EXCERPT_LEAD)
+    right = min(line_end, left + EXCERPT_WIDTH)
+    before = "..." if left > line_start else ""
+    after = "..." if right < line_end else ""
+    shown = before + "".join(map(_printable, source[left:right])) + after
+    tail = "~" * (min(span.end, right) - span.start - 1)
+    return f"  {shown}\n  {' ' * (len(before) + span.start - left)}^{tail}"
+
+
+def _printable(character: str) -> str:
+    if character.isspace():
+        return " "
+    return character if character.isascii() and character.isprintable() else "?"

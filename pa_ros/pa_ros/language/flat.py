@@ -1,16 +1,16 @@
-"""Tree to straight-line code, so that a batch of different programs can run in one pass."""
+"""Compile a tree to straight-line code, so that a batch of different programs runs in one pass."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
 
-from pa_ros.language.evaluate import unknown_word
+from pa_ros.language.evaluate import check_words, foreign_word
 from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
 from pa_ros.language.vocabulary import Vocabulary
 
 NOT, AND, OR, COPY = range(4)
-"""Operations: 1 - x, both, either (language.logic) and x (padding)."""
+"""Operations: 1 - x, both(x, y), either(x, y) (`evaluate.Logic`) and x (padding)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +33,12 @@ class FlatProgram:
 def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
     """Compile a program for the rows of `vocabulary`.
 
-    Its relation is no instruction: p is the same whatever should hold of the objects. Raises
-    UnknownWordError (or WrongCaseError) if the program is of another vocabulary.
+    The relation does not become an instruction, because p does not depend on it. Raises
+    ProgramError (program.unknown_word) if the program is of another vocabulary.
     """
     if program.relation not in vocabulary.relations:
-        raise unknown_word(program, program.relation, vocabulary.relation_row)
-    for word in program.words:
-        if word not in vocabulary.row:
-            raise unknown_word(program, word, vocabulary.row)
+        raise foreign_word(program, program.relation, vocabulary.relation_row)
+    check_words(program, vocabulary.row)
     code = _Code(vocabulary)
     target = code.emit_expression(program.target)
     code.emit(OR, len(vocabulary.words), target)
@@ -49,19 +47,19 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
 
 
 class _Code:
-    """Instructions so far; a dictionary in order of writing, so equal ones are written once."""
+    """Instructions so far and their registers. The dictionary writes equal instructions once."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self._row = vocabulary.row
         self.instructions: dict[tuple[int, int, int], int] = {}
 
     def emit(self, op: int, a: int, b: int) -> int:
-        """Write an instruction unless it is there already; return its register."""
+        """Write an instruction unless an equal one exists; return its register."""
         first = len(self._row) + 1
         return self.instructions.setdefault((op, a, b), first + len(self.instructions))
 
     def emit_expression(self, expression: Expression) -> int:
-        """Write what computes an expression; return the register that will hold it."""
+        """Write the instructions of an expression; return the register of its value."""
         match expression:
             case Word(name):
                 return self._row[name]

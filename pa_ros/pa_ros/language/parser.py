@@ -1,52 +1,110 @@
-"""Tokens to tree: recursive descent, one token ahead. Knows the grammar and no semantics."""
+"""Program text to tree: a tokenizer, then recursive descent with one token ahead.
+
+The parser knows the grammar and the words; `language.evaluate` knows what a program means.
+"""
 
 from __future__ import annotations
 
-from pa_ros.language.errors import (
-    ArityError,
-    EmptyProgramError,
-    ProgramSyntaxError,
-    ProgramTooDeepError,
-    ProgramTooLargeError,
-    ProgramTooLongError,
-    one_of,
-    refuse_word,
-)
-from pa_ros.language.limits import MAX_DEPTH, MAX_LENGTH, MAX_NODES
-from pa_ros.language.span import Span
-from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
-from pa_ros.language.tokens import Kind, Token, tokenize
+import re
+import unicodedata
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+from pa_ros.language.errors import ProgramError, one_of, unknown_word
+from pa_ros.language.syntax import And, Expression, Not, Or, Program, Span, Word
 from pa_ros.language.vocabulary import RESERVED, Vocabulary
+
+# These limits keep hostile text from costing time, memory or stack. The largest program of the
+# paper (novel shape and color, appendix) has 96 characters in canonical form and 17 nodes, and is
+# 5 deep.
+MAX_LENGTH = 4096
+"""Characters of program text, including white space; also of the canonical form."""
+
+MAX_DEPTH = 32
+"""Nested expressions: a word is 1 deep, an operator one deeper than its deepest argument."""
+
+MAX_NODES = 256
+"""Words and operators in the target expression; a flat program has at most as many instructions."""
 
 OPERATORS = ("AND", "OR", "NOT")
 
+Kind = Literal["word", "(", ")", ",", "end"]
+
+_TOKEN = re.compile(r"[A-Za-z0-9_]+|[(),]")
+_REFUSED = re.compile(r"[^A-Za-z0-9_(),\s]", re.ASCII)
+_SIGNS: dict[str, Kind] = {"(": "(", ")": ")", ",": ","}
+
 
 def parse(text: str, vocabulary: Vocabulary) -> Program:
-    """Read a program over the words of `vocabulary`; free ASCII white space.
+    """Parse a program over the words of `vocabulary`; white space between tokens is ignored.
 
-    Raises a ProgramError: for length and characters first, then for the first fault from the left.
+    Raises ProgramError: for length and characters first, then for the first fault from the left.
     """
     if len(text) > MAX_LENGTH:
-        raise _too_long(text, Span(MAX_LENGTH, MAX_LENGTH + 1), f"{len(text)}")
+        end = Span(MAX_LENGTH, MAX_LENGTH + 1)
+        raise _too_large(text, end, "long", f"{MAX_LENGTH} characters", str(len(text)))
     if not text or text.isspace():
         example = f"{vocabulary.relations[0]}(HAND, {vocabulary.words[0]})"
-        raise EmptyProgramError(
-            text, Span(0, 0), expected=f"a program such as {example}", received="nothing"
+        raise ProgramError(
+            text,
+            Span(0, 0),
+            code="program.empty",
+            expected=f"a program such as {example}",
+            received="nothing",
         )
     program = _Parser(text, vocabulary).parse_program()
     if (length := len(str(program))) > MAX_LENGTH:
-        raise _too_long(text, program.span, f"{length} in canonical form")
+        # Otherwise a program would be accepted whose own printed form is rejected.
+        received = f"{length} in canonical form"
+        raise _too_large(text, program.span, "long", f"{MAX_LENGTH} characters", received)
     return program
 
 
-def _too_long(text: str, span: Span, received: str) -> ProgramTooLongError:
-    return ProgramTooLongError(
-        text, span, expected=f"at most {MAX_LENGTH} characters", received=received
+def _too_large(source: str, span: Span, how: str, limit: str, received: str) -> ProgramError:
+    return ProgramError(
+        source, span, code=f"program.too_{how}", expected=f"at most {limit}", received=received
     )
 
 
+class Token(NamedTuple):
+    """A word or sign and its place; the text of the end is empty."""
+
+    kind: Kind
+    text: str
+    span: Span
+
+    def __str__(self) -> str:
+        return "the end of the text" if self.kind == "end" else repr(self.text)
+
+
+def tokenize(source: str) -> Iterator[Token]:
+    """Yield the tokens of `source` from left to right, then one "end" token.
+
+    Raises ProgramError (program.unexpected_character), before any token, for a character that no
+    token contains.
+    """
+    if refused := _REFUSED.search(source):
+        character, position = refused[0], refused.start()
+        name = unicodedata.name(character, "unnamed")
+        # Suggest the ASCII character for full-width signs and letters.
+        plain = unicodedata.normalize("NFKC", character)
+        raise ProgramError(
+            source,
+            Span(position, position + 1),
+            code="program.unexpected_character",
+            expected="ASCII letters, digits, '_', '(', ')' or ','",
+            received=f"U+{ord(character):04X} ({name})",
+            suggestion=repr(plain) if plain != character and not _REFUSED.search(plain) else None,
+        )
+    for match in _TOKEN.finditer(source):
+        text = match[0]
+        yield Token(_SIGNS.get(text, "word"), text, Span(*match.span()))
+    end = len(source.rstrip())
+    yield Token("end", "", Span(end, end))
+
+
 class _Parser:
-    """One reading of one text. The docstring of each `_parse_*` is its rule in EBNF."""
+    """The state of parsing one text. The docstring of each `_parse_*` is its rule in EBNF."""
 
     def __init__(self, source: str, vocabulary: Vocabulary) -> None:
         self._source = source
@@ -74,20 +132,12 @@ class _Parser:
         token = self._token
         self._check_word(token)
         if depth > MAX_DEPTH:
-            raise ProgramTooDeepError(
-                self._source,
-                token.span,
-                expected=f"at most {MAX_DEPTH} nested expressions",
-                received="more",
-            )
+            limit = f"{MAX_DEPTH} nested expressions"
+            raise _too_large(self._source, token.span, "deep", limit, "more")
         self._nodes += 1
         if self._nodes > MAX_NODES:
-            raise ProgramTooLargeError(
-                self._source,
-                token.span,
-                expected=f"at most {MAX_NODES} words and operators",
-                received="more",
-            )
+            limit = f"{MAX_NODES} words and operators"
+            raise _too_large(self._source, token.span, "large", limit, "more")
         self._advance()
         if token.text in OPERATORS:
             return self._parse_operation(token, depth)
@@ -127,14 +177,14 @@ class _Parser:
         return tuple(items), self._take(")")
 
     def _check_word(self, token: Token) -> None:
-        """Refuse a token that starts no expression."""
+        """Reject a token that cannot start an expression."""
         if token.kind == "word" and token.text in ("HAND", *self._vocabulary.relations):
             raise self._unexpected(f"{self._words()} ({token.text} is not a property)")
         if token.kind != "word":
             raise self._unexpected(self._words())
         known = (*self._vocabulary.words, *OPERATORS)
         if token.text not in known:
-            raise refuse_word(self._source, token.span, token.text, known)
+            raise unknown_word(self._source, token.span, token.text, known)
 
     def _words(self) -> str:
         return one_of((*self._vocabulary.words, *OPERATORS))
@@ -142,7 +192,7 @@ class _Parser:
     def _take_keyword(self, *keywords: str) -> Token:
         known = {*self._vocabulary.words, *self._vocabulary.relations, *RESERVED}
         if self._token.kind == "word" and self._token.text not in known:
-            raise refuse_word(self._source, self._token.span, self._token.text, keywords)
+            raise unknown_word(self._source, self._token.span, self._token.text, keywords)
         if self._token.text not in keywords:
             raise self._unexpected(one_of(keywords))
         return self._advance()
@@ -158,16 +208,18 @@ class _Parser:
             self._token = next(self._tokens)
         return token
 
-    def _unexpected(self, expected: str) -> ProgramSyntaxError:
-        return ProgramSyntaxError(
-            self._source, self._token.span, expected=expected, received=str(self._token)
+    def _unexpected(self, expected: str) -> ProgramError:
+        token = self._token
+        return ProgramError(
+            self._source, token.span, code="program.syntax", expected=expected, received=str(token)
         )
 
-    def _wrong_arity(self, name: str, start: Token, received: int, closing: Token) -> ArityError:
+    def _wrong_arity(self, name: str, start: Token, received: int, closing: Token) -> ProgramError:
         takes = {"NOT": "1 argument", "AND": "2 arguments or more", "OR": "2 arguments or more"}
-        return ArityError(
+        return ProgramError(
             self._source,
             Span(start.span.start, closing.span.end),
+            code="program.arity",
             expected=f"{takes.get(name, '2 arguments')} to {name}",
             received=str(received),
         )

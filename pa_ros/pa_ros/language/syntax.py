@@ -1,16 +1,26 @@
-"""The tree of a program. Frozen and hashable; spans are carried along but never compared."""
+"""The tree of a program. Nodes are frozen and hashable; spans are carried but never compared."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language.span import NOWHERE, Span
 
 NEAR = "NEAR"
 """The paper's relation."""
+
+
+class Span(NamedTuple):
+    """Characters `start` (included) to `end` (excluded) of a text, both 0-based."""
+
+    start: int
+    end: int
+
+
+NOWHERE = Span(0, 0)
+"""Span of a node that was built without a text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +36,7 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Not:
-    """The objects that `operand` doesn't describe: NOT(RED)."""
+    """The objects that `operand` does not describe: NOT(RED)."""
 
     operand: Expression
     span: Span = field(default=NOWHERE, compare=False, repr=False)
@@ -68,10 +78,10 @@ Expression: TypeAlias = Word | Not | And | Or
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """The hand should be in a relation to an object that `target` describes: NEAR it (paper, eq.
-    program-example), or what else `pa_ros.world.relations` knows.
+    """A goal: the hand is in a relation, such as NEAR, to an object that `target` describes.
 
-    `str()` gives the canonical text; parsing that gives an equal program.
+    The paper has NEAR alone (eq. program-example); `pa_ros.world.relations` contains all relations.
+    `str()` gives the canonical text, which parses to an equal program.
     """
 
     target: Expression
@@ -89,7 +99,7 @@ class Program:
 
 
 def walk(expression: Expression) -> Iterator[Expression]:
-    """Yield an expression and all it is made of, from left to right, outer before inner."""
+    """Yield an expression and all its parts, from left to right, outer before inner."""
     pending = [expression]
     while pending:
         node = pending.pop()

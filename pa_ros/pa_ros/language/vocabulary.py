@@ -6,15 +6,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language.limits import MAX_RELATIONS
 from pa_ros.language.syntax import NEAR
 
 RESERVED = frozenset({"HAND", "AND", "OR", "NOT"})
 
+MAX_RELATIONS = 16
+"""Relations that the programs of one world may use."""
+
 
 @dataclass(frozen=True)
 class WordGroup:
-    """Words of which exactly one is true of an object: "shape", CUBE, SPHERE."""
+    """Words of which exactly one is true of each object, such as CUBE and SPHERE of "shape"."""
 
     name: str
     words: tuple[str, ...]
@@ -33,8 +35,8 @@ class Vocabulary:
     """Property words by group; the order fixes the rows of Φ.
 
     Each object has exactly one property of each group (paper, "Learned grounding"), so the
-    detectors of a group are coupled by one softmax. `relations` are the ones that programs may ask
-    for, in the order of their embeddings.
+    detectors of a group are coupled by one softmax. Programs may use `relations`; their order is
+    the order of the embeddings.
     """
 
     groups: tuple[WordGroup, ...]
@@ -64,11 +66,11 @@ class Vocabulary:
         return cls(tuple(WordGroup(name, tuple(words)) for name, words in groups.items()))
 
     def asking(self, *relations: str) -> Vocabulary:
-        """The same words for programs of these relations."""
+        """The same words with other relations."""
         return Vocabulary(self.groups, relations)
 
     def __getitem__(self, group: str) -> tuple[str, ...]:
-        """Words of a group; ConfigError names the known ones."""
+        """Words of a group; ConfigError lists the known groups."""
         for one in self.groups:
             if one.name == group:
                 return one.words
@@ -97,11 +99,10 @@ class Vocabulary:
 
     @cached_property
     def relation_row(self) -> dict[str, int]:
-        """Number of each relation."""
+        """Index of each relation."""
         return {relation: i for i, relation in enumerate(self.relations)}
 
     @property
     def relation_inputs(self) -> int:
-        """Relations that networks are told apart: none where programs ask for one alone."""
-        several = len(self.relations)
-        return several if several > 1 else 0
+        """Inputs of the networks that say which relation a program has; 0 if there is only one."""
+        return len(self.relations) if len(self.relations) > 1 else 0

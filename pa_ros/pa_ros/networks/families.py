@@ -73,7 +73,7 @@ class Family(ABC):
 
     @abstractmethod
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
-        """NetworkError if the networks cannot be told this program, UnknownWordError if
+        """NetworkError if the networks cannot be told this program, ProgramError if
         they know not all of its words."""
 
     def detects(self, critic: bool) -> bool:

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from pa_ros.language.logic import PRODUCT, Logic
+from pa_ros.language import PRODUCT, Logic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import NOTHING
 from pa_ros.networks.properties import TrueProperties, input_scales

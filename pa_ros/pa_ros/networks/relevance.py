@@ -8,9 +8,8 @@ from functools import lru_cache
 import torch
 from torch import Tensor
 
-from pa_ros.language.evaluate import check_hand
+from pa_ros.language import PRODUCT, Logic
 from pa_ros.language.flat import AND, NOT, OR
-from pa_ros.language.logic import PRODUCT, Logic
 from pa_ros.world.programs import COEFFICIENTS, ProgramTable
 
 Joined = Callable[[int, Tensor, Tensor], Tensor]
@@ -34,11 +33,9 @@ def relevant_objects(
     [B, K, L] for p [B, K, N], K programs for each Φ. Any number of leading dimensions will do, as
     long as those of `phi` are the first of the programs'. p of the hand is 1, to rounding. All on
     one device; no loop over samples, one step for each of the L instructions.
-    Raises ConfigError if `hand_index` is not one of the N objects.
     """
     lead, length = op.shape[:-1], op.shape[-1]
     words, objects = phi.shape[-2:]
-    check_hand(hand_index, objects)
     phi = phi.reshape(*phi.shape[:-2], *[1] * (len(lead) - phi.dim() + 2), words, objects)
     hand = (torch.arange(objects, device=phi.device) == hand_index).to(phi)
     registers = torch.cat(  # [B, K, V + 1, N], a row more after each instruction

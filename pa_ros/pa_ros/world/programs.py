@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pa_ros.language.evaluate import check_hand
 from pa_ros.language.flat import AND, COPY, NOT, OR, FlatProgram, compile_program
 from pa_ros.language.syntax import Program
 from pa_ros.language.vocabulary import Vocabulary
@@ -55,7 +54,7 @@ class ProgramTable:
     def add(self, program: Program) -> int:
         """Return the row of a program, adding it unless an equal one is there.
 
-        Raises UnknownWordError if the program is of another vocabulary.
+        Raises ProgramError if the program is of another vocabulary.
         """
         if program not in self._rows:
             self._flat.append(compile_program(program, self.vocabulary))
@@ -88,12 +87,10 @@ def crisp(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_
 
     `truth` is [V, N] or [B, V, N], true properties as bool or 0 and 1 (rows of words that name
     nothing are zero). Returns [P, N] or [B, P, N]; False for the hand, even under NOT(RED).
-    Raises ConfigError if `hand_index` is not one of the N objects.
     """
     op, a, b = arrays
     rows = np.moveaxis(np.asarray(truth) > 0.5, -2, 0)  # [V, B, N]
     words, (programs, length) = len(rows), op.shape
-    check_hand(hand_index, rows.shape[-1])
     registers = np.zeros((programs, words + 1 + length, *rows.shape[1:]), dtype=bool)
     registers[:, :words] = rows  # register V, HAND, stays False, so that OR(HAND, e) = e
     every = np.arange(programs)

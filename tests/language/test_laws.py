@@ -20,7 +20,7 @@ from pa_ros.language import (
     relevance,
     satisfying,
 )
-from pa_ros.language.limits import MAX_DEPTH, MAX_LENGTH, MAX_NODES
+from pa_ros.language.parser import MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from pa_ros.language.syntax import walk
 
 VOCABULARY = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "GREEN", "A"))
@@ -50,7 +50,7 @@ def degrees(expression: Expression, phi: list[list[float]]) -> list[float]:
 
 @given(expressions)
 @relaxed
-def test_parsing_what_was_printed_gives_it_back(target: Expression) -> None:
+def test_parsing_the_printed_form_gives_an_equal_program(target: Expression) -> None:
     program = Program(target)
     assume(sum(1 for _ in walk(target)) <= MAX_NODES and depth(target) <= MAX_DEPTH)
     parsed = parse(str(program), VOCABULARY)
@@ -60,7 +60,7 @@ def test_parsing_what_was_printed_gives_it_back(target: Expression) -> None:
 
 @given(expressions, st.data())
 @relaxed
-def test_white_space_means_nothing(target: Expression, data: st.DataObject) -> None:
+def test_white_space_is_ignored(target: Expression, data: st.DataObject) -> None:
     text = str(Program(target)).replace(" ", "")
     loose = "".join(data.draw(space) + c + data.draw(space) if c in "()," else c for c in text)
     assume(len(loose) <= MAX_LENGTH)
@@ -69,7 +69,7 @@ def test_white_space_means_nothing(target: Expression, data: st.DataObject) -> N
 
 @given(expressions)
 @relaxed
-def test_spans_hold_the_text_of_their_node(target: Expression) -> None:
+def test_the_span_of_each_node_contains_its_text(target: Expression) -> None:
     text = str(Program(target))
     program = parse(text, VOCABULARY)
     for node in (program, *walk(program.target)):
@@ -80,7 +80,7 @@ def test_spans_hold_the_text_of_their_node(target: Expression) -> None:
 @example("\ud800")
 @example("NEAR(HAND, \u202eRED)")
 @relaxed
-def test_any_text_is_a_program_or_a_refusal_inside_it(text: str) -> None:
+def test_any_text_is_a_program_or_is_rejected_at_a_place_inside_it(text: str) -> None:
     try:
         program = parse(text, VOCABULARY)
     except ProgramError as error:
@@ -93,7 +93,7 @@ def test_any_text_is_a_program_or_a_refusal_inside_it(text: str) -> None:
 
 @given(expressions, st.data())
 @relaxed
-def test_a_program_with_a_character_missing_still_gets_a_verdict(
+def test_a_program_without_one_character_is_parsed_or_rejected(
     target: Expression, data: st.DataObject
 ) -> None:
     text = str(Program(target))
@@ -160,7 +160,7 @@ def test_min_and_max_make_a_lattice(
 
 @given(st.lists(expressions, min_size=3, max_size=5), soft)
 @relaxed
-def test_many_operands_mean_what_pairs_from_the_left_mean(
+def test_many_operands_equal_pairs_from_the_left(
     operands: list[Expression], phi: list[list[float]]
 ) -> None:
     for operator in (And, Or):
