@@ -9,7 +9,7 @@ from pa_ros.acting.agent import Agent
 from pa_ros.core.experience import Observation
 from pa_ros.language import Program
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
 
 
 class Acting(Protocol):

@@ -14,8 +14,8 @@ from pa_ros.acting.velocity import VelocityRamp
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.wire import codec
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.views import encode_point, encode_velocities
 
 WATCH_S = 0.05  # wall time
 
@@ -82,8 +82,8 @@ class Adapter:
         elapsed, self._ramped_at = min(now - self._ramped_at, arena.control_period), now
         velocity = ramp.towards(action, elapsed)
         if not self._trajectory:
-            self._out.publish(codec.encode_velocities(velocity))
+            self._out.publish(encode_velocities(velocity))
             return
         period_s = arena.control_period
         target = self._position + velocity * period_s
-        self._out.publish(codec.encode_point(arena.joint_names, target, velocity, period_s))
+        self._out.publish(encode_point(arena.joint_names, target, velocity, period_s))

@@ -18,10 +18,19 @@ from pa_ros.language import Program, parse
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
-from pa_ros.wire.records import ProgramRequest as Request
+from pa_ros.wire import Message
+from pa_ros.wire.program import (
+    GoalProgress,
+    GoalResult,
+    ProgramGoal,
+    decode_goal,
+    decode_program_status,
+    encode_goal_feedback,
+    encode_goal_result,
+    encode_program,
+)
+from pa_ros.wire.program import ProgramRequest as Request
+from pa_ros.wire.step import arena_of, decode_verdict
 from pa_ros.world.labels import labels
 
 FEEDBACK_S = 0.2  # wall time
@@ -78,7 +87,7 @@ class ProgramGoals:
 
     def _on_status(self, message: Message) -> None:
         current = self._current
-        judgement = codec.decode_program_status(message)
+        judgement = decode_program_status(message)
         if current is None or judgement.program_id != current.request.program_id:
             return
         if judgement.node == self._node.get_fully_qualified_name():
@@ -106,13 +115,13 @@ class ProgramGoals:
 
     def _start(self, goal: Goal) -> None:
         try:
-            wanted = codec.decode_goal(goal.request)
+            wanted = decode_goal(goal.request)
             self._check(wanted.text)
         except PaError as error:
             self._refusals.refuse(EXECUTE_PROGRAM[0], error)
             position = int(getattr(error, "position", -1))
             refused = GoalResult(False, code=error.code, reason=str(error), position=position)
-            goal.abort(codec.encode_goal_result(refused))
+            goal.abort(encode_goal_result(refused))
             return
         if self._current is not None:
             self._finish(self._current.goal.abort, code=ENDED["replaced"][0], reason="another goal")
@@ -133,10 +142,10 @@ class ProgramGoals:
         assert self._current is not None
         self._current.sent_at = time.monotonic()
         self._current.arena = self._heard
-        self._program_out.publish(codec.encode_program(self._current.request))
+        self._program_out.publish(encode_program(self._current.request))
 
     def _on_verdict(self, message: Message) -> None:
-        self._heard, current = codec.arena_of(message), self._current
+        self._heard, current = arena_of(message), self._current
         if current is None:
             return
         if current.sent_at is None:
@@ -147,7 +156,7 @@ class ProgramGoals:
         if self._heard != current.arena:
             self._lose(current, f"verdicts of the arena {current.arena!r}", repr(self._heard))
             return
-        verdict = codec.decode_verdict(message)
+        verdict = decode_verdict(message)
         execution = current.watch.observe(verdict)
         if verdict.program_id == current.request.program_id:
             current.verdict = verdict
@@ -182,7 +191,7 @@ class ProgramGoals:
         unheard = current.sent_at is not None and not current.judged
         if unheard and time.monotonic() - (current.sent_at or 0.0) > RESEND_S:
             self._send()
-        current.goal.feedback(codec.encode_goal_feedback(self._progress(current)))
+        current.goal.feedback(encode_goal_feedback(self._progress(current)))
 
     def _lose(self, current: _Pursuit, expected: str, got: str) -> None:
         """The arena that was to execute the program is not there any more."""
@@ -225,4 +234,4 @@ class ProgramGoals:
         self._node.destroy_timer(self._timer)
         distance = current.verdict.distance if current.verdict else float("inf")
         result = GoalResult(success, distance, reached_s, code, reason, position)
-        end(Message(codec.encode_goal_result(result)))
+        end(Message(encode_goal_result(result)))

@@ -29,9 +29,21 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.learners import LEARNER_ID, Learners
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.listening import listening_clock
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import JointCommand, Message
-from pa_ros.wire.records import ArenaDescription, Command, Health
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info
+from pa_ros.wire.diagnostics import Health, encode_provenance
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.learning import decode_learner_info, decode_weights, encode_trajectory
+from pa_ros.wire.program import decode_program
+from pa_ros.wire.step import (
+    Command,
+    StepMessages,
+    arena_of,
+    decode_context,
+    decode_observation,
+    decode_verdict,
+    encode_command,
+)
 
 PARTS = {  # of a step
     "features": topics.OBJECT_FEATURES,
@@ -64,7 +76,7 @@ class AgentNode(ManagedNode):
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
         self._handled = -1  # stamp of the newest step taken in
         self._command: Command | None = None  # the newest sent
-        self._message = JointCommand()  # filled anew for each
+        self._sent = StepMessages()  # filled again for each command
         self._commands = self._trajectories = 0
         self._core_s = 0.0  # spent in the policy itself
         self._reported = (0, 0.0)  # commands and core_s at the last report
@@ -101,7 +113,7 @@ class AgentNode(ManagedNode):
         self._provenance = topics.PROVENANCE.publisher(self)
         parameters, name = self.config.flat(), self.get_fully_qualified_name()
         account = origin(name, self.agent_id, self.config.seed, parameters=parameters)
-        self._provenance.publish(codec.encode_provenance(account))
+        self._provenance.publish(encode_provenance(account))
 
     def _make_subscriptions(self) -> None:
         callbacks: list[tuple[topics.Topic, Callable[[Message], None]]] = [
@@ -120,7 +132,7 @@ class AgentNode(ManagedNode):
     # What the arena says
 
     def _on_arena(self, message: Message) -> None:
-        arena = codec.decode_arena_info(message)
+        arena = decode_arena_info(message)
         before = self._arenas.current
         if self._arenas.announce(arena):
             self._belong(before)
@@ -142,13 +154,13 @@ class AgentNode(ManagedNode):
         if not self.active:
             return
         before = self._arenas.current
-        if self._arenas.step(codec.arena_of(message)):
+        if self._arenas.step(arena_of(message)):
             self._belong(before)
         if before is None:
             return  # arena_info is on its way; the arena repeats a step that nobody answers
         self._watch.heard()
         try:
-            step = self._matcher.add(part, codec.header_stamp(message), message)
+            step = self._matcher.add(part, header_stamp(message), message)
             if step is not None:
                 self._on_step(step)
                 self._watch.took_in()
@@ -159,19 +171,19 @@ class AgentNode(ManagedNode):
     def _on_step(self, parts: dict[str, Message]) -> None:
         arena = self._arenas.current
         assert arena is not None
-        observation = codec.decode_observation(
+        observation = decode_observation(
             parts["features"], parts["joints"], arena.joint_names, arena.world.object_features
         )
         if observation.stamp_ns == self._handled:
             self._answer_again()
             return
-        context = codec.decode_context(parts["features"], len(arena.joint_names))
+        context = decode_context(parts["features"], len(arena.joint_names))
         self._watch.idle = not context.program
         self._watch.executed(context.executed, self.agent.key)
         if not context.program:
             return  # nothing is to be done yet
         program = self._programs.in_force(observation.program_id, context.program)
-        verdict = codec.decode_verdict(parts["verdict"]) if "verdict" in parts else None
+        verdict = decode_verdict(parts["verdict"]) if "verdict" in parts else None
         step = Step(
             observation,
             program,
@@ -187,7 +199,7 @@ class AgentNode(ManagedNode):
         self.seen = observation, program
         if trajectory is not None:
             self._trajectories += 1
-            self._transitions_out.publish(codec.encode_trajectory(trajectory))
+            self._transitions_out.publish(encode_trajectory(trajectory))
         self._act()
 
     def _act(self) -> None:
@@ -209,7 +221,7 @@ class AgentNode(ManagedNode):
         self._command = Command(*answered, *made, sent.command.incarnation, sent.command.number)
         self._commands += 1
         self._watch.progress()
-        self._commands_out.publish(codec.encode_command(self._command, self._message))
+        self._commands_out.publish(encode_command(self._command, self._sent.command))
         if self._components.adapter is not None:
             self._components.adapter.send(sent.action, self.seen[0])
 
@@ -229,7 +241,7 @@ class AgentNode(ManagedNode):
     def _answer_again(self) -> None:
         """The arena repeats a step: the answer was lost, or there was none."""
         if self._command is not None and self._command.stamp_ns == self._handled:
-            self._commands_out.publish(codec.encode_command(self._command))
+            self._commands_out.publish(encode_command(self._command))
         else:
             self._act()
 
@@ -237,7 +249,7 @@ class AgentNode(ManagedNode):
 
     def _on_program(self, message: Message) -> None:
         if self.active:  # else the step that is under it will say so
-            self._programs.hear(codec.decode_program(message))
+            self._programs.hear(decode_program(message))
 
     @property
     def arena(self) -> ArenaDescription | None:
@@ -245,7 +257,7 @@ class AgentNode(ManagedNode):
         return self._arenas.current
 
     def _on_learner(self, message: Message) -> None:
-        if self._learners.announce(codec.decode_learner_info(message)):
+        if self._learners.announce(decode_learner_info(message)):
             self._follow()
 
     def hear(self, health: Health) -> None:
@@ -267,7 +279,7 @@ class AgentNode(ManagedNode):
     def _on_policy(self, message: Message) -> None:
         arena = self._arenas.current
         digest = arena.world.digest if arena is not None else None
-        policy = codec.decode_weights(message, digest)
+        policy = decode_weights(message, digest)
         if self._learners.weights(policy.learner_id):
             self._follow()
         self.agent.offer(policy)
@@ -278,7 +290,7 @@ class AgentNode(ManagedNode):
         late = self._watch.idle_s > self.config.resend_period_s
         if self.active and isinstance(self.agent, LearningAgent):
             for trajectory in self.agent.overdue(late):
-                self._transitions_out.publish(codec.encode_trajectory(trajectory))
+                self._transitions_out.publish(encode_trajectory(trajectory))
 
     # Health
 

@@ -9,8 +9,8 @@ from rclpy.node import Node
 from agent_node.acting import Acting
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.views import encode_outlines
 
 LOOK_S = 0.5  # wall time; how soon someone who looks is noticed
 
@@ -39,4 +39,4 @@ class Outlines:
             return
         p = self._acting.agent.relevance(*seen)
         blocks = [degree for i, degree in enumerate(p) if i != seen[0].hand_index]
-        self._out.publish(codec.encode_outlines(message, blocks))
+        self._out.publish(encode_outlines(message, blocks))

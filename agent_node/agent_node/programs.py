@@ -11,9 +11,9 @@ from agent_node.acting import Acting
 from pa_ros.language import Program, Vocabulary, parse
 from pa_ros.ros import topics
 from pa_ros.ros.programs import Pace, judge
-from pa_ros.wire import codec
-from pa_ros.wire.errors import ProgramIdError
-from pa_ros.wire.records import ArenaDescription, ProgramRequest
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.program import ProgramRequest, encode_program_status
 
 REMEMBERED = 256
 EARLY = 32  # programs kept that are heard before the arena is known
@@ -61,7 +61,7 @@ class Programs:
     def _judge(self, book: ProgramBook, request: ProgramRequest) -> None:
         name, stamp_ns = self._node.get_fully_qualified_name(), max(self._stamp_ns(), 0)
         judgement = judge(request, name, stamp_ns, book.accept, self._acting.refusals)
-        self._status_out.publish(codec.encode_program_status(judgement))
+        self._status_out.publish(encode_program_status(judgement))
 
 
 class ProgramBook:
@@ -78,15 +78,13 @@ class ProgramBook:
 
     def accept(self, request: ProgramRequest) -> str:
         """Remember a program; its canonical text. Raises ProgramError if it isn't one, a PaError
-        if it cannot be acted on, ProgramIdError if its id stands for another."""
+        if it cannot be acted on, WireError if its id stands for another."""
         program = parse(request.text, self.vocabulary)
         text = str(program)
         bound = self._texts.get(request.program_id, text)
         if bound != text:
-            raise ProgramIdError(
-                f"program_id: expected another one than {request.program_id!r}, which stands for "
-                f"{bound}, got {text} under it"
-            )
+            expected = f"another one than {request.program_id!r}, which means {bound}"
+            raise WireError("program_id", expected, text, code="program.id_taken")
         self.note(request.program_id, text)
         self._check(program)
         return text

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agent_node.errors import StaleObservationError
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
 
 KEPT = 8  # incomplete steps; in lockstep there are two at most
 

@@ -12,8 +12,10 @@ from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
 from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
-from pa_ros.wire.records import Command
+from pa_ros.wire.arena import decode_arena_info
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.program import decode_program, encode_program_status
+from pa_ros.wire.step import Command, decode_context, decode_observation, encode_command
 
 
 class Controller(Node):
@@ -34,31 +36,31 @@ class Controller(Node):
             topic.subscribe(self, self.refusals.guard(topic.name, react))
 
     def on_arena(self, message) -> None:
-        self.arena = codec.decode_arena_info(message)
+        self.arena = decode_arena_info(message)
         self.book = ProgramBook(self.arena.world.vocabulary)
         self.steps.restart()
 
     def on_program(self, message) -> None:
         if self.book is not None:
             name = self.get_fully_qualified_name()
-            request = codec.decode_program(message)
+            request = decode_program(message)
             answer = judge(request, name, 0, self.book.accept, self.refusals)
-            self.status.publish(codec.encode_program_status(answer))
+            self.status.publish(encode_program_status(answer))
 
     def on_part(self, part, message) -> None:
         if self.arena is None:
             return
-        step = self.steps.add(part, codec.header_stamp(message), message)
+        step = self.steps.add(part, header_stamp(message), message)
         if step is None:
             return  # its other half is on its way
         names = self.arena.joint_names
-        seen = codec.decode_observation(step["features"], step["joints"], names)
-        text = codec.decode_context(step["features"], len(names)).program
+        seen = decode_observation(step["features"], step["joints"], names)
+        text = decode_context(step["features"], len(names)).program
         if text:  # [J], shares of the joints' speed limits
             action = self.policy.act(seen, self.book.program(text))
             answered = seen.episode, seen.step, seen.stamp_ns
             command = Command(*answered, "my-controller", self.policy.version, action, 1, seen.step)
-            self.commands.publish(codec.encode_command(command))
+            self.commands.publish(encode_command(command))
 
     def close(self) -> None:
         pass

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from pa_ros.core.experience import Observation
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import PoseStamped
-from pa_ros.wire.records import StepContext
+from pa_ros.wire.arena import decode_arena_info
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.program import decode_program_status
+from pa_ros.wire.step import StepContext, decode_joints, encode_observation
+from pa_ros.wire.views import decode_pose
 from pa_ros.world.poses import objects_from_poses
 
 OLDEST_S = 0.5  # of a pose; without newer ones the agent gets nothing to act on, and the arm holds
@@ -41,15 +44,15 @@ class FeaturesFromPoses(Node):
             topic.subscribe(self, self.refusals.guard(topic.name, react))
 
     def on_arena(self, message) -> None:
-        self.arena = codec.decode_arena_info(message)
+        self.arena = decode_arena_info(message)
 
     def on_judged(self, message) -> None:
-        status = codec.decode_program_status(message)
+        status = decode_program_status(message)
         if status.node == self.driver and status.accepted:
             self.program = status.program_id, status.canonical
 
     def on_pose(self, name, message) -> None:
-        frame, pose = codec.decode_pose(message)
+        frame, pose = decode_pose(message)
         self.poses = self.poses if frame == self.frame else {}  # all of one frame
         self.frame, self.poses[name] = frame, (time.monotonic(), pose)
 
@@ -63,10 +66,10 @@ class FeaturesFromPoses(Node):
         objects = objects_from_poses(self.arena.world.schema, [*self.labels.values()], seen)
         (program_id, text), names = self.program, self.arena.joint_names
         self.step += 1
-        when, joints = codec.header_stamp(message), codec.decode_joints(message, names)
+        when, joints = header_stamp(message), decode_joints(message, names)
         step = Observation(0, self.step, when, objects, *joints, 0, program_id, seen[0])
         context = StepContext(self.arena.arena_id, program=text)
-        self.features.publish(codec.encode_observation(step, names, context)[0])
+        self.features.publish(encode_observation(step, names, context)[0])
 
     def close(self) -> None:
         pass

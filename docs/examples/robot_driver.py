@@ -11,9 +11,9 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.node_main import run_node
 from pa_ros.ros.programs import judge
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
-from pa_ros.wire.records import ProgramRequest, StepContext
-from pa_ros.wire.robots import ENDLESS, describe_robot
+from pa_ros.wire.arena import ENDLESS, describe_robot, encode_arena_info
+from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
+from pa_ros.wire.step import StepContext, decode_command, encode_observation, encode_verdict
 
 
 class Driver(Node):
@@ -33,7 +33,7 @@ class Driver(Node):
         self.verdicts, self.status = (
             topic.publisher(self) for topic in (topics.VERDICT, topics.PROGRAM_STATUS)
         )
-        self.info.publish(codec.encode_arena_info(self.about))
+        self.info.publish(encode_arena_info(self.about))
         self.refusals = Refusals(self.get_logger().warning)
         for topic, react in (
             (topics.JOINT_COMMANDS, self.on_command),
@@ -43,10 +43,10 @@ class Driver(Node):
         steady_timer(self, 0.1, self.step)
 
     def on_program(self, message) -> None:
-        request = codec.decode_program(message)
+        request = decode_program(message)
         name, stamp_ns = self.get_fully_qualified_name(), self.seen.stamp_ns
         answer = judge(request, name, stamp_ns, self.accept, self.refusals)
-        self.status.publish(codec.encode_program_status(answer))
+        self.status.publish(encode_program_status(answer))
 
     def accept(self, request: ProgramRequest) -> str:
         program = parse(request.text, self.words)
@@ -55,17 +55,17 @@ class Driver(Node):
         return self.program
 
     def on_command(self, message) -> None:
-        self.command = codec.decode_command(message)
+        self.command = decode_command(message)
 
     def step(self) -> None:
         command, self.command = self.command, None  # without a fresh one the arm holds
         share = np.zeros(len(self.speeds)) if command is None else np.clip(command.action, -1, 1)
         self.seen, self.verdict = self.robot.step(share * np.array(list(self.speeds.values())))
         context = StepContext(self.about.arena_id, program=self.program or "")
-        features, joints = codec.encode_observation(self.seen, tuple(self.speeds), context)
+        features, joints = encode_observation(self.seen, tuple(self.speeds), context)
         self.joints.publish(joints)
         self.features.publish(features)
-        self.verdicts.publish(codec.encode_verdict(self.verdict, arena_id=self.about.arena_id))
+        self.verdicts.publish(encode_verdict(self.verdict, arena_id=self.about.arena_id))
 
     def close(self) -> None:
         pass

@@ -25,10 +25,12 @@ from pa_ros.ros.health import ERROR, PROGRESS_S, WARN
 from pa_ros.ros.learners import LEARNER_ID
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.listening import listening_clock
-from pa_ros.wire import codec
-from pa_ros.wire.errors import ArenaFactError, RewardError, WireError, WorldError
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info
+from pa_ros.wire.diagnostics import encode_provenance
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.learning import decode_trajectory, encode_learner_info, encode_weights
+from pa_ros.wire.step import arena_of
 from pa_ros.world import reward_from
 
 WATCH_S = 0.5
@@ -138,7 +140,7 @@ class LearnerNode(ManagedNode):
         return "" if self.worker is None else self.worker.trouble
 
     def _on_arena(self, message: Message) -> None:
-        arena = codec.decode_arena_info(message)
+        arena = decode_arena_info(message)
         changed = self._arenas.announce(arena)
         if self.active and (self.worker is None or changed):
             self._belong(arena)
@@ -152,7 +154,7 @@ class LearnerNode(ManagedNode):
     def _on_step(self, message: Message) -> None:
         """Until something was learned: which arena is there, and not only said to be."""
         try:
-            changed = self._arenas.step(codec.arena_of(message))
+            changed = self._arenas.step(arena_of(message))
         except OtherArenaError:  # of a fleet, perhaps
             return
         if changed and self.active and self._arenas.current is not None:
@@ -176,8 +178,8 @@ class LearnerNode(ManagedNode):
             self._failure, self._failed_at = error, time.monotonic()
             raise
         origin = self.worker.origin(self.get_fully_qualified_name())
-        self._provenance.publish(codec.encode_provenance(origin))
-        self._announcement.publish(codec.encode_learner_info(self.worker.run.info))
+        self._provenance.publish(encode_provenance(origin))
+        self._announcement.publish(encode_learner_info(self.worker.run.info))
         self.get_logger().info(
             f"run {self.worker.run.info.run_id}: design {arena.design}, arm {arena.arm}, "
             f"{arena.preset}, protocol {self.config.protocol}, {self.worker.engine} updates by "
@@ -203,7 +205,7 @@ class LearnerNode(ManagedNode):
             self._early.append(message)
             return
         try:
-            trajectory = codec.decode_trajectory(message, self.worker.world)
+            trajectory = decode_trajectory(message, self.worker.world)
         except PaError as error:
             self._watch.refused(f"trajectories: {error}")
             raise
@@ -217,7 +219,7 @@ class LearnerNode(ManagedNode):
             self._watch.refused(f"trajectories: {error}")
 
     def _publish(self, policy: PublishedPolicy) -> None:
-        self._weights.publish(codec.encode_weights(policy))
+        self._weights.publish(encode_weights(policy))
 
     def _look(self) -> None:
         if self.worker is None:
@@ -284,12 +286,12 @@ class LearnerNode(ManagedNode):
 
 def _check_facts(learner: LearnerInfo, arena: ArenaDescription) -> None:
     """Raise a WireError unless an arena is one that the learner's experience may come from."""
-    facts: list[tuple[str, object, object, type[WireError]]] = [
-        ("world_digest", learner.world_digest, arena.world.digest, WorldError),
-        ("reward", learner.reward, arena.reward, RewardError),
-        ("control_period", learner.control_period, arena.control_period, ArenaFactError),
-        ("thresholds", learner.thresholds, arena.thresholds, ArenaFactError),
+    facts: list[tuple[str, object, object, str]] = [
+        ("world_digest", learner.world_digest, arena.world.digest, "wire.world"),
+        ("reward", learner.reward, arena.reward, "wire.reward"),
+        ("control_period", learner.control_period, arena.control_period, "wire.arena_fact"),
+        ("thresholds", learner.thresholds, arena.thresholds, "wire.arena_fact"),
     ]
-    for name, ours, theirs, refusal in facts:
+    for name, ours, theirs, code in facts:
         if ours != theirs:
-            raise refusal(f"arena_info.{name} of {arena.arena_id!r}", ours, theirs)
+            raise WireError(f"arena_info.{name} of {arena.arena_id!r}", ours, theirs, code)

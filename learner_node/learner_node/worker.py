@@ -23,7 +23,8 @@ from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.run import LearningRun
 from pa_ros.learning.turns import Turns
 from pa_ros.provenance.origins import learner_origin
-from pa_ros.wire.records import ArenaDescription, Origin
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.diagnostics import Origin
 from pa_ros.world import Scoring, Trajectory, reward_from
 
 DRAIN_S = 3.0  # their agents may be gone, and then nobody sends again what waits

@@ -13,7 +13,7 @@ from pa_ros.core.body import Body
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
+from pa_ros.wire.views import encode_camera_info, encode_image
 from sim_node.services import Steered
 
 FRAME = "camera_optical_frame"
@@ -66,6 +66,6 @@ class CameraView:
 
     def _publish(self, stamp_ns: int) -> None:
         size = self._config.width, self._config.height
-        self._image.publish(codec.encode_image(self._camera.picture(), FRAME, stamp_ns))
-        self._info.publish(codec.encode_camera_info(self._matrix, *size, FRAME, stamp_ns))
+        self._image.publish(encode_image(self._camera.picture(), FRAME, stamp_ns))
+        self._info.publish(encode_camera_info(self._matrix, *size, FRAME, stamp_ns))
         self.pictures += 1

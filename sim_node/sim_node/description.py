@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from pa_ros.arena import generate, training_programs
 from pa_ros.provenance import origins
-from pa_ros.wire.records import ArenaDescription, Mode, Origin
+from pa_ros.wire.arena import ArenaDescription, Mode
+from pa_ros.wire.diagnostics import Origin
 from sim_node.session import Session
 
 __all__ = ["describe", "origin"]

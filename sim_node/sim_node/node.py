@@ -16,9 +16,25 @@ from pa_ros.ros.health import OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.programs import Pace, judge
 from pa_ros.ros.rivals import Commanders
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ProgramJudgement, ProgramRequest, ResetRequest, StepContext
+from pa_ros.wire import Message
+from pa_ros.wire.arena import encode_arena_info
+from pa_ros.wire.diagnostics import encode_provenance
+from pa_ros.wire.program import (
+    ProgramRequest,
+    ProgramStatus,
+    decode_program,
+    encode_program,
+    encode_program_status,
+)
+from pa_ros.wire.services import ResetRequest
+from pa_ros.wire.step import (
+    StepContext,
+    StepMessages,
+    decode_command,
+    encode_clock,
+    encode_observation,
+    encode_verdict,
+)
 from sim_node.components import Components
 from sim_node.config import SimConfig
 from sim_node.description import describe, origin
@@ -44,7 +60,7 @@ class SimNode(ManagedNode):
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
         self._announced: Ordered | None = None
-        self._sent = codec.StepMessages()
+        self._sent = StepMessages()
         self._sent_at = -math.inf
         self._listened = False
         self._rate = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
@@ -90,10 +106,10 @@ class SimNode(ManagedNode):
         self._info = self._authority.publisher(topics.ARENA_INFO)
         about = describe(self.session)
         self._joint_names = about.joint_names
-        self._info.publish(codec.encode_arena_info(about))
+        self._info.publish(encode_arena_info(about))
         self._provenance = topics.PROVENANCE.publisher(self)
         account = origin(self.session, self.get_fully_qualified_name())
-        self._provenance.publish(codec.encode_provenance(account))
+        self._provenance.publish(encode_provenance(account))
 
     def _make_subscriptions(self) -> None:
         command = topics.JOINT_COMMANDS
@@ -105,7 +121,7 @@ class SimNode(ManagedNode):
     # One control step
 
     def _on_command(self, message: Message) -> None:
-        command = codec.decode_command(message, self.session.arena.joints)
+        command = decode_command(message, self.session.arena.joints)
         self._commanders.note(AgentKey(command.agent_id, command.incarnation))
         if self.paused or not self.active:
             self.check_active()
@@ -138,15 +154,13 @@ class SimNode(ManagedNode):
         arena_id, evaluation = self.session.arena_id, frame.evaluation
         context = StepContext(arena_id, evaluation, frame.executed, frame.program)
         sent = self._sent
-        features, joints = codec.encode_observation(observation, self._joint_names, context, sent)
+        features, joints = encode_observation(observation, self._joint_names, context, sent)
         self._joints.publish(joints)
         self._features.publish(features)
         if self._verdict.get_subscription_count():  # greedy agents need none
-            self._verdict.publish(
-                codec.encode_verdict(frame.verdict, evaluation, arena_id, sent.verdict)
-            )
+            self._verdict.publish(encode_verdict(frame.verdict, evaluation, arena_id, sent.verdict))
         if self._clock_topic.get_subscription_count():
-            self._clock_topic.publish(codec.encode_clock(observation.stamp_ns, sent.clock))
+            self._clock_topic.publish(encode_clock(observation.stamp_ns, sent.clock))
         self._sent_at = time.monotonic()
 
     def _send_again(self) -> None:
@@ -164,19 +178,19 @@ class SimNode(ManagedNode):
         if program is not self._announced and program is not None:
             if self.session.program_ids.is_own(program.program_id):
                 request = ProgramRequest(program.program_id, program.text)
-                self._program.publish(codec.encode_program(request))
-                ours = ProgramJudgement(
+                self._program.publish(encode_program(request))
+                ours = ProgramStatus(
                     request.program_id,
                     self.get_fully_qualified_name(),
                     True,
                     canonical=request.text,
                     stamp_ns=self.session.frame.observation.stamp_ns,
                 )
-                self._status.publish(codec.encode_program_status(ours))  # latched, for who is late
+                self._status.publish(encode_program_status(ours))  # latched, for who is late
         self._announced = program
 
     def _on_program(self, message: Message) -> None:
-        request = codec.decode_program(message)
+        request = decode_program(message)
         if self.session.program_ids.is_echo(request.program_id, request.text):
             return
         self.check_active()
@@ -187,7 +201,7 @@ class SimNode(ManagedNode):
         judgement = judge(
             request, self.get_fully_qualified_name(), stamp_ns, self.session.submit, self.refusals
         )
-        self._status.publish(codec.encode_program_status(judgement))
+        self._status.publish(encode_program_status(judgement))
         if idle and judgement.accepted:
             self._send(self.session.frame)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 
-from pa_ros.wire.errors import ProgramIdError
+from pa_ros.wire.errors import WireError
 
 REMEMBERED = 4096
 
@@ -25,18 +25,14 @@ class ProgramIds:
         self._remember(program_id, text)
 
     def bind(self, program_id: str, text: str) -> None:
-        """Someone's program is accepted. Raises ProgramIdError if the id is not free for it."""
+        """Someone's program is accepted. Raises WireError if the id is not free for it."""
         if self.is_own(program_id):
-            raise ProgramIdError(
-                f"program_id: expected one that does not begin with {self._prefix!r}, which is "
-                f"for the programs that this arena draws, got {program_id!r}"
-            )
+            expected = f"one that does not begin with {self._prefix!r}: the arena's own ids do"
+            raise WireError("program_id", expected, program_id, code="program.id_taken")
         bound = self._texts.get(program_id, text)
         if bound != text:
-            raise ProgramIdError(
-                f"program_id: expected another one than {program_id!r}, which stands for {bound}, "
-                f"got {text} under it"
-            )
+            expected = f"another one than {program_id!r}, which means {bound}"
+            raise WireError("program_id", expected, text, code="program.id_taken")
         self._remember(program_id, text)
 
     def is_echo(self, program_id: str, text: str) -> bool:

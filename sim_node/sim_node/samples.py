@@ -6,8 +6,7 @@ from rclpy.node import Node
 
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.wire import codec
-from pa_ros.wire.records import StepContext
+from pa_ros.wire.step import StepContext, encode_observation, encode_verdict
 from sim_node.description import describe
 from sim_node.services import Steered
 
@@ -29,7 +28,7 @@ class Samples:
             return
         session, frame = self._arena.session, self._arena.session.frame
         context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
-        features, joints = codec.encode_observation(frame.observation, self._joint_names, context)
-        verdict = codec.encode_verdict(frame.verdict, frame.evaluation, session.arena_id)
+        features, joints = encode_observation(frame.observation, self._joint_names, context)
+        verdict = encode_verdict(frame.verdict, frame.evaluation, session.arena_id)
         for part, message in (("joints", joints), ("features", features), ("verdict", verdict)):
             self._publishers[part].publish(message)

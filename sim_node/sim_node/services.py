@@ -10,9 +10,16 @@ from rclpy.node import Node
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Outcome, ResetRequest
+from pa_ros.wire import Message
+from pa_ros.wire.services import (
+    Outcome,
+    ResetRequest,
+    decode_pause,
+    decode_reset,
+    decode_speed,
+    decode_steps,
+    encode_outcome,
+)
 from sim_node.session import Session
 
 
@@ -49,10 +56,10 @@ class ArenaServices:
     def __init__(self, node: Node, arena: Steered, refusals: Refusals) -> None:
         self._arena, self._refusals = arena, refusals
         services: list[tuple[tuple[str, Any], Callable[[Message], None]]] = [
-            (topics.RESET, lambda m: arena.begin(codec.decode_reset(m))),
-            (topics.STEP_SERVICE, lambda m: arena.hold(codec.decode_steps(m))),
-            (topics.PAUSE, lambda m: arena.pause(codec.decode_pause(m))),
-            (topics.SPEED, lambda m: arena.set_speed(codec.decode_speed(m))),
+            (topics.RESET, lambda m: arena.begin(decode_reset(m))),
+            (topics.STEP_SERVICE, lambda m: arena.hold(decode_steps(m))),
+            (topics.PAUSE, lambda m: arena.pause(decode_pause(m))),
+            (topics.SPEED, lambda m: arena.set_speed(decode_speed(m))),
         ]
         for (name, kind), act in services:
             node.create_service(kind, name, self._answering(name, act), qos_profile=topics.SERVICE)
@@ -70,7 +77,7 @@ class ArenaServices:
             except PaError as error:
                 self._refusals.refuse(name, error)
                 outcome = self._outcome(False, error.code, str(error))
-            return Message(codec.encode_outcome(response, outcome))
+            return Message(encode_outcome(response, outcome))
 
         return answer
 

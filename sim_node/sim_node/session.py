@@ -14,7 +14,9 @@ from pa_ros.arena import Episode, EpisodeError, ReachTask, generate
 from pa_ros.core.experience import Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
-from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
+from pa_ros.wire.program import ProgramRequest, program_id_of
+from pa_ros.wire.services import ResetRequest
+from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
 from sim_node.config import LAST_EPISODE, SimConfig
 from sim_node.errors import NoProgramError, StaleCommandError
@@ -117,7 +119,7 @@ class Session:
 
         Where none was in force, the step that stands is the first one under it. Raises, with
         nothing changed, ProgramError if it is not a program or names no block here, and
-        ProgramIdError if its id has another meaning.
+        WireError if its id has another meaning.
         """
         assert self.task.episode is not None
         program = self._checked(request, self.task.episode)

@@ -12,9 +12,8 @@ from pa_ros.core.body import Body
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ResetRequest
+from pa_ros.wire import Message
+from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.simulator import (
     ALREADY_IN_TARGET_STATE,
     INVALID_POSE,
@@ -22,6 +21,20 @@ from pa_ros.wire.simulator import (
     Scope,
     SimState,
     SpawnCode,
+    decode_entity,
+    decode_filters,
+    decode_scope,
+    decode_simulation_state,
+    decode_simulation_steps,
+    decode_spawning,
+    decode_state_change,
+    encode_entities,
+    encode_entity,
+    encode_features,
+    encode_result,
+    encode_simulation_state,
+    encode_spawnables,
+    encode_spawned,
 )
 from sim_node.entities import Entities, label
 from sim_node.errors import SimulatorError
@@ -59,7 +72,7 @@ class SimulatorServices:
             guarded = self._answering(name, answer, invalid.get(name, ResultCode.OPERATION_FAILED))
             node.create_service(kind, name, guarded)
         name, kind = topics.GET_SIMULATOR_FEATURES  # the same in every state
-        node.create_service(kind, name, lambda _, response: codec.encode_features(response, ABOUT))
+        node.create_service(kind, name, lambda _, response: encode_features(response, ABOUT))
         SteppingAction(node, arena, refusals)
 
     def _answering(self, name: str, answer: Answer, invalid: int) -> Answer:
@@ -73,7 +86,7 @@ class SimulatorServices:
                 self._refusals.refuse(name, error)
                 code = getattr(error, "result", ResultCode.OPERATION_FAILED)
                 code = invalid if isinstance(error, SceneError) else code
-                return codec.encode_result(response, code, str(error))
+                return encode_result(response, code, str(error))
 
         return respond
 
@@ -90,10 +103,10 @@ class SimulatorServices:
         return SimState.STOPPED if self._stopped_at == self._stamp_ns else SimState.PAUSED
 
     def _get_state(self, _request: Message, response: Any) -> Any:
-        return _ok(codec.encode_simulation_state(response, self._state))
+        return _ok(encode_simulation_state(response, self._state))
 
     def _set_state(self, request: Message, response: Any) -> Any:
-        wanted = codec.decode_simulation_state(request)
+        wanted = decode_simulation_state(request)
         if wanted not in tuple(SimState):
             text = f"set_simulation_state.state: expected one of {list(map(int, SimState))}"
             raise SimulatorError(f"{text}, got {wanted}", ResultCode.FEATURE_UNSUPPORTED)
@@ -108,11 +121,11 @@ class SimulatorServices:
         return _ok(response)
 
     def _step(self, request: Message, response: Any) -> Any:
-        self._arena.hold(codec.decode_simulation_steps(request))
+        self._arena.hold(decode_simulation_steps(request))
         return _ok(response)
 
     def _reset(self, request: Message, response: Any) -> Any:
-        scope = codec.decode_scope(request)
+        scope = decode_scope(request)
         whole = scope in (Scope.DEFAULT, Scope.ALL)
         if not whole and scope & ~(Scope.STATE | Scope.SPAWNED):
             text = "reset_simulation.scope: expected all, STATE (2), SPAWNED (4) or their sum"
@@ -136,26 +149,26 @@ class SimulatorServices:
     def _get_spawnables(self, _request: Message, response: Any) -> Any:
         kinds = self._entities.spawnable()
         described = {uri: f"a {label(kind)}" for uri, kind in kinds.items()}
-        return _ok(codec.encode_spawnables(response, described))
+        return _ok(encode_spawnables(response, described))
 
     def _spawn(self, request: Message, response: Any) -> Any:
-        name = self._entities.spawn(codec.decode_spawning(request))
-        return _ok(codec.encode_spawned(response, name))
+        name = self._entities.spawn(decode_spawning(request))
+        return _ok(encode_spawned(response, name))
 
     def _delete(self, request: Message, response: Any) -> Any:
-        self._entities.delete(codec.decode_entity(request))
+        self._entities.delete(decode_entity(request))
         return _ok(response)
 
     def _get_entities(self, request: Message, response: Any) -> Any:
-        found = self._entities.matching(codec.decode_filters(request))
-        return _ok(codec.encode_entities(response, found, self._stamp_ns))
+        found = self._entities.matching(decode_filters(request))
+        return _ok(encode_entities(response, found, self._stamp_ns))
 
     def _get_entity(self, request: Message, response: Any) -> Any:
-        entity = self._entities.named(codec.decode_entity(request))
-        return _ok(codec.encode_entity(response, entity, self._stamp_ns))
+        entity = self._entities.named(decode_entity(request))
+        return _ok(encode_entity(response, entity, self._stamp_ns))
 
     def _set_entity(self, request: Message, response: Any) -> Any:
-        change = codec.decode_state_change(request)
+        change = decode_state_change(request)
 
         def changed(body: Body) -> Body:
             pose, twist = change.pose or body, change.twist or body
@@ -166,4 +179,4 @@ class SimulatorServices:
 
 
 def _ok(response: Any, message: str = "") -> Any:
-    return codec.encode_result(response, ResultCode.OK, message)
+    return encode_result(response, ResultCode.OK, message)

@@ -10,9 +10,13 @@ from pa_ros.core.errors import PaError
 from pa_ros.ros.actions import SIMULATE_STEPS, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.simulator import ResultCode
+from pa_ros.wire import Message
+from pa_ros.wire.simulator import (
+    ResultCode,
+    decode_simulation_steps,
+    encode_steps_feedback,
+    encode_steps_result,
+)
 from sim_node.errors import SimulatorError
 
 TURN_S = 0.001  # wall time between two steps, in which the node serves others
@@ -41,7 +45,7 @@ class SteppingAction:
     def _start(self, goal: Goal) -> None:
         try:
             self._arena.check_active()
-            steps = codec.decode_simulation_steps(goal.request)
+            steps = decode_simulation_steps(goal.request)
             if self._goal is not None:
                 text = f"simulate_steps: expected one goal at a time, got one while at {self._done}"
                 raise SimulatorError(text, ResultCode.OPERATION_FAILED)
@@ -63,16 +67,16 @@ class SteppingAction:
             self._refuse(goal, error)
             return
         self._done += 1
-        goal.feedback(Message(codec.encode_steps_feedback(self._done, self._steps - self._done)))
+        goal.feedback(Message(encode_steps_feedback(self._done, self._steps - self._done)))
         if self._done == self._steps:
             self._end()
-            goal.succeed(Message(codec.encode_steps_result(ResultCode.OK)))
+            goal.succeed(Message(encode_steps_result(ResultCode.OK)))
 
     def _cancel(self, goal: Goal) -> None:
         if goal is self._goal:
             text = f"cancelled after {self._done} of {self._steps} steps"
             self._end()
-            goal.cancel(Message(codec.encode_steps_result(ResultCode.OPERATION_FAILED, text)))
+            goal.cancel(Message(encode_steps_result(ResultCode.OPERATION_FAILED, text)))
 
     def _end(self) -> None:
         self._goal = None
@@ -80,5 +84,5 @@ class SteppingAction:
 
     def _refuse(self, goal: Goal, error: PaError) -> None:
         self._refusals.refuse(SIMULATE_STEPS[0], error)
-        failed = codec.encode_steps_result(ResultCode.OPERATION_FAILED, str(error))
+        failed = encode_steps_result(ResultCode.OPERATION_FAILED, str(error))
         goal.abort(Message(failed))

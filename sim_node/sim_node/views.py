@@ -7,7 +7,7 @@ from rclpy.node import Node
 from pa_ros.arena.urdf import urdf
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.wire import codec
+from pa_ros.wire.views import encode_markers, encode_text, encode_transform
 from sim_node.camera import FRAME, CameraView
 from sim_node.entities import Entities, solids
 from sim_node.services import Steered
@@ -37,15 +37,15 @@ class Views:
             self._described = True  # the model is there only once an episode has begun
             arena, model = self._session.arena, self._session.task.simulation.model
             description = urdf(model, arena.arm, arena.joint_speed_limits)
-            self._description.publish(codec.encode_text(description))
+            self._description.publish(encode_text(description))
         stamp_ns = self._session.frame.observation.stamp_ns
         if self._transforms.get_subscription_count():
             shown = {entity.name: entity.body for entity in self._entities.matching()}
             if self._camera is not None:
                 shown[FRAME] = self._camera.pose
             for name, body in shown.items():
-                self._transforms.publish(codec.encode_transform(name, body, stamp_ns))
+                self._transforms.publish(encode_transform(name, body, stamp_ns))
         if self._markers.get_subscription_count():
             blocks = solids(self._session.task.simulation.model, self._entities.matching()[1:])
-            self._markers.publish(codec.encode_markers(blocks, stamp_ns, self._shown))
+            self._markers.publish(encode_markers(blocks, stamp_ns, self._shown))
             self._shown = len(blocks)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pa_ros.wire.records import Command
+from pa_ros.wire.step import Command
 from sim_node.errors import NoProgramError, StaleCommandError
 from sim_node.session import Frame, Session
 

@@ -10,7 +10,7 @@ from helpers.recordings import written
 from pa_ros.cli.main import main
 from pa_ros.cli.send import print_answers, result_text
 from pa_ros.tools.send import Answers
-from pa_ros.wire.records import GoalResult, ProgramJudgement
+from pa_ros.wire.program import GoalResult, ProgramStatus
 
 CLEAR = "\x1b[2J"  # clears a terminal
 
@@ -34,8 +34,8 @@ def test_what_nodes_answer(capsys: pytest.CaptureFixture[str]):
     print_answers(
         Answers(
             {
-                "a": ProgramJudgement("1", "a", True, canonical=kind),
-                kind: ProgramJudgement("1", kind, False, code=kind, reason=f"RED\n ^~~{CLEAR}"),
+                "a": ProgramStatus("1", "a", True, canonical=kind),
+                kind: ProgramStatus("1", kind, False, code=kind, reason=f"RED\n ^~~{CLEAR}"),
             }
         )
     )

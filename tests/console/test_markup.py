@@ -6,7 +6,7 @@ from pa_ros.arena import design_named
 from pa_ros.console import markup
 from pa_ros.console.history import History
 from pa_ros.core.experience import Verdict
-from pa_ros.wire.records import ProgramJudgement
+from pa_ros.wire.program import ProgramStatus
 
 VOCABULARY = design_named("3-D").vocabulary
 HTML = "<img src=x onerror=alert(1)>"
@@ -15,7 +15,7 @@ HTML = "<img src=x onerror=alert(1)>"
 def test_html_is_shown_as_text():
     history = History()
     history.add("id", HTML)
-    history.judge(ProgramJudgement("id", HTML, True))
+    history.judge(ProgramStatus("id", HTML, True))
     for shown in (history.html(), markup.reading(HTML, VOCABULARY), markup.quiet(HTML)):
         assert "<img" not in shown
     assert "&lt;img" in history.html()
@@ -49,7 +49,7 @@ def test_a_program_is_followed_until_it_is_satisfied():
     history.add("other", "NEAR(HAND, BLUE)", note="no such thing")
     history.add("id", "NEAR(HAND, RED)")
     assert "nobody has answered" in history.html() and not history.pending
-    history.judge(ProgramJudgement("id", "/sim_node", True))
+    history.judge(ProgramStatus("id", "/sim_node", True))
     assert "accepted by /sim_node" in history.html() and history.pending
     history.observe([verdict(step, step >= 15) for step in range(40)])
     assert "satisfied after 1.5 s" in history.html() and not history.pending
@@ -59,6 +59,6 @@ def test_a_program_is_followed_until_it_is_satisfied():
 def test_a_refusal_is_the_last_word():
     history = History()
     history.add("id", "NEAR(HAND, GREEN)")
-    history.judge(ProgramJudgement("id", "/agent_node", True))
-    history.judge(ProgramJudgement("id", "/sim_node", False, code="x", reason="none is\nthere"))
+    history.judge(ProgramStatus("id", "/agent_node", True))
+    history.judge(ProgramStatus("id", "/sim_node", False, code="x", reason="none is\nthere"))
     assert "refused: none is<" in history.html() and not history.pending

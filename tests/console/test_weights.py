@@ -10,8 +10,8 @@ from pa_ros.console.weights import AgentWeights
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
-from pa_ros.wire import codec
-from pa_ros.wire.records import Origin
+from pa_ros.wire.diagnostics import Origin, encode_provenance
+from pa_ros.wire.learning import encode_weights
 
 
 def test_the_newest_of_a_learner_is_shown_and_of_another_learner_its_first() -> None:
@@ -23,11 +23,11 @@ def test_the_newest_of_a_learner_is_shown_and_of_another_learner_its_first() -> 
     weights = AgentWeights(node, "", Refusals(print))
     parameters = {"weights": "topic", "checkpoint": ""}
     origin = Origin("/agent_node", "a", "1", "{}", 0, parameters)
-    heard[PROVENANCE.name](codec.encode_provenance(origin))
+    heard[PROVENANCE.name](encode_provenance(origin))
     weights.attend()
 
     def hear(policy: PublishedPolicy) -> Any:
-        heard[POLICY_WEIGHTS.name](codec.encode_weights(policy))
+        heard[POLICY_WEIGHTS.name](encode_weights(policy))
         return weights.insight
 
     newest = hear(published(3000))

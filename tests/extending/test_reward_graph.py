@@ -14,8 +14,8 @@ from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
-from pa_ros.wire import codec
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info
+from pa_ros.wire.learning import decode_learner_info, decode_weights
 from pa_ros.world import reward_from
 
 EXTENSIONS = [str(EXAMPLES / "reward.py")]
@@ -35,11 +35,11 @@ def test_the_arena_announces_it_and_the_learner_learns_from_it(tmp_path: Path) -
     }
     with Supervisor(tmp_path) as supervisor, client_node("watch") as node:
         for topic, take in (
-            (topics.ARENA_INFO, lambda m: arenas.append(codec.decode_arena_info(m))),
-            (topics.LEARNER_INFO, lambda m: learners.append(codec.decode_learner_info(m))),
+            (topics.ARENA_INFO, lambda m: arenas.append(decode_arena_info(m))),
+            (topics.LEARNER_INFO, lambda m: learners.append(decode_learner_info(m))),
             (
                 topics.POLICY_WEIGHTS,
-                lambda m: versions.append(codec.decode_weights(m).snapshot.version),
+                lambda m: versions.append(decode_weights(m).snapshot.version),
             ),
         ):
             node.create_subscription(topic.type, topic.name, take, topic.reader)

@@ -14,6 +14,7 @@ from agent_node.programs import ProgramBook
 from helpers import learners
 from helpers.damage import damaged, explore
 from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
+from msgs_schema.srv import Reset, SetSpeed, Step
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.answer import Load
 from pa_ros.acting.learning_agent import LearningAgent
@@ -25,9 +26,42 @@ from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Reset, SetSpeed, Step
-from pa_ros.wire.records import Health, Origin, ProgramJudgement, ProgramRequest, StepContext
+from pa_ros.wire.arena import decode_arena_info, encode_arena_info
+from pa_ros.wire.diagnostics import (
+    Health,
+    Origin,
+    decode_diagnostics,
+    decode_provenance,
+    encode_diagnostics,
+    encode_provenance,
+)
+from pa_ros.wire.learning import (
+    decode_learner_info,
+    decode_trajectory,
+    decode_weights,
+    encode_learner_info,
+    encode_trajectory,
+    encode_weights,
+)
+from pa_ros.wire.program import (
+    ProgramRequest,
+    ProgramStatus,
+    decode_program,
+    decode_program_status,
+    encode_program,
+    encode_program_status,
+)
+from pa_ros.wire.services import decode_reset, decode_speed, decode_steps
+from pa_ros.wire.step import (
+    StepContext,
+    decode_command,
+    decode_context,
+    decode_observation,
+    decode_verdict,
+    encode_command,
+    encode_observation,
+    encode_verdict,
+)
 from pa_ros.world import reward_from
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
@@ -35,7 +69,7 @@ from pa_ros.world.world import World
 MESSAGES = 100_000  # of all kinds together
 OBSERVATION, VERDICT, COMMAND = sample_step()
 EXECUTED = Executed(COMMAND.key, COMMAND.action)
-FEATURES, JOINTS = codec.encode_observation(
+FEATURES, JOINTS = encode_observation(
     OBSERVATION, JOINT_NAMES, StepContext("arena", False, EXECUTED, "NEAR(HAND, RED)")
 )
 SETTINGS = DPGConfig().changed(
@@ -43,11 +77,11 @@ SETTINGS = DPGConfig().changed(
 )
 WORLD = World(PAPER, PAPER.vocabulary, joints=6)
 ORIGIN = Origin("/sim_node", "a", "0.2", "numpy 2", 0, {"a": 1}, "2-L", "jaco", "fast", WORLD)
-JUDGEMENT = ProgramJudgement("p", "/sim_node", True, "NEAR(HAND, RED)")
+JUDGEMENT = ProgramStatus("p", "/sim_node", True, "NEAR(HAND, RED)")
 
 
 def arena(message: Any) -> None:
-    described = codec.decode_arena_info(message)
+    described = decode_arena_info(message)
     words = described.world.vocabulary
     ProgramBook(words).accept(ProgramRequest("p", f"NEAR(HAND, {words.words[0]})"))
     assert 0 < described.control_period < math.inf
@@ -56,29 +90,29 @@ def arena(message: Any) -> None:
 
 
 def features(message: Any) -> None:
-    seen = codec.decode_observation(message, JOINTS, JOINT_NAMES)
+    seen = decode_observation(message, JOINTS, JOINT_NAMES)
     assert np.isfinite(seen.objects).all()
-    context = codec.decode_context(message)
+    context = decode_context(message)
     assert context.executed is None or np.isfinite(context.executed.action).all()
 
 
 def joints(message: Any) -> None:
-    assert np.isfinite(WORLD.arm(codec.decode_observation(FEATURES, message, JOINT_NAMES))).all()
+    assert np.isfinite(WORLD.arm(decode_observation(FEATURES, message, JOINT_NAMES))).all()
 
 
 def command(message: Any) -> None:
-    assert np.isfinite(codec.decode_command(message).action).all()
+    assert np.isfinite(decode_command(message).action).all()
 
 
 def learner(message: Any) -> None:
     agent = LearningAgent(ME, 0)
-    agent.follow(codec.decode_learner_info(message), FACTS)
+    agent.follow(decode_learner_info(message), FACTS)
     agent.answer()
 
 
 def weights(message: Any) -> None:
     """By an agent that has none yet, and by one that follows a learner."""
-    policy = codec.decode_weights(message)
+    policy = decode_weights(message)
     _acts(Agent(ME), policy)
     follower = LearningAgent(ME, 0)
     follower.follow(LEARNER, FACTS)
@@ -94,7 +128,7 @@ def _acts(agent: Agent, policy: Any) -> None:
 
 def trajectory(message: Any) -> None:
     """By a learner, which then still learns from what is good, and from finite numbers."""
-    received = codec.decode_trajectory(message, learners.WORLD)
+    received = decode_trajectory(message, learners.WORLD)
     network = replace_words(NETWORK)
     run = LearningRun(Learner(network, SETTINGS, learners.ARENA.training_programs, 0), 0.1)
     before = run.learner.counters.version
@@ -111,33 +145,33 @@ def replace_words(network: NetworkConfig) -> NetworkConfig:
 
 
 def program(message: Any) -> None:
-    request = codec.decode_program(message)
+    request = decode_program(message)
     assert request.program_id
     parse(request.text, learners.DESIGN.vocabulary)
 
 
 DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
-    "arena_info": (codec.encode_arena_info(learners.ARENA), arena),
+    "arena_info": (encode_arena_info(learners.ARENA), arena),
     "object_features": (FEATURES, features),
     "joint_states": (JOINTS, joints),
-    "verdict": (codec.encode_verdict(VERDICT), codec.decode_verdict),
-    "joint_command": (codec.encode_command(COMMAND), command),
-    "learner_info": (codec.encode_learner_info(LEARNER), learner),
+    "verdict": (encode_verdict(VERDICT), decode_verdict),
+    "joint_command": (encode_command(COMMAND), command),
+    "learner_info": (encode_learner_info(LEARNER), learner),
     "policy_weights": (
-        codec.encode_weights(replace(published(1, 1), latest=TrajectoryKey(*ME, 0))),
+        encode_weights(replace(published(1, 1), latest=TrajectoryKey(*ME, 0))),
         weights,
     ),
-    "trajectory": (codec.encode_trajectory(learners.trajectory(0)), trajectory),
-    "program": (codec.encode_program(ProgramRequest("p", "NEAR(HAND, RED)")), program),
-    "program_status": (codec.encode_program_status(JUDGEMENT), codec.decode_program_status),
-    "provenance": (codec.encode_provenance(ORIGIN), codec.decode_provenance),
+    "trajectory": (encode_trajectory(learners.trajectory(0)), trajectory),
+    "program": (encode_program(ProgramRequest("p", "NEAR(HAND, RED)")), program),
+    "program_status": (encode_program_status(JUDGEMENT), decode_program_status),
+    "provenance": (encode_provenance(ORIGIN), decode_provenance),
     "diagnostics": (
-        codec.encode_diagnostics([Health("/a", 1, "x", {"k": "v"})], 5),
-        codec.decode_diagnostics,
+        encode_diagnostics([Health("/a", 1, "x", {"k": "v"})], 5),
+        decode_diagnostics,
     ),
-    "reset": (Reset.Request(episode=3), codec.decode_reset),
-    "step": (Step.Request(steps=3), codec.decode_steps),
-    "speed": (SetSpeed.Request(real_time_factor=1.0), codec.decode_speed),
+    "reset": (Reset.Request(episode=3), decode_reset),
+    "step": (Step.Request(steps=3), decode_steps),
+    "speed": (SetSpeed.Request(real_time_factor=1.0), decode_speed),
 }
 
 

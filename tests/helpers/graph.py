@@ -30,9 +30,11 @@ from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, Health, Outcome
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info
+from pa_ros.wire.diagnostics import Health, decode_diagnostics
+from pa_ros.wire.learning import decode_weights
+from pa_ros.wire.services import Outcome, decode_outcome
 from pa_ros.world import Trajectory
 from sim_node.session import Session
 
@@ -55,7 +57,7 @@ class Probe(Node):
         def receive(message: Any) -> None:
             messages.append(message)
             if topic is topics.DIAGNOSTICS:
-                self.health |= {h.name: h for h in codec.decode_diagnostics(message)}
+                self.health |= {h.name: h for h in decode_diagnostics(message)}
 
         self.create_subscription(topic.type, topic.name, receive, topic.reader)
 
@@ -96,7 +98,7 @@ class Probe(Node):
         assert self.until(client.service_is_ready)
         future = client.call_async(request)
         assert self.until(future.done), f"{service[0]}: no answer"
-        return codec.decode_outcome(future.result())
+        return decode_outcome(future.result())
 
 
 @contextmanager
@@ -143,13 +145,13 @@ def learned_over_the_graph(
     arenas: list[ArenaDescription] = []
 
     def receive(message: Message) -> None:
-        snapshot = codec.decode_weights(message).snapshot
+        snapshot = decode_weights(message).snapshot
         if snapshot.version >= version:
             policies.append(snapshot)
 
     with Supervisor(folder) as supervisor, client_node("watch") as node:
         topics.POLICY_WEIGHTS.subscribe(node, receive)
-        topics.ARENA_INFO.subscribe(node, lambda m: arenas.append(codec.decode_arena_info(m)))
+        topics.ARENA_INFO.subscribe(node, lambda m: arenas.append(decode_arena_info(m)))
         start_nodes(supervisor, given, folder, compose=compose)
         heard = lambda: bool(policies and arenas)  # noqa: E731
         assert watch(node, supervisor, lambda: None, heard, DEADLINE_S)

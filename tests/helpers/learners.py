@@ -24,7 +24,7 @@ from pa_ros.learning.loop import TrainConfig, train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.wire.records import ArenaDescription, Mode
+from pa_ros.wire.arena import ArenaDescription, Mode
 from pa_ros.world import Reward, Sparse, Trajectory
 
 DESIGN, PRESET = design_named("2-L"), preset_named("fast")

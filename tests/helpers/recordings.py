@@ -26,9 +26,16 @@ from pa_ros.core.experience import Observation, Verdict
 from pa_ros.language import Program, parse
 from pa_ros.provenance.origins import describe
 from pa_ros.ros.topics import Topic
-from pa_ros.wire import codec
+from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
-from pa_ros.wire.records import Command, ProgramRequest, StepContext
+from pa_ros.wire.program import ProgramRequest, decode_program, encode_program
+from pa_ros.wire.step import (
+    Command,
+    StepContext,
+    encode_command,
+    encode_observation,
+    encode_verdict,
+)
 
 STORE = installed_types()
 TOPIC = topic(STORE, "/program", "msgs_schema/msg/Program", [reliable_qos(1, latched=True)])
@@ -36,7 +43,7 @@ START = 1_700_000_000_000_000_000
 
 
 def payload(i: int, size: int = 10) -> bytes:
-    return to_cdr(STORE, codec.encode_program(ProgramRequest(str(i), "X" * size)))
+    return to_cdr(STORE, encode_program(ProgramRequest(str(i), "X" * size)))
 
 
 def written(
@@ -55,7 +62,7 @@ def written(
 
 def identifiers(path: Path) -> list[int]:
     with Bag(path) as bag:
-        programs = [codec.decode_program(bag.deserialize(recorded)) for recorded in bag.messages()]
+        programs = [decode_program(bag.deserialize(recorded)) for recorded in bag.messages()]
     return [int(program.program_id) for program in programs]
 
 
@@ -116,21 +123,21 @@ def recorded(folder: Path, steps: list[Step]) -> Path:
             bag.write(name, to_cdr(store, message), next(clock))
 
         about = describe(ARENA, DESIGN, 3, [parse("NEAR(HAND, RED)", DESIGN.vocabulary)], "x")
-        write("/arena_info", codec.encode_arena_info(about))
+        write("/arena_info", encode_arena_info(about))
         for i, (observation, verdict, command, program, evaluation) in enumerate(steps):
             if observation.step == 0:
                 request = ProgramRequest(observation.program_id, str(program))
-                write("/program", codec.encode_program(request))
-            features, joints = codec.encode_observation(
+                write("/program", encode_program(request))
+            features, joints = encode_observation(
                 observation, ARMS["jaco"].joint_names, StepContext(evaluation=evaluation)
             )
             parts = [
                 ("/joint_states", joints),
                 ("/object_features", features),
-                ("/verdict", codec.encode_verdict(verdict, evaluation)),
+                ("/verdict", encode_verdict(verdict, evaluation)),
             ]
             if command is not None:
-                parts.append(("/joint_commands", codec.encode_command(command)))
+                parts.append(("/joint_commands", encode_command(command)))
             for name, message in parts if i % 2 else reversed(parts):
                 write(name, message)
             if i == 5:

@@ -12,7 +12,7 @@ import pytest
 from helpers.graph import graph
 from helpers.pictures import opengl, pixel_of
 from pa_ros.ros import topics
-from pa_ros.wire import codec
+from pa_ros.wire.fields import header_stamp
 from sim_node.camera import FRAME
 from sim_node.node import SimNode
 
@@ -57,7 +57,7 @@ def test_blocks_are_found_in_the_picture_by_camera_info_and_transforms():
             seen, paint = picture[round(v), round(u)], block.color
             wanted = [paint.r, paint.g, paint.b]
             assert np.argmax(seen) == np.argmax(wanted) and seen.max() > 1.5 * np.median(seen), name
-        stamps = [codec.header_stamp(m) for m in probe.heard[topics.CAMERA_IMAGE.name]]
+        stamps = [header_stamp(m) for m in probe.heard[topics.CAMERA_IMAGE.name]]
         assert stamps == sorted(stamps)
         assert probe.until(lambda: int(probe.value("sim_node", "camera.pictures") or 0) > 2)
 

@@ -14,8 +14,17 @@ from helpers.learners import WORLD
 from pa_ros.acting.errors import ActingError
 from pa_ros.core.experience import Verdict
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire import codec
-from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal, ProgramJudgement
+from pa_ros.wire.program import (
+    GoalProgress,
+    GoalResult,
+    ProgramGoal,
+    ProgramStatus,
+    decode_goal_feedback,
+    decode_goal_result,
+    encode_goal,
+    encode_program_status,
+)
+from pa_ros.wire.step import encode_verdict
 
 SCENE = np.zeros((3, WORLD.object_features), np.float32)
 TEXT = "NEAR(HAND, AND(RED, CUBE))"
@@ -53,25 +62,23 @@ class Pursuing:
     def pursue(self) -> None:
         wanted = ProgramGoal(TEXT, 0.0, 1.0)
         ends = {"abort": self._ended, "succeed": self._ended, "feedback": self._told}
-        self.start(Mock(request=codec.encode_goal(wanted), **ends))
+        self.start(Mock(request=encode_goal(wanted), **ends))
 
     def _told(self, message: Any) -> None:
-        self.told.append(codec.decode_goal_feedback(message))
+        self.told.append(decode_goal_feedback(message))
 
     def _ended(self, result: Any) -> None:
-        self.results.append(codec.decode_goal_result(result))
+        self.results.append(decode_goal_result(result))
 
     def judge(self, stamp_ns: int) -> None:
         """The arena accepts the program that was sent last."""
         program_id = self.sent[-1].program_id
-        judgement = ProgramJudgement(
-            program_id, "/sim_node", True, canonical=TEXT, stamp_ns=stamp_ns
-        )
-        self.heard["program_status"](codec.encode_program_status(judgement))
+        judgement = ProgramStatus(program_id, "/sim_node", True, canonical=TEXT, stamp_ns=stamp_ns)
+        self.heard["program_status"](encode_program_status(judgement))
 
     def verdict(self, arena: str, stamp_ns: int, program_id: str = "another's") -> None:
         given = Verdict(0, 1, stamp_ns, program_id, -1.0, False, 0.5, False)
-        self.heard["verdict"](codec.encode_verdict(given, arena_id=arena))
+        self.heard["verdict"](encode_verdict(given, arena_id=arena))
 
 
 @pytest.fixture

@@ -16,8 +16,19 @@ from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Probe, User,
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import steady_timer
-from pa_ros.wire import codec
-from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal, ProgramRequest
+from pa_ros.wire.program import (
+    GoalProgress,
+    GoalResult,
+    ProgramGoal,
+    ProgramRequest,
+    decode_goal_feedback,
+    decode_goal_result,
+    decode_program_status,
+    encode_goal,
+    encode_program,
+)
+from pa_ros.wire.services import encode_pause
+from pa_ros.wire.step import encode_clock
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -45,19 +56,19 @@ class Client:
 
     def send(self, text: str, time_limit_s: float = 0.0, hold_s: float = 1.0):
         """The handle of a goal, once it is taken up."""
-        goal = codec.encode_goal(ProgramGoal(text, time_limit_s, hold_s))
+        goal = encode_goal(ProgramGoal(text, time_limit_s, hold_s))
         sent = self.client.send_goal_async(goal, feedback_callback=self._keep)
         assert self.probe.until(sent.done)
         assert sent.result().accepted
         return sent.result()
 
     def _keep(self, message) -> None:
-        self.feedback.append(codec.decode_goal_feedback(message.feedback))
+        self.feedback.append(decode_goal_feedback(message.feedback))
 
     def result(self, handle) -> tuple[int, GoalResult]:
         future = handle.get_result_async()
         assert self.probe.until(future.done)
-        return future.result().status, codec.decode_goal_result(future.result().result)
+        return future.result().status, decode_goal_result(future.result().result)
 
     def close(self) -> None:
         self.client.destroy()
@@ -79,17 +90,17 @@ def test_a_goal_is_reached_at_a_hundred_times_real_time_and_its_result_stays(use
         assert (status, result.success, result.code) == (SUCCEEDED, True, "")
         assert 0 < result.time_to_reach_s < 500 and result.final_distance < 0.2
         if use_sim_time:
-            assert probe.call(topics.PAUSE, codec.encode_pause(True)).success
+            assert probe.call(topics.PAUSE, encode_pause(True)).success
             agent, clock = probe.nodes[1], topics.CLOCK.publisher(probe)
             later = agent.get_clock().now().nanoseconds + 2000 * 10**9
 
             def passed() -> bool:
-                clock.publish(codec.encode_clock(later))
+                clock.publish(encode_clock(later))
                 return bool(agent.get_clock().now().nanoseconds >= later)
 
             assert probe.until(passed)
             assert client.result(handle) == (status, result)
-            assert probe.call(topics.PAUSE, codec.encode_pause(False)).success
+            assert probe.call(topics.PAUSE, encode_pause(False)).success
             assert client.result(client.send("NEAR(HAND, SPHERE)"))[1].success
         client.close()
 
@@ -138,11 +149,11 @@ def test_a_goal_without_an_arena_is_refused():
     with graph(AgentNode, **RANDOM) as probe:
         client = ActionClient(probe, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
         assert probe.until(client.server_is_ready)
-        sent = client.send_goal_async(codec.encode_goal(ProgramGoal("NEAR(HAND, RED)")))
+        sent = client.send_goal_async(encode_goal(ProgramGoal("NEAR(HAND, RED)")))
         assert probe.until(sent.done)
         future = sent.result().get_result_async()
         assert probe.until(future.done)
-        assert codec.decode_goal_result(future.result().result).code == "goal.unready"
+        assert decode_goal_result(future.result().result).code == "goal.unready"
         client.destroy()
 
 
@@ -171,7 +182,7 @@ def test_a_goal_that_is_replaced_before_its_first_step_ends():
         own: list[str] = []
 
         def replace(message) -> None:
-            answer = codec.decode_program_status(message)
+            answer = decode_program_status(message)
             if answer.node == "/sim_node" and answer.program_id.startswith("agent_node-"):
                 own.append(answer.program_id)
                 speaker.publish(topics.PROGRAM.type(program_id="mine", text="NEAR(HAND, GREEN)"))
@@ -222,7 +233,7 @@ def test_words_that_the_weights_lack_are_refused_and_the_arm_holds_under_them():
         status, result = client.result(client.send(text))
         assert (status, result.code) == (ABORTED, "program.unknown_word")
         assert "received 'GREEN'" in result.reason
-        probe.speaker(topics.PROGRAM).publish(codec.encode_program(ProgramRequest("green", text)))
+        probe.speaker(topics.PROGRAM).publish(encode_program(ProgramRequest("green", text)))
         assert probe.until(lambda: "holds the arm" in probe.message("agent_node"))
         seen = probe.count(topics.JOINT_COMMANDS)
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > seen + 10)

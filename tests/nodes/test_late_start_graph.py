@@ -9,8 +9,8 @@ from helpers.graph import graph
 from helpers.waiting import DEADLINE_S
 from pa_ros.ros import topics
 from pa_ros.tools.send import ProgramSender
-from pa_ros.wire import codec
-from pa_ros.wire.records import ProgramRequest
+from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
+from pa_ros.wire.services import encode_pause
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -24,9 +24,9 @@ def test_the_first_steps_own_program_is_announced_though_a_users_replaces_it() -
         )
         request = ProgramRequest("user/1", text)
         speaker = probe.speaker(topics.PROGRAM)
-        speaker.publish(codec.encode_program(request))
+        speaker.publish(encode_program(request))
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) > 0)
-        assert codec.decode_program_status(probe.last(topics.PROGRAM_STATUS)).accepted
+        assert decode_program_status(probe.last(topics.PROGRAM_STATUS)).accepted
         probe.nodes.append(AgentNode())
         assert probe.reaches(5)
         assert probe.last(topics.OBJECT_FEATURES).program_id == "user/1"
@@ -39,13 +39,13 @@ def test_a_program_outlives_its_sender() -> None:
         sender = probe.create_publisher(topics.PROGRAM.type, name, plain)
         assert probe.until(lambda: sender.get_subscription_count() >= 1)
         request = ProgramRequest("user/1", "NEAR(HAND, OR(OR(RED, BLUE), CUBE))")
-        sender.publish(codec.encode_program(request))
+        sender.publish(encode_program(request))
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) > 0)
         probe.nodes.append(AgentNode())
         assert probe.reaches(5)
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 2)
-        assert codec.decode_program_status(probe.last(topics.PROGRAM_STATUS)).node == "/agent_node"
-        sender.publish(codec.encode_program(request))  # sent again, both answer again
+        assert decode_program_status(probe.last(topics.PROGRAM_STATUS)).node == "/agent_node"
+        sender.publish(encode_program(request))  # sent again, both answer again
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 4)
 
 
@@ -57,7 +57,7 @@ def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go(mode) -> None:
         assert probe.until(lambda: probe.message("sim_node") != "")
         assert probe.until(lambda: probe.value("agent_node", "refused") != "")
         assert probe.count(topics.ARENA_INFO) == 1 and probe.count(topics.OBJECT_FEATURES) == 0
-        assert probe.call(topics.PAUSE, codec.encode_pause(False)).success
+        assert probe.call(topics.PAUSE, encode_pause(False)).success
         assert probe.reaches(3)
         assert [m.step for m in probe.heard["object_features"][:3]] == [0, 1, 2]
         assert probe.value("sim_node", "refused") == "0"

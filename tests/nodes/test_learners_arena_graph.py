@@ -16,7 +16,8 @@ from learner_node.node import WATCH_S, LearnerNode
 from pa_ros.learning.folder import claim
 from pa_ros.ros import topics
 from pa_ros.ros.health import ERROR
-from pa_ros.wire import codec
+from pa_ros.wire.arena import encode_arena_info
+from pa_ros.wire.learning import encode_trajectory
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -30,14 +31,14 @@ def test_a_learner_takes_the_next_arena_after_some_that_it_cannot_learn_about(mo
         learner, speaker = probe.nodes[0], probe.speaker(topics.ARENA_INFO)
         for number, wrong in enumerate(UNLEARNABLE):
             strange = replace(ARENA, arena_id=f"strange{number}", **wrong)
-            speaker.publish(codec.encode_arena_info(strange))
+            speaker.publish(encode_arena_info(strange))
             assert probe.until(lambda: learner.refusals.total > number)  # noqa: B023
             probe.until(lambda: False, 2 * WATCH_S)
             assert probe.until(lambda: "cannot learn about" in probe.message("learner_node"))
             assert probe.health["/learner_node"].level == ERROR and learner.ended_by is None
-        speaker.publish(codec.encode_arena_info(ARENA))
+        speaker.publish(encode_arena_info(ARENA))
         assert probe.until(lambda: learner.worker is not None)
-        probe.speaker(topics.TRAJECTORIES).publish(codec.encode_trajectory(trajectory(0)))
+        probe.speaker(topics.TRAJECTORIES).publish(encode_trajectory(trajectory(0)))
         assert probe.until(lambda: learner.worker.metrics["frames"] > 0)
 
 

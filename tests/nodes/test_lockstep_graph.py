@@ -12,8 +12,17 @@ from agent_node.node import AgentNode
 from helpers.graph import graph
 from pa_ros.language import Program, Word
 from pa_ros.ros import topics
-from pa_ros.wire import codec
-from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
+from pa_ros.wire.services import (
+    ResetRequest,
+    decode_outcome,
+    encode_pause,
+    encode_reset,
+    encode_speed,
+    encode_steps,
+)
+from pa_ros.wire.step import Command, decode_clock, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -21,7 +30,7 @@ RANDOM = {"agent_node__weights": "random"}
 
 
 def step_key(message) -> tuple[int, int, int]:
-    return message.episode, message.step, codec.header_stamp(message)
+    return message.episode, message.step, header_stamp(message)
 
 
 def test_everything_of_a_step_says_which_step_it_is():
@@ -34,7 +43,7 @@ def test_everything_of_a_step_says_which_step_it_is():
     verdicts = {step_key(m) for m in probe.heard["verdict"]}
     assert commands and set(commands) <= known
     assert len(verdicts & known) >= len(known) - 1
-    joints = {codec.header_stamp(m) for m in probe.heard["joint_states"]}
+    joints = {header_stamp(m) for m in probe.heard["joint_states"]}
     assert len(joints & {stamp for _, _, stamp in known}) >= len(known) - 1
     assert {m.step for m in probe.heard["object_features"]} >= set(range(21))
 
@@ -57,7 +66,7 @@ def test_one_command_moves_one_control_period_and_none_moves_nothing():
         for step in range(5):
             action = np.full(6, 0.1, np.float32)
             stamp = 100_000_000 * (step + 1)
-            speaker.publish(codec.encode_command(Command(0, step, stamp, "me", 0, action)))
+            speaker.publish(encode_command(Command(0, step, stamp, "me", 0, action)))
             assert probe.reaches(step + 1)
             assert probe.last(topics.OBJECT_FEATURES).commanded_by == "me"
         assert probe.nodes[0].session.steps == 5
@@ -67,28 +76,28 @@ def test_the_clock_never_goes_back_not_even_at_a_reset():
     with graph(SimNode, AgentNode, sim_node__episode_steps=10, **RANDOM) as probe:
         for episode in (7, 3, None):
             assert probe.until(lambda: probe.count(topics.CLOCK) > 20)
-            request = codec.encode_reset(ResetRequest(episode))
+            request = encode_reset(ResetRequest(episode))
             assert probe.call(topics.RESET, request).success
             probe.until(lambda: False, 0.3)
-        stamps = [codec.decode_clock(m) for m in probe.heard["clock"]]
+        stamps = [decode_clock(m) for m in probe.heard["clock"]]
     assert stamps == sorted(stamps)
     assert len({m.episode for m in probe.heard["object_features"]}) > 3
 
 
 def test_a_reset_is_acknowledged_with_its_episode_or_fails_with_a_cause():
     with graph(SimNode) as probe:
-        done = probe.call(topics.RESET, codec.encode_reset(ResetRequest(41)))
+        done = probe.call(topics.RESET, encode_reset(ResetRequest(41)))
         assert (done.success, done.episode) == (True, 41)
         assert probe.until(lambda: probe.last(topics.OBJECT_FEATURES).episode == 41)
         refused = probe.call(
-            topics.RESET, codec.encode_reset(ResetRequest(42, "NEAR(HAND, AND(RED, BLUE))"))
+            topics.RESET, encode_reset(ResetRequest(42, "NEAR(HAND, AND(RED, BLUE))"))
         )
         assert not refused.success
         assert refused.code == "program.names_nothing" and refused.reason
         assert refused.episode == 41  # goes on as it was
-        wrong = probe.call(topics.RESET, codec.encode_reset(ResetRequest(42, "NEAR(HAND, ")))
+        wrong = probe.call(topics.RESET, encode_reset(ResetRequest(42, "NEAR(HAND, ")))
         assert not wrong.success and "^" in wrong.reason
-        asked = probe.call(topics.RESET, codec.encode_reset(ResetRequest(43, "NEAR(HAND,RED)")))
+        asked = probe.call(topics.RESET, encode_reset(ResetRequest(43, "NEAR(HAND,RED)")))
         assert asked.success and asked.episode == 43
         assert probe.nodes[0].session.task.program == Program(Word("RED"))
 
@@ -97,10 +106,10 @@ def test_many_requests_in_flight_are_all_answered():
     with graph(SimNode) as probe:
         client = probe.create_client(topics.RESET[1], topics.RESET[0], qos_profile=topics.SERVICE)
         assert probe.until(client.service_is_ready)
-        requests = [codec.encode_reset(ResetRequest(episode)) for episode in range(50)]
+        requests = [encode_reset(ResetRequest(episode)) for episode in range(50)]
         futures = [client.call_async(request) for request in requests]
         assert probe.until(lambda: all(future.done() for future in futures), 60.0)
-        answers = [codec.decode_outcome(future.result()) for future in futures]
+        answers = [decode_outcome(future.result()) for future in futures]
         assert [(a.success, a.episode) for a in answers] == [(True, n) for n in range(50)]
 
 
@@ -111,7 +120,7 @@ def _command(**fields) -> Command:
 
 
 def _with_action(action: list[float]):
-    message = codec.encode_command(_command())
+    message = encode_command(_command())
     message.action = action
     return message
 
@@ -121,9 +130,9 @@ def _with_action(action: list[float]):
     [
         (_with_action([0.0] * 5), "wire.size"),
         (_with_action([0.0] * 5 + [math.nan]), "wire.non_finite"),
-        (codec.encode_command(_command(episode=3)), "command.stale"),
-        (codec.encode_command(_command(step=1)), "command.stale"),
-        (codec.encode_command(_command(stamp_ns=1)), "command.stale"),
+        (encode_command(_command(episode=3)), "command.stale"),
+        (encode_command(_command(step=1)), "command.stale"),
+        (encode_command(_command(stamp_ns=1)), "command.stale"),
     ],
 )
 def test_bad_commands_are_refused_and_counted_and_the_graph_goes_on(message, code):
@@ -133,7 +142,7 @@ def test_bad_commands_are_refused_and_counted_and_the_graph_goes_on(message, cod
             speaker.publish(message)
         assert probe.until(lambda: probe.value("sim_node", f"refused.{code}") == "3")
         assert probe.nodes[0].session.steps == 0
-        speaker.publish(codec.encode_command(_command()))
+        speaker.publish(encode_command(_command()))
         assert probe.until(lambda: probe.nodes[0].session.steps == 1)
 
 
@@ -141,7 +150,7 @@ def test_a_command_beyond_the_limits_is_clamped_counted_and_owned_by_nobody():
     with graph(SimNode) as probe:
         speaker = probe.speaker(topics.JOINT_COMMANDS)
         action = np.array([5.0, 0, 0, 0, 0, -7.0], np.float32)
-        speaker.publish(codec.encode_command(_command(action=action)))
+        speaker.publish(encode_command(_command(action=action)))
         assert probe.reaches(1)
         assert probe.last(topics.OBJECT_FEATURES).commanded_by == ""
         assert probe.until(lambda: probe.value("sim_node", "clamped") == "1")
@@ -151,18 +160,18 @@ def test_a_command_beyond_the_limits_is_clamped_counted_and_owned_by_nobody():
 def test_pause_step_and_speed_say_what_they_did():
     with graph(SimNode, AgentNode, **RANDOM) as probe:
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 10)
-        running = probe.call(topics.STEP_SERVICE, codec.encode_steps(1))
+        running = probe.call(topics.STEP_SERVICE, encode_steps(1))
         assert (running.success, running.code) == (False, "arena.not_paused")
-        assert probe.call(topics.PAUSE, codec.encode_pause(True)).success
+        assert probe.call(topics.PAUSE, encode_pause(True)).success
         session = probe.nodes[0].session
         before = session.steps
         probe.until(lambda: False, 0.5)
         assert session.steps == before
-        assert probe.call(topics.STEP_SERVICE, codec.encode_steps(3)).success
+        assert probe.call(topics.STEP_SERVICE, encode_steps(3)).success
         assert session.steps == before + 3
-        assert probe.call(topics.STEP_SERVICE, codec.encode_steps(0)).code == "wire.range"
-        assert probe.call(topics.SPEED, codec.encode_speed(2.0)).code == "arena.lockstep"
-        assert probe.call(topics.PAUSE, codec.encode_pause(False)).success
+        assert probe.call(topics.STEP_SERVICE, encode_steps(0)).code == "wire.range"
+        assert probe.call(topics.SPEED, encode_speed(2.0)).code == "arena.lockstep"
+        assert probe.call(topics.PAUSE, encode_pause(False)).success
         assert probe.until(lambda: session.steps > before + 30)  # the agent is asked again
 
 
@@ -171,10 +180,10 @@ def test_programs_are_accepted_and_refused_with_a_reason_while_the_arena_runs():
         speaker = probe.speaker(topics.PROGRAM)
 
         def ask(program_id: str, text: str) -> dict[str, Any]:
-            speaker.publish(codec.encode_program(ProgramRequest(program_id, text)))
+            speaker.publish(encode_program(ProgramRequest(program_id, text)))
 
             def answers() -> dict[str, Any]:
-                found = map(codec.decode_program_status, probe.heard["program_status"])
+                found = map(decode_program_status, probe.heard["program_status"])
                 return {j.node: j for j in found if j.program_id == program_id}
 
             assert probe.until(lambda: len(answers()) == 2)
@@ -199,7 +208,7 @@ def test_programs_are_accepted_and_refused_with_a_reason_while_the_arena_runs():
             answers = ask(name, text)
             assert not any(j.accepted for j in answers.values()), name
             assert all(j.code.startswith("program.") and j.reason for j in answers.values())
-        unknown = [j for j in map(codec.decode_program_status, probe.heard["program_status"])
+        unknown = [j for j in map(decode_program_status, probe.heard["program_status"])
                    if j.program_id == "unknown"][0]  # fmt: skip
         assert unknown.position == 11 and "^" in unknown.reason
         absent = ask("absent", "NEAR(HAND, AND(RED, BLUE))")
@@ -222,10 +231,10 @@ def test_a_plain_publisher_is_heard_and_a_latched_program_heard_once():
             event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible.append),
         )
         assert probe.until(lambda: plain.get_subscription_count() >= 1)
-        plain.publish(codec.encode_program(ProgramRequest("", "NEAR(HAND, RED)")))
+        plain.publish(encode_program(ProgramRequest("", "NEAR(HAND, RED)")))
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 1)
         latched = probe.speaker(topics.PROGRAM)
-        latched.publish(codec.encode_program(ProgramRequest("two", "NEAR(HAND, BLUE)")))
+        latched.publish(encode_program(ProgramRequest("two", "NEAR(HAND, BLUE)")))
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 2)
         probe.until(lambda: False, 0.5)
         assert probe.count(topics.PROGRAM_STATUS) == 2

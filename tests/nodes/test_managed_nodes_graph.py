@@ -18,8 +18,12 @@ from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.health import WARN
-from pa_ros.wire import codec
-from pa_ros.wire.records import Command, ProgramGoal, ResetRequest
+from pa_ros.wire.arena import encode_arena_info
+from pa_ros.wire.learning import encode_trajectory
+from pa_ros.wire.program import ProgramGoal, decode_goal_result, encode_goal
+from pa_ros.wire.services import ResetRequest, encode_reset
+from pa_ros.wire.simulator import decode_result
+from pa_ros.wire.step import Command, decode_clock, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -65,7 +69,7 @@ def ask_simulator(probe: Probe) -> int:
             if hasattr(response, "features"):
                 assert response.features.features
             else:
-                assert codec.decode_result(response)[1].startswith("expected an active arena")
+                assert decode_result(response)[1].startswith("expected an active arena")
                 refused += 1
     return refused
 
@@ -78,8 +82,8 @@ def test_an_inactive_arena_stands_and_refuses_and_then_its_time_goes_on() -> Non
         assert user.ask(DEACTIVATE) == (True, "inactive")
         for topic in (topics.OBJECT_FEATURES, topics.CLOCK, topics.TRANSFORMS):
             assert stands(probe, topic)
-        speaker.publish(codec.encode_command(Command(0, 0, 0, "me", 0, np.ones(6, np.float32))))
-        asked = probe.call(topics.RESET, codec.encode_reset(ResetRequest(3)))
+        speaker.publish(encode_command(Command(0, 0, 0, "me", 0, np.ones(6, np.float32))))
+        asked = probe.call(topics.RESET, encode_reset(ResetRequest(3)))
         assert (asked.success, asked.code) == (False, "arena.inactive")
         assert probe.until(lambda: arena.refusals.counts["arena.inactive"] == 2)
         assert ask_simulator(probe) == 12
@@ -90,7 +94,7 @@ def test_an_inactive_arena_stands_and_refuses_and_then_its_time_goes_on() -> Non
         assert user.ask(ACTIVATE) == (True, "active")
         assert comes(probe, topics.CLOCK) and arena.session.arena_id == arena_id
         assert arena.session.frame.observation.stamp_ns > stamp
-        stamps = [codec.decode_clock(message) for message in probe.heard["clock"]]
+        stamps = [decode_clock(message) for message in probe.heard["clock"]]
         assert stamps == sorted(stamps)
 
 
@@ -124,13 +128,13 @@ def test_an_inactive_agent_commands_nothing_and_a_goal_ends_with_the_reason() ->
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
 
         def result(text: str, then=lambda: None, hold_s=1.0):
-            goal = codec.encode_goal(ProgramGoal(text, hold_s=hold_s))
+            goal = encode_goal(ProgramGoal(text, hold_s=hold_s))
             sent = client.send_goal_async(goal)
             assert probe.until(sent.done)
             then()
             future = sent.result().get_result_async()
             assert probe.until(future.done)
-            return codec.decode_goal_result(future.result().result)
+            return decode_goal_result(future.result().result)
 
         def deactivate() -> None:
             assert comes(probe, topics.VELOCITY_COMMANDS)
@@ -203,20 +207,20 @@ def test_a_learner_cleaned_up_has_closed_its_run_which_can_be_resumed(tmp_path: 
 
         def learned(*numbers: int) -> None:
             for number in numbers:
-                sent.publish(codec.encode_trajectory(trajectory(number)))
+                sent.publish(encode_trajectory(trajectory(number)))
             frames = 10 * (numbers[-1] + 1)
             assert probe.until(
                 lambda: learner.worker is not None and worker().metrics["frames"] == frames
             )
 
         assert user.ask(DEACTIVATE) == (True, "inactive")
-        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(ARENA))
+        probe.speaker(topics.ARENA_INFO).publish(encode_arena_info(ARENA))
         assert probe.until(lambda: probe.count(topics.ARENA_INFO) > 0)
         assert learner.worker is None
         assert user.ask(ACTIVATE) == (True, "active")
         learned(0, 1)
         assert user.ask(DEACTIVATE) == (True, "inactive")
-        sent.publish(codec.encode_trajectory(trajectory(2)))
+        sent.publish(encode_trajectory(trajectory(2)))
         probe.until(lambda: False, 0.3)
         assert worker().metrics["frames"] == 20 and worker().backlog == 0
         assert user.ask(ACTIVATE) == (True, "active")

@@ -11,8 +11,9 @@ import pytest
 from agent_node.node import AgentNode
 from helpers.graph import graph
 from pa_ros.ros import topics
-from pa_ros.wire import codec
-from pa_ros.wire.records import Command
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.services import encode_pause, encode_speed
+from pa_ros.wire.step import Command, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -31,9 +32,9 @@ def test_the_watchdog_holds_the_arm_when_commands_stop():
 
         def answer() -> None:
             seen = probe.last(topics.OBJECT_FEATURES)
-            stamp = codec.header_stamp(seen)
+            stamp = header_stamp(seen)
             command = Command(seen.episode, seen.step, stamp, "me", 0, action)
-            speaker.publish(codec.encode_command(command))
+            speaker.publish(encode_command(command))
 
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
         for _ in range(4):
@@ -55,7 +56,7 @@ def test_old_commands_and_other_episodes_are_refused():
         now = sim.session.frame.observation.stamp_ns
         for episode, stamp in ((0, now - 10**9), (1, now), (0, now + 10**10)):
             command = Command(episode, 0, stamp, "me", 0, np.ones(6, np.float32))
-            speaker.publish(codec.encode_command(command))
+            speaker.publish(encode_command(command))
         assert probe.until(lambda: probe.value("sim_node", "refused.command.stale") == "3")
         assert np.abs(probe.last(topics.JOINT_STATES).velocity).max() < 0.05
 
@@ -67,18 +68,18 @@ def test_the_real_time_factor_is_kept_reported_and_can_be_changed():
             return float(probe.value("sim_node", "real_time_factor") or 0.0)
 
         assert probe.until(lambda: 4.0 < factor() < 6.0)
-        changed = probe.call(topics.SPEED, codec.encode_speed(2.0))
+        changed = probe.call(topics.SPEED, encode_speed(2.0))
         assert changed.success and changed.real_time_factor == 2.0
         assert probe.until(lambda: 1.5 < factor() < 2.5)
-        assert not probe.call(topics.SPEED, codec.encode_speed(-1.0)).success
+        assert not probe.call(topics.SPEED, encode_speed(-1.0)).success
 
 
 def test_a_slow_period_under_way_does_not_outlive_another_speed():
     with graph(SimNode, **REAL_TIME) as probe:
         sim = probe.nodes[0]
         assert probe.reaches(3)
-        assert probe.call(topics.SPEED, codec.encode_speed(0.01)).success  # 10 s a step
-        assert probe.call(topics.SPEED, codec.encode_speed(5.0)).success
+        assert probe.call(topics.SPEED, encode_speed(0.01)).success  # 10 s a step
+        assert probe.call(topics.SPEED, encode_speed(5.0)).success
         changed, steps = time.monotonic(), sim.session.steps
         assert probe.until(partial(reached, sim, steps + 5)) and time.monotonic() - changed < 5.0
 
@@ -86,10 +87,10 @@ def test_a_slow_period_under_way_does_not_outlive_another_speed():
 def test_the_agent_stops_commanding_when_observations_stop():
     with graph(SimNode, AgentNode, agent_node__weights="random", **REAL_TIME) as probe:
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 5)
-        assert probe.call(topics.PAUSE, codec.encode_pause(True)).success
+        assert probe.call(topics.PAUSE, encode_pause(True)).success
         assert probe.until(lambda: "waits for observations" in probe.message("agent_node"))
         sent = probe.count(topics.JOINT_COMMANDS)
         probe.until(lambda: False, 0.5)
         assert probe.count(topics.JOINT_COMMANDS) == sent
-        assert probe.call(topics.PAUSE, codec.encode_pause(False)).success
+        assert probe.call(topics.PAUSE, encode_pause(False)).success
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > sent + 5)

@@ -14,8 +14,10 @@ from pa_ros.arena import EpisodeError, ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import CommandKey, Executed
 from pa_ros.language import ProgramError
-from pa_ros.wire.errors import ProgramIdError
-from pa_ros.wire.records import Command, ProgramRequest, ResetRequest, program_id_of
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.program import ProgramRequest, program_id_of
+from pa_ros.wire.services import ResetRequest
+from pa_ros.wire.step import Command
 from sim_node.config import SimConfig
 from sim_node.errors import NoProgramError, StaleCommandError
 from sim_node.session import Session
@@ -102,10 +104,10 @@ def test_an_id_keeps_its_meaning_and_the_arenas_own_are_its_own():
     red, blue = (ProgramRequest("mine", f"NEAR(HAND, {word})") for word in ("RED", "BLUE"))
     session.submit(red)
     assert session.submit(replace(red, text="NEAR(HAND,RED)")) == "NEAR(HAND, RED)"  # the same
-    with pytest.raises(ProgramIdError, match=r"'mine', which stands for NEAR\(HAND, RED\), got"):
+    with pytest.raises(WireError, match=r"'mine', which means NEAR\(HAND, RED\), received"):
         session.submit(blue)
     for own in ("x/train/0", "x/train/77"):
-        with pytest.raises(ProgramIdError, match="does not begin with 'x/'"):
+        with pytest.raises(WireError, match="does not begin with 'x/'"):
             session.submit(replace(blue, program_id=own))
     with pytest.raises(ProgramError):
         session.submit(ProgramRequest("refused", "NEAR(HAND, AND(RED, BLUE))"))
@@ -114,7 +116,7 @@ def test_an_id_keeps_its_meaning_and_the_arenas_own_are_its_own():
     asked = "NEAR(HAND, CUBE)"
     session.program_ids.bind(program_id_of(asked), "NEAR(HAND, RED)")
     stands = session.frame
-    with pytest.raises(ProgramIdError):
+    with pytest.raises(WireError):
         session.begin(ResetRequest(1, asked))
     assert session.frame is stands
 

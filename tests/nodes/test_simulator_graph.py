@@ -11,12 +11,20 @@ from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
 from helpers.graph import Probe, graph
+from msgs_schema.action import SimulateSteps
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import SimulateSteps
-from pa_ros.wire.simulator import ALREADY_IN_TARGET_STATE, INVALID_POSE, ResultCode, SpawnCode
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.simulator import (
+    ALREADY_IN_TARGET_STATE,
+    INVALID_POSE,
+    ResultCode,
+    SpawnCode,
+    decode_entity_state,
+    decode_result,
+)
+from pa_ros.wire.step import decode_clock
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -51,17 +59,17 @@ def ask(probe: Probe, service, **fields):
 
 
 def code(probe: Probe, service, **fields) -> int:
-    return codec.decode_result(ask(probe, service, **fields))[0]
+    return decode_result(ask(probe, service, **fields))[0]
 
 
 def place(probe: Probe, entity: str) -> np.ndarray:
     told = ask(probe, topics.GET_ENTITY_STATE, entity=entity)
-    assert codec.decode_result(told) == (OK, "") and told.state.header.frame_id == "world"
-    return codec.decode_entity_state(told.state).position
+    assert decode_result(told) == (OK, "") and told.state.header.frame_id == "world"
+    return decode_entity_state(told.state).position
 
 
 def stamps(probe: Probe) -> list[int]:
-    return [codec.header_stamp(m) for m in probe.heard["object_features"]]
+    return [header_stamp(m) for m in probe.heard["object_features"]]
 
 
 def test_a_person_moves_adds_and_removes_blocks_and_the_program_stays_pursued():
@@ -108,7 +116,7 @@ def test_time_stops_passes_step_by_step_and_never_goes_back():
 
         def state() -> int:
             told = ask(probe, topics.GET_SIMULATION_STATE)
-            assert codec.decode_result(told)[0] == OK
+            assert decode_result(told)[0] == OK
             return told.state.state
 
         assert state() == PLAYING
@@ -127,7 +135,7 @@ def test_time_stops_passes_step_by_step_and_never_goes_back():
         assert code(probe, topics.SET_SIMULATION_STATE, state__state=3) == UNSUPPORTED
         assert code(probe, topics.SET_SIMULATION_STATE, state__state=PLAYING) == OK
         assert state() == PLAYING and probe.reaches(5)
-        clock = [codec.decode_clock(m) for m in probe.heard["clock"]]
+        clock = [decode_clock(m) for m in probe.heard["clock"]]
         assert clock == sorted(clock) and stamps(probe) == sorted(set(stamps(probe)))
 
 
@@ -168,7 +176,7 @@ def test_entities_are_found_by_name_category_tags_and_bounds():
 
         def found(**fields) -> list[str]:
             told = ask(probe, topics.GET_ENTITIES_STATES, **fields)
-            assert codec.decode_result(told)[0] == OK
+            assert decode_result(told)[0] == OK
             assert len(told.states) == len(told.entities)
             return list(told.entities)
 
@@ -252,7 +260,7 @@ def test_what_cannot_be_is_refused_with_the_standards_code(service, fields, expe
     with graph(SimNode, **ARENA, sim_node__paused=True) as probe:
         before = place(probe, "red_cube")
         answer = ask(probe, service, **fields)
-        told, text = codec.decode_result(answer)
+        told, text = decode_result(answer)
         assert told == expected and "expected" in text
         assert np.array_equal(place(probe, "red_cube"), before)
         assert probe.nodes[0].refusals.total == 1
@@ -291,7 +299,7 @@ def test_steps_as_an_action_are_counted_and_can_be_cancelled():
         def result(handle) -> tuple[int, int]:
             future = handle.get_result_async()
             assert probe.until(future.done)
-            return future.result().status, codec.decode_result(future.result().result)[0]
+            return future.result().status, decode_result(future.result().result)[0]
 
         assert result(go(5)) == (GoalStatus.STATUS_SUCCEEDED, OK)
         assert probe.until(lambda: len(feedback) == 5)

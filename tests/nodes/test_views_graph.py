@@ -11,7 +11,7 @@ from agent_node.node import AgentNode
 from helpers.graph import graph
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
-from pa_ros.wire import codec
+from pa_ros.wire.program import decode_program_status
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -71,4 +71,4 @@ def test_the_agent_outlines_what_it_takes_the_program_to_mean():
         arena = probe.last(topics.MARKERS).markers
         meant = int(np.argmax(shown()))
         assert [m.text for m in arena if m.ns == "labels"][meant] == "red_cube"
-        assert codec.decode_program_status(probe.last(topics.PROGRAM_STATUS)).accepted
+        assert decode_program_status(probe.last(topics.PROGRAM_STATUS)).accepted

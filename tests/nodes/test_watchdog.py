@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pa_ros.wire.records import Command, ProgramRequest, ResetRequest
+from pa_ros.wire.program import ProgramRequest
+from pa_ros.wire.services import ResetRequest
+from pa_ros.wire.step import Command
 from sim_node.config import SimConfig
 from sim_node.errors import NoProgramError, StaleCommandError
 from sim_node.session import Frame, Session

@@ -31,8 +31,16 @@ from pa_ros.ros.arenas import SILENT_S
 from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.rivals import GONE_S
 from pa_ros.tools.send import ProgramSender
-from pa_ros.wire import codec
-from pa_ros.wire.records import Command, ProgramRequest
+from pa_ros.wire.arena import encode_arena_info
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.learning import (
+    decode_trajectory,
+    encode_learner_info,
+    encode_trajectory,
+    encode_weights,
+)
+from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
+from pa_ros.wire.step import Command, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -50,14 +58,14 @@ class Twin(AgentNode):
 
 def announce(probe: Probe) -> None:
     weights = learners.published(0, learner=LEARNER)
-    probe.speaker(topics.POLICY_WEIGHTS).publish(codec.encode_weights(weights))
-    probe.speaker(topics.LEARNER_INFO).publish(codec.encode_learner_info(LEARNER))
+    probe.speaker(topics.POLICY_WEIGHTS).publish(encode_weights(weights))
+    probe.speaker(topics.LEARNER_INFO).publish(encode_learner_info(LEARNER))
 
 
 def false_transitions(probe: Probe, witness: Witness) -> list[str]:
     """Of at least ENOUGH trajectories, those that never happened."""
     assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > ENOUGH)
-    heard = [codec.decode_trajectory(m, learners.WORLD) for m in probe.heard["trajectories"]]
+    heard = [decode_trajectory(m, learners.WORLD) for m in probe.heard["trajectories"]]
     return witness.false(heard)
 
 
@@ -80,10 +88,10 @@ def test_a_stranger_with_a_real_id_and_the_next_number_spoils_no_transition() ->
         def forge(features: Any) -> None:
             number = 1 if agent.sent is None else agent.sent.command.number + 1
             action = rng.uniform(-1, 1, 6).astype(np.float32)
-            where = features.episode, features.step, codec.header_stamp(features)
+            where = features.episode, features.step, header_stamp(features)
             forged = Command(*where, "real", 0, action, agent.key.incarnation, number)
             if rng.random() < 0.3:
-                stranger.publish(codec.encode_command(forged))
+                stranger.publish(encode_command(forged))
 
         kind = topics.OBJECT_FEATURES
         probe.create_subscription(kind.type, kind.name, forge, kind.reader)
@@ -139,16 +147,16 @@ def test_a_strangers_arena_and_experience_do_not_bind_a_learner_against_the_real
     wide = trajectory(0, "stranger")
     wide = replace(wide, objects=np.repeat(wide.objects, 13, axis=1)[:, :64])
     with graph(LearnerNode, agent_node__learning=True) as probe:
-        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(strange))
+        probe.speaker(topics.ARENA_INFO).publish(encode_arena_info(strange))
         learner = probe.nodes[0]
         assert probe.until(lambda: learner.worker is not None)
-        probe.speaker(topics.TRAJECTORIES).publish(codec.encode_trajectory(wide))
+        probe.speaker(topics.TRAJECTORIES).publish(encode_trajectory(wide))
         assert probe.until(lambda: "refuses trajectories" in probe.message("learner_node"))
         assert probe.health["/learner_node"].level == WARN
         probe.nodes += [SimNode(), AgentNode()]
         assert probe.until(lambda: probe.message("learner_node") == "learning")
         assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 300)
-        probe.speaker(topics.ARENA_INFO).publish(codec.encode_arena_info(strange))  # and later
+        probe.speaker(topics.ARENA_INFO).publish(encode_arena_info(strange))  # and later
         assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 600)
         assert probe.until(lambda: probe.message("agent_node") == "acting")
 
@@ -161,10 +169,10 @@ def test_a_learner_waits_a_while_for_an_arena_that_it_can_go_on_in(tmp_path: Pat
     given = {"learner_node__out": str(tmp_path), "learner_node__resume": True}
     with graph(LearnerNode, **given) as probe:
         speaker = probe.speaker(topics.ARENA_INFO)
-        speaker.publish(codec.encode_arena_info(strange))
+        speaker.publish(encode_arena_info(strange))
         assert probe.until(lambda: "cannot learn about" in probe.message("learner_node"))
         assert probe.health["/learner_node"].level == ERROR
-        speaker.publish(codec.encode_arena_info(ARENA))
+        speaker.publish(encode_arena_info(ARENA))
         assert probe.until(lambda: probe.nodes[0].worker is not None)
         assert probe.until(lambda: "waits for an agent" in probe.message("learner_node"))
 
@@ -209,8 +217,8 @@ def test_strangers_that_do_no_harm_are_said_all_the_same() -> None:
     with graph(SimNode, AgentNode, LearnerNode, agent_node__learning=True) as probe:
         assert probe.until(lambda: probe.message("learner_node") == "learning")
         for topic, message, said in (
-            (topics.ARENA_INFO, codec.encode_arena_info(arena), "another arena describes itself"),
-            (topics.POLICY_WEIGHTS, codec.encode_weights(nobodys), "never announced itself"),
+            (topics.ARENA_INFO, encode_arena_info(arena), "another arena describes itself"),
+            (topics.POLICY_WEIGHTS, encode_weights(nobodys), "never announced itself"),
         ):
             probe.speaker(topic).publish(message)
             assert probe.until(lambda: said in probe.message("agent_node"))  # noqa: B023
@@ -221,7 +229,7 @@ def test_strangers_that_do_no_harm_are_said_all_the_same() -> None:
 
 
 def _weights(shape: list[int], architecture: str = "{}") -> Any:
-    message = codec.encode_weights(learners.published(9))
+    message = encode_weights(learners.published(9))
     message.tensors[0].shape = shape
     message.architecture = architecture
     return message
@@ -231,7 +239,7 @@ HOSTILE: dict[str, Any] = {
     "65 dimensions": lambda: _weights([1] * 65),
     "an overflowing shape": lambda: _weights([2**32 - 1] * 8),
     "an empty overflowing shape": lambda: _weights([0, 2**32 - 1, 2**32 - 1]),
-    "200,000 brackets": lambda: codec.encode_weights(
+    "200,000 brackets": lambda: encode_weights(
         replace(
             learners.published(9),
             snapshot=replace(learners.snapshot(9), architecture="[" * 200_000),
@@ -261,13 +269,13 @@ def test_a_first_policy_of_another_size_does_not_shut_the_real_learner_out() -> 
     with graph(SimNode, AgentNode) as probe:
         agent = probe.nodes[1].agent
         speaker = probe.speaker(topics.POLICY_WEIGHTS)
-        speaker.publish(codec.encode_weights(strange))
+        speaker.publish(encode_weights(strange))
         assert probe.until(lambda: agent.has_weights and agent.version == 9)
-        speaker.publish(codec.encode_weights(learners.published(1)))
+        speaker.publish(encode_weights(learners.published(1)))
         assert probe.until(lambda: probe.value("agent_node", "refused.learning.policy") == "1")
-        probe.speaker(topics.LEARNER_INFO).publish(codec.encode_learner_info(LEARNER))
+        probe.speaker(topics.LEARNER_INFO).publish(encode_learner_info(LEARNER))
         assert probe.until(lambda: agent.version == 1)
-        speaker.publish(codec.encode_weights(strange))
+        speaker.publish(encode_weights(strange))
         assert probe.until(lambda: probe.value("agent_node", "refused.learning.policy") == "2")
         assert probe.until(lambda: probe.last(topics.JOINT_COMMANDS).policy_version == 1)
 
@@ -277,11 +285,11 @@ def test_a_program_that_the_networks_cannot_be_told_stops_no_training() -> None:
     with graph(SimNode, AgentNode, **given) as probe:
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 10)
         probe.speaker(topics.PROGRAM).publish(
-            codec.encode_program(ProgramRequest("red", "NEAR(HAND, RED)"))
+            encode_program(ProgramRequest("red", "NEAR(HAND, RED)"))
         )
         assert probe.until(lambda: "holds the arm" in probe.message("agent_node"))
         assert probe.health["/agent_node"].level == WARN
-        answers = map(codec.decode_program_status, probe.heard["program_status"])
+        answers = map(decode_program_status, probe.heard["program_status"])
         assert {a.node: a.accepted for a in answers if a.program_id == "red"} == {
             "/sim_node": True, "/agent_node": False,
         }  # fmt: skip
@@ -298,11 +306,11 @@ def test_an_id_has_one_meaning_for_arena_and_agent() -> None:
 
         def ask(program_id: str, text: str) -> dict[str, bool]:
             probe.heard["program_status"].clear()
-            speaker.publish(codec.encode_program(ProgramRequest(program_id, text)))
+            speaker.publish(encode_program(ProgramRequest(program_id, text)))
             found: dict[str, bool] = {}
 
             def answered() -> bool:
-                for one in map(codec.decode_program_status, probe.heard["program_status"]):
+                for one in map(decode_program_status, probe.heard["program_status"]):
                     found.update({one.node: one.accepted} if one.program_id == program_id else {})
                 return "/sim_node" in found
 
@@ -330,7 +338,7 @@ def test_a_trajectory_far_ahead_under_a_real_agents_name_stops_nothing(held_from
         forged = replace(
             trajectory(10**6, "real"), incarnation=key.incarnation, held_from=held_from
         )
-        probe.speaker(topics.TRAJECTORIES).publish(codec.encode_trajectory(forged))
+        probe.speaker(topics.TRAJECTORIES).publish(encode_trajectory(forged))
         if held_from:
             assert probe.until(lambda: probe.value("learner_node", "lost_trajectories") != "0")
             assert probe.until(lambda: "under this agent's name" in probe.message("agent_node"))

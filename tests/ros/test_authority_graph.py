@@ -19,8 +19,10 @@ from learner_node.node import LearnerNode
 from pa_ros.benchmarks.codec import sample_step
 from pa_ros.ros import topics
 from pa_ros.ros.environment import LOOPBACK_PROFILE
-from pa_ros.wire import codec
-from pa_ros.wire.signing import KeyFileError, Signer
+from pa_ros.wire.arena import decode_arena_info, encode_arena_info
+from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights
+from pa_ros.wire.signing import Signer, SigningError
+from pa_ros.wire.step import encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -35,12 +37,12 @@ GIVEN = {
     ],
 }  # fmt: skip
 STRANGERS = {
-    "joint_commands": (topics.JOINT_COMMANDS, lambda: codec.encode_command(sample_step()[2])),
-    "trajectories": (topics.TRAJECTORIES, lambda: codec.encode_trajectory(trajectory(0, "x"))),
-    "policy_weights": (topics.POLICY_WEIGHTS, lambda: codec.encode_weights(published(9))),
+    "joint_commands": (topics.JOINT_COMMANDS, lambda: encode_command(sample_step()[2])),
+    "trajectories": (topics.TRAJECTORIES, lambda: encode_trajectory(trajectory(0, "x"))),
+    "policy_weights": (topics.POLICY_WEIGHTS, lambda: encode_weights(published(9))),
     "learner_info": (
         topics.LEARNER_INFO,
-        lambda: codec.encode_learner_info(replace(LEARNER, stamp_ns=2**62)),
+        lambda: encode_learner_info(replace(LEARNER, stamp_ns=2**62)),
     ),
 }
 HEARD_BY = {"joint_commands": "sim_node", "trajectories": "learner_node"}
@@ -84,8 +86,8 @@ def test_strangers_are_refused_and_counted_and_learning_goes_on(name, key):
 def test_a_strangers_arena_is_refused_by_agents_and_learner(key):
     with graph(*NODES, **keyed(key)) as probe:
         assert learns_on(probe)
-        arena = codec.decode_arena_info(probe.last(topics.ARENA_INFO))
-        strange = codec.encode_arena_info(replace(arena, arena_id="strange"))
+        arena = decode_arena_info(probe.last(topics.ARENA_INFO))
+        strange = encode_arena_info(replace(arena, arena_id="strange"))
         probe.speaker(topics.ARENA_INFO).publish(strange)
         refused = "refused.auth.unsigned"
         assert probe.until(lambda: probe.value("agent_node", refused) == "1")
@@ -95,7 +97,7 @@ def test_a_strangers_arena_is_refused_by_agents_and_learner(key):
 
 def test_a_key_that_others_can_read_is_refused_by_name(key):
     key.chmod(0o644)
-    with pytest.raises(KeyFileError, match=f"{key}: expected a file for its owner alone"):
+    with pytest.raises(SigningError, match=f"{key}: expected a file that only its owner can read"):
         with graph(SimNode, sim_node__auth_key_file=key):
             pass
 
@@ -113,8 +115,7 @@ from pa_ros.benchmarks.codec import sample_step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
-from pa_ros.wire import codec
-message = codec.encode_command(sample_step()[2])
+message = encode_command(sample_step()[2])
 import rclpy, rclpy.experimental.events_executor
 os.setgroups([])
 os.setgid(65534)

@@ -11,10 +11,12 @@ from importlib.resources import files
 
 import pytest
 import yaml
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
 from pa_ros.ros import topics
-from pa_ros.wire.codec.simulator import WORLD
-from pa_ros.wire.interfaces import Image, MarkerArray, String
+from pa_ros.wire.simulator import WORLD
 
 LAYOUTS = files("pa_ros") / "layouts"
 TOPICS = {t.name.lstrip("/"): t for t in vars(topics).values() if isinstance(t, topics.Topic)}

@@ -7,7 +7,7 @@ import pytest
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.programs import BURST, PER_S, Pace, TooManyProgramsError, judge
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire.records import ProgramRequest
+from pa_ros.wire.program import ProgramRequest
 
 RED, BLUE = ProgramRequest("1", "NEAR(HAND, RED)"), ProgramRequest("2", "NEAR(HAND, BLUE)")
 

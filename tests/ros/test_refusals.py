@@ -9,7 +9,7 @@ import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire.errors import SizeError
+from pa_ros.wire.errors import WireError
 
 
 def make() -> tuple[Refusals, list[str], list[float]]:
@@ -21,7 +21,7 @@ def make() -> tuple[Refusals, list[str], list[float]]:
 def test_each_is_counted_by_code_and_the_first_of_a_code_is_logged():
     refusals, lines, _ = make()
     for _ in range(3):
-        refusals.refuse("topic", SizeError("field", 6, 5))
+        refusals.refuse("topic", WireError("field", 6, 5, code="wire.size"))
     refusals.refuse("topic", ConfigError("no"))
     assert refusals.total == 4
     counts = [("refused.config", "1"), ("refused.wire.size", "3")]  # in the codes' order

@@ -10,7 +10,7 @@ from helpers.learners import ARENA
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros.arenas import KNOWN, RIVAL_S, SILENT_S, Arenas, OtherArenaError
 from pa_ros.ros.rivals import COMMANDED_S, GONE_S, Commanders, Rivals
-from pa_ros.wire.records import Health
+from pa_ros.wire.diagnostics import Health
 
 ONE, OTHER = replace(ARENA, arena_id="one"), replace(ARENA, arena_id="other", design="3-D")
 

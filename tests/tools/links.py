@@ -17,7 +17,7 @@ from helpers.waiting import wait_for
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
-from pa_ros.wire.codec import header_stamp
+from pa_ros.wire.fields import header_stamp
 
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
 BY_THE_CLOCK = {"mode": "real_time", "real_time_factor": 5.0, "command_timeout_s": 2.0}

@@ -10,14 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 
 from helpers.waiting import DEADLINE_S
 from pa_ros.core.experience import Float32
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import PoseStamped
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.step import decode_objects
+from pa_ros.wire.views import encode_pose
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs/examples"
@@ -85,12 +87,12 @@ class Tracker:
         if name not in self._speakers:
             topic = topics.Topic(f"poses/{name}", PoseStamped, topics.STEP, topics.STEP)
             self._speakers[name] = topic.publisher(self._node)
-        self._speakers[name].publish(codec.encode_pose(pose, message.header.frame_id, 0))
+        self._speakers[name].publish(encode_pose(pose, message.header.frame_id, 0))
 
     def on_features(self, name, heard, message) -> None:
-        self.newest[name] = codec.header_stamp(message)
+        self.newest[name] = header_stamp(message)
         if not message.program:
-            heard[self.newest[name]] = codec.decode_objects(message)[0]
+            heard[self.newest[name]] = decode_objects(message)[0]
 
     def agrees(self) -> bool:
         """Whether features of a step of an arm at rest have come from both, and are the same."""

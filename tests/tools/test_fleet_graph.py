@@ -14,8 +14,8 @@ from pa_ros.tools.graph import present, start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.step import arena_of, decode_executed
 
 pytestmark = pytest.mark.graph
 ONE: Parameters = {
@@ -57,8 +57,8 @@ def test_an_agent_acts_on_when_its_arena_starts_again(tmp_path: Path):
     obeyed: list[str] = []  # arenas of the steps that a command led to
 
     def hear(message: Message) -> None:
-        if codec.decode_executed(message):
-            obeyed.append(codec.arena_of(message))
+        if decode_executed(message):
+            obeyed.append(arena_of(message))
 
     with Supervisor(tmp_path / "log") as supervisor, client_node("watcher") as node:
         OBJECT_FEATURES.subscribe(node, hear)

@@ -9,8 +9,7 @@ import pytest
 
 from pa_ros.cli.send import result_text
 from pa_ros.tools.goals import GoalClient
-from pa_ros.wire import codec
-from pa_ros.wire.records import GoalResult, ProgramGoal
+from pa_ros.wire.program import GoalResult, ProgramGoal, encode_goal_result
 
 
 def _executed(monkeypatch: pytest.MonkeyPatch, accepted: bool, result: Any) -> GoalResult:
@@ -28,7 +27,7 @@ def _executed(monkeypatch: pytest.MonkeyPatch, accepted: bool, result: Any) -> G
 @pytest.mark.parametrize("accepted", [False, True])
 def test_an_agent_that_takes_no_goals_is_said_to_with_what_to_do(monkeypatch, accepted) -> None:
     """Rejected, or accepted and aborted without a word, as where it is cleaned up meanwhile."""
-    nothing = type(codec.encode_goal_result(GoalResult(True)))()
+    nothing = type(encode_goal_result(GoalResult(True)))()
     result = _executed(monkeypatch, accepted, nothing)
     assert (result.success, result.code, result.position) == (False, "goal.rejected", -1)
     assert "ros2 lifecycle get" in result_text(result)
@@ -36,6 +35,6 @@ def test_an_agent_that_takes_no_goals_is_said_to_with_what_to_do(monkeypatch, ac
 
 def test_a_result_that_says_why_is_passed_on(monkeypatch) -> None:
     given = GoalResult(False, 0.5, None, "program.syntax", "column 1", 0)
-    assert _executed(monkeypatch, True, codec.encode_goal_result(given)) == given
+    assert _executed(monkeypatch, True, encode_goal_result(given)) == given
     reached = GoalResult(True, 0.125, 2.0)
-    assert _executed(monkeypatch, True, codec.encode_goal_result(reached)) == reached
+    assert _executed(monkeypatch, True, encode_goal_result(reached)) == reached

@@ -20,8 +20,8 @@ from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet, in_step
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.learning import decode_weights, weights_checksum
 
 pytestmark = pytest.mark.graph
 ONE: Parameters = {
@@ -44,8 +44,8 @@ def published(folder: Path) -> dict[int, str]:
     hashes: dict[int, str] = {}
 
     def hear(message: Message) -> None:
-        snapshot = codec.decode_weights(message).snapshot
-        hashes.setdefault(snapshot.version, codec.weights_checksum(snapshot))
+        snapshot = decode_weights(message).snapshot
+        hashes.setdefault(snapshot.version, weights_checksum(snapshot))
 
     with Supervisor(folder / "log") as supervisor, client_node("watcher") as node:
         POLICY_WEIGHTS.subscribe(node, hear)

@@ -6,7 +6,7 @@ import pytest
 
 from helpers.waiting import Clock
 from pa_ros.tools.monitor import LINE_PERIOD_S, STALE_S, Display, GraphFigures
-from pa_ros.wire.records import Health
+from pa_ros.wire.diagnostics import Health
 
 
 def filled(clock=None) -> GraphFigures:

@@ -26,9 +26,10 @@ from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
 from pa_ros.tools.playback import PlaybackError, PlaybackOptions, Player
 from pa_ros.tools.record import Recorder
-from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, to_cdr
-from pa_ros.wire.records import Command, ProgramRequest
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.program import ProgramRequest, encode_program
+from pa_ros.wire.step import Command, decode_clock, encode_command
 
 pytestmark = pytest.mark.graph
 PERIOD_NS = 20_000_000
@@ -44,7 +45,7 @@ def programs(tmp_path) -> Path:
         bag.add(topic(store, "/program", "msgs_schema/msg/Program", [reliable_qos(1, True)]))
         bag.add(topic(store, "/thing", "elsewhere_msgs/msg/Thing", [reliable_qos(10)]))
         for i in range(50):
-            message = codec.encode_program(ProgramRequest(str(i), f"NEAR(HAND, W{i})"))
+            message = encode_program(ProgramRequest(str(i), f"NEAR(HAND, W{i})"))
             bag.write("/program", to_cdr(store, message), 10**18 + i * PERIOD_NS)
         bag.write("/thing", b"\0\1\0\0\1\0\0\0", 10**18)
     return tmp_path / "programs"
@@ -119,7 +120,7 @@ def test_loop_and_clock(programs):
         player.run(lambda: player.played.counts["/program"] >= 90)
         spin_until(node, lambda: len(heard) >= 90 and len(ticks) > 50, DEADLINE_S)
     assert [int(message.program_id) for message in heard[:90]] == [i % 50 for i in range(90)]
-    seconds = [codec.decode_clock(tick) for tick in ticks]
+    seconds = [decode_clock(tick) for tick in ticks]
     assert 10**18 - 10**8 < min(seconds) and max(seconds) <= 10**18 + 50 * PERIOD_NS
 
 
@@ -165,12 +166,12 @@ def act_at_random(node, stop: Callable[[], bool]) -> None:
     publisher = node.create_publisher(kind.type, kind.name, kind.writer)
 
     def answer(features) -> None:
-        stamp = codec.header_stamp(features)
+        stamp = header_stamp(features)
         if stamp not in answered and len(answered) < STEPS:
             answered.add(stamp)
             action = rng.uniform(-1, 1, 6).astype(np.float32)
             command = Command(features.episode, features.step, stamp, "a", 0, action)
-            publisher.publish(codec.encode_command(command))
+            publisher.publish(encode_command(command))
 
     features = topics.OBJECT_FEATURES
     node.create_subscription(features.type, features.name, answer, features.reader)
@@ -196,7 +197,7 @@ def episode_of(bag: Path, act: Callable[..., None]) -> dict[tuple[str, int], tup
         if name in ("/object_features", "/joint_states", "/verdict"):
             fields = ("episode", "step", "features", "position", "velocity", "reward", "distance")
             values = [getattr(message, field, None) for field in fields]
-            found[name, codec.header_stamp(message)] = tuple(map(repr, values))
+            found[name, header_stamp(message)] = tuple(map(repr, values))
     return found
 
 

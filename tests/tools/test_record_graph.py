@@ -23,12 +23,13 @@ from pa_ros.core.experience import Observation
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.record import BAG_TOPICS, Recorder, topics_named
-from pa_ros.wire import codec
 from pa_ros.wire.definitions import installed_types, message_type
-from pa_ros.wire.records import Health, Origin, ProgramRequest
+from pa_ros.wire.diagnostics import Health, Origin, encode_diagnostics, encode_provenance
+from pa_ros.wire.program import ProgramRequest, encode_program
+from pa_ros.wire.step import encode_observation
 
 pytestmark = pytest.mark.graph
-REQUEST = codec.encode_program(ProgramRequest("id", "NEAR(HAND, RED)"))
+REQUEST = encode_program(ProgramRequest("id", "NEAR(HAND, RED)"))
 ORIGIN = Origin("/x", "1", "0", "v", 7, {})
 
 
@@ -47,13 +48,13 @@ def information(bag: Path) -> dict:
 
 
 def test_what_is_decoded_equals_what_was_published(tmp_path):
-    features, joints = codec.encode_observation(observation(), tuple("abcdef"))
+    features, joints = encode_observation(observation(), tuple("abcdef"))
     sent = [
         (topics.OBJECT_FEATURES, features),
         (topics.JOINT_STATES, joints),
-        (topics.DIAGNOSTICS, codec.encode_diagnostics([Health("/x", 1, "hi", {"a": "b"})], 5)),
+        (topics.DIAGNOSTICS, encode_diagnostics([Health("/x", 1, "hi", {"a": "b"})], 5)),
         (topics.PROGRAM, REQUEST),
-        (topics.PROVENANCE, codec.encode_provenance(ORIGIN)),
+        (topics.PROVENANCE, encode_provenance(ORIGIN)),
     ]
     with client_node("test") as node:
         with Recorder(tmp_path / "bag", node) as recorder:
@@ -95,7 +96,7 @@ def test_what_a_publisher_had_to_drop_is_counted_as_lost(tmp_path):
     """A best-effort publisher that keeps one message, and messages of a megabyte each."""
     careless = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     large = topics.Topic("program", topics.PROGRAM.type, careless, careless)
-    message = codec.encode_program(ProgramRequest("id", "X" * 1_000_000))
+    message = encode_program(ProgramRequest("id", "X" * 1_000_000))
     with client_node("test") as node, Recorder(tmp_path / "bag", node, [large]) as recorder:
         publisher = publisher_heard(node, large)
         for _ in range(200):
@@ -177,7 +178,7 @@ def grown(bag: Path) -> bool:
 
 def test_memory_stays_bounded(tmp_path):
     """300 MB through a recorder grow the process by a fraction of that."""
-    message = codec.encode_program(ProgramRequest("id", "X" * 1_000_000))
+    message = encode_program(ProgramRequest("id", "X" * 1_000_000))
     with client_node("test") as node, Recorder(tmp_path / "b", node, [topics.TRAJECTORIES]) as bag:
         large = topics.TRAJECTORIES.type(program="X" * 1_000_000)
         publisher = publisher_heard(node, topics.TRAJECTORIES)

@@ -18,9 +18,9 @@ from pa_ros.tools.client import NOTICE_S, spin_with_notice
 from pa_ros.tools.domain import DomainClaim
 from pa_ros.tools.monitor import GraphFigures
 from pa_ros.tools.scenes import Scene, SceneFigures
-from pa_ros.wire import codec
-from pa_ros.wire.records import ProgramRequest, ResetRequest
-from pa_ros.wire.robots import describe_robot
+from pa_ros.wire.arena import describe_robot, encode_arena_info
+from pa_ros.wire.program import ProgramRequest, encode_program
+from pa_ros.wire.services import ResetRequest, encode_reset
 from sim_node.node import SimNode
 
 ARENA = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__program_source": "topic"}
@@ -44,7 +44,7 @@ def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
         assert len(found) > 4 and any("AND" in text for text in found)
 
         speaker = probe.speaker(topics.PROGRAM)
-        speaker.publish(codec.encode_program(ProgramRequest("a", found[0])))
+        speaker.publish(encode_program(ProgramRequest("a", found[0])))
         assert probe.until(lambda: scene.program == found[0] and " m" in scene.line())
         fleet = SceneFigures(probe, GraphFigures(), ["", "elsewhere"])
         one = SceneFigures(probe, GraphFigures(), [])
@@ -54,7 +54,7 @@ def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
         assert found[0] in one.line() and "/elsewhere: at" in dict(fleet.rows())
 
         before = scene.blocks
-        outcome = probe.call(topics.RESET, codec.encode_reset(ResetRequest(episode=7)))
+        outcome = probe.call(topics.RESET, encode_reset(ResetRequest(episode=7)))
         assert outcome.success
         assert probe.until(lambda: scene.episode == 7 and scene.blocks != before)
 
@@ -69,7 +69,7 @@ def test_an_arena_without_samples_is_seen_by_its_steps_until_samples_come():
 
         scene = Scene(probe)
         assert probe.until(lambda: readers() == 1)
-        assert probe.call(topics.RESET, codec.encode_reset(ResetRequest(episode=7))).success
+        assert probe.call(topics.RESET, encode_reset(ResetRequest(episode=7))).success
         assert probe.until(lambda: scene.known and scene.episode == 7)
         shown = topics.SAMPLES["features"].publisher(probe)
         assert probe.until(lambda: readers() == 0)
@@ -83,7 +83,7 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(c
         world = world_of(ArenaConfig(), design_named("3-D"))
         about = describe_robot(world, {f"joint_{i}": 1.0 for i in range(world.joints)}, 0.1)
         left = topics.ARENA_INFO.within("left").publisher(probe)
-        left.publish(codec.encode_arena_info(about))
+        left.publish(encode_arena_info(about))
         elsewhere = "an arena describes itself in /left: --namespace chooses it"
         # Its own publishers a node knows at once: what is said early does not wait for discovery.
         assert not spin_with_notice(probe, lambda: False, NOTICE_S + 0.1)
@@ -101,7 +101,7 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(c
 
         assert elsewhere in told().splitlines()[-1]
         assert f"arena {about.arena_id} describes itself, but no" in told("--namespace", "left")
-        other = codec.encode_arena_info(about)
+        other = encode_arena_info(about)
         other.wire_version = "1"
         topics.ARENA_INFO.within("right").publisher(probe).publish(other)
         assert "not read: arena_info.wire_version: expected" in told("--namespace", "right")

@@ -5,9 +5,8 @@ import dataclasses
 import pytest
 
 from pa_ros.language import Vocabulary, parse
-from pa_ros.wire import codec
-from pa_ros.wire.errors import RangeError, VersionError
-from pa_ros.wire.records import LearnerOrigin, Origin
+from pa_ros.wire.diagnostics import LearnerOrigin, Origin, decode_provenance, encode_provenance
+from pa_ros.wire.errors import WireError
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
@@ -38,14 +37,14 @@ ORIGIN = Origin(
 
 @pytest.mark.parametrize("origin", [ORIGIN, dataclasses.replace(ORIGIN, learner=None, world=None)])
 def test_what_is_decoded_is_what_was_encoded(origin):
-    assert codec.decode_provenance(codec.encode_provenance(origin)) == origin
+    assert decode_provenance(encode_provenance(origin)) == origin
 
 
 def test_another_edition_and_parameters_that_are_not_an_object_are_refused():
-    message = codec.encode_provenance(ORIGIN)
+    message = encode_provenance(ORIGIN)
     message.parameters = "[1, 2]"
-    with pytest.raises(RangeError, match="JSON object"):
-        codec.decode_provenance(message)
+    with pytest.raises(WireError, match="JSON object"):
+        decode_provenance(message)
     message.wire_version = "0"
-    with pytest.raises(VersionError, match="received 0"):
-        codec.decode_provenance(message)
+    with pytest.raises(WireError, match="received 0"):
+        decode_provenance(message)

@@ -15,8 +15,19 @@ from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES, recorded_world
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.arena import decode_arena_info
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.learning import decode_trajectory
+from pa_ros.wire.program import decode_program, decode_program_status
+from pa_ros.wire.step import (
+    decode_command,
+    decode_hand_pose,
+    decode_joints,
+    decode_objects,
+    decode_step_mark,
+    decode_verdict,
+)
 from pa_ros.world import Trajectory
 from pa_ros.world.schema import POSE
 
@@ -123,7 +134,7 @@ def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode
 def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     open_: dict[str, RecordedEpisode] = {}  # by agent
     world = recorded_world(bag, namespace)
-    decode = partial(codec.decode_trajectory, world=world)
+    decode = partial(decode_trajectory, world=world)
     for recorded in bag.messages([bag.topic_of(TRAJECTORIES, namespace)]):
         trajectory = bag.through(recorded, decode)
         episode = open_.get(trajectory.agent_id)
@@ -184,15 +195,15 @@ class _Builder:
 
     def take(self, type_name: str, message: Message) -> None:
         if type_name == PROGRAM:
-            request = codec.decode_program(message)
+            request = decode_program(message)
             self._texts[request.program_id] = request.text
             return
         if type_name == PROGRAM_STATUS:  # a recorder that came late has the program from here
-            judgement = codec.decode_program_status(message)
+            judgement = decode_program_status(message)
             if judgement.accepted:
                 self._texts.setdefault(judgement.program_id, judgement.canonical)
             return
-        stamp_ns = codec.header_stamp(message)
+        stamp_ns = header_stamp(message)
         if type_name == FEATURES:
             self._begin_row(stamp_ns, message)
             for kind, part in self._early.pop(stamp_ns, ()):
@@ -219,27 +230,27 @@ class _Builder:
         if stamp_ns in self._rows:
             return  # sent again, because nobody answered
         newest = self._open[-1] if self._open else None
-        mark = codec.decode_step_mark(message)
+        mark = decode_step_mark(message)
         of = (mark.episode, mark.evaluation)
         again = newest is None or (newest.number, newest.evaluation) != of
         if newest is None or again or mark.step <= newest.rows[-1].step:
             newest = RecordedEpisode(*of)
             self._open.append(newest)
         program = mark.program or self._texts.get(mark.program_id, mark.program_id)
-        row = Row(mark.step, stamp_ns, *codec.decode_objects(message), program)
-        row.hand_pose = codec.decode_hand_pose(message)
+        row = Row(mark.step, stamp_ns, *decode_objects(message), program)
+        row.hand_pose = decode_hand_pose(message)
         newest.rows.append(row)
         self._rows[stamp_ns] = row
 
     def _fill(self, row: Row, type_name: str, message: Message) -> None:
         if type_name == JOINT_STATES:
-            joints = codec.decode_joints(message, self._joint_names)
+            joints = decode_joints(message, self._joint_names)
             row.joint_position, row.joint_velocity = joints
         elif type_name == VERDICT:
-            verdict = codec.decode_verdict(message)
+            verdict = decode_verdict(message)
             row.reward, row.distance = verdict.reward, verdict.distance
         else:
-            command = codec.decode_command(message)
+            command = decode_command(message)
             row.action, row.policy_version = command.action, command.policy_version
 
 
@@ -248,7 +259,7 @@ def _joint_names(bag: Bag, namespace: str | None) -> tuple[str, ...]:
         return ()
     for recorded in bag.messages([bag.topic_of(ARENA_INFO, namespace)]):
         try:
-            return bag.through(recorded, codec.decode_arena_info).joint_names
+            return bag.through(recorded, decode_arena_info).joint_names
         except PaError:
             return ()
     return ()

@@ -12,9 +12,15 @@ from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.experience import AgentKey, TrajectoryKey
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.turns import in_turn
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, Origin
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info
+from pa_ros.wire.diagnostics import Origin, decode_provenance
+from pa_ros.wire.learning import (
+    decode_trajectory,
+    decode_trajectory_key,
+    decode_weights,
+    weights_checksum,
+)
 from pa_ros.world import Scoring, Trajectory, reward_from
 from pa_ros.world.world import World
 
@@ -55,7 +61,7 @@ class Experience:
         self.unseen = bag.unseen
         self._topic = bag.topic_of(TRAJECTORIES, namespace)
         self.origins: list[Origin] = [
-            bag.through(recorded, codec.decode_provenance)
+            bag.through(recorded, decode_provenance)
             for recorded in _of_type(bag, PROVENANCE, namespace)
         ]
         self.arenas = arenas_of(bag, namespace)
@@ -114,7 +120,7 @@ class Experience:
     def lessons(self, world: World) -> Iterator[Lesson]:
         """Trajectories in the learner's order, as far as the weights tell it; else as they came.
 
-        `world` is the receiver's. Raises WorldError at the first of another one.
+        `world` is the receiver's. Raises WireError at the first of another one.
         """
         plan, pending = self._plan(), dict[TrajectoryKey, Trajectory]()
         there = set(self.keys)
@@ -184,7 +190,7 @@ class Experience:
     def _arrivals(self) -> list[TrajectoryKey]:
         """Trajectories in the order of the recording, each once."""
         keys = dict.fromkeys(
-            self._bag.through(recorded, codec.decode_trajectory_key)
+            self._bag.through(recorded, decode_trajectory_key)
             for recorded in self._bag.messages([self._topic])
         )
         if not keys:
@@ -192,7 +198,7 @@ class Experience:
         return list(keys)
 
     def _trajectories(self, world: World) -> Iterator[Trajectory]:
-        decode = partial(codec.decode_trajectory, world=world)
+        decode = partial(decode_trajectory, world=world)
         for recorded in self._bag.messages([self._topic]):
             yield self._bag.through(recorded, decode)
 
@@ -200,7 +206,7 @@ class Experience:
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
     """What arenas said of themselves, in the order of the recording."""
     return [
-        bag.through(recorded, codec.decode_arena_info)
+        bag.through(recorded, decode_arena_info)
         for recorded in _of_type(bag, ARENA_INFO, namespace)
     ]
 
@@ -210,7 +216,7 @@ def recorded_world(bag: Bag, namespace: str | None = None) -> World:
     for arena in arenas_of(bag, namespace):
         return arena.world
     for recorded in _of_type(bag, PROVENANCE, namespace):
-        origin = bag.through(recorded, codec.decode_provenance)
+        origin = bag.through(recorded, decode_provenance)
         if origin.world is not None:
             return origin.world
     raise ProvenanceError(
@@ -232,8 +238,8 @@ def _of_type(bag: Bag, type_name: str, namespace: str | None) -> Iterator[Record
 
 
 def _published(message: Message) -> Published:
-    policy = codec.decode_weights(message)
-    checksum = codec.weights_checksum(policy.snapshot)
+    policy = decode_weights(message)
+    checksum = weights_checksum(policy.snapshot)
     return Published(
         policy.snapshot.version, checksum, policy.run_id, policy.accounted, policy.latest
     )

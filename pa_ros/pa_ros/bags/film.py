@@ -18,7 +18,7 @@ from pa_ros.bags.errors import BagError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import parse
 from pa_ros.language.errors import ProgramError
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
 
 
 class Stage:

@@ -24,9 +24,9 @@ from pa_ros.bags.errors import (
 )
 from pa_ros.bags.index import connections_of
 from pa_ros.bags.repair import custom_data, storage_files
+from pa_ros.wire import Message
+from pa_ros.wire.arena import WIRE_VERSION
 from pa_ros.wire.definitions import installed_types
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import WIRE_VERSION
 
 OF_EDITION_1 = "msgs_schema/msg/Transitions"  # Trajectory since
 

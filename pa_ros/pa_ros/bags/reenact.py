@@ -8,7 +8,7 @@ import numpy as np
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import Observation, Verdict
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
 from pa_ros.world import Trajectory, reward_from
 
 

@@ -17,10 +17,11 @@ from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
 from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.provenance.origins import describe, learner_origin
-from pa_ros.wire import codec
-from pa_ros.wire.definitions import installed_types, message_type, to_cdr
-from pa_ros.wire.interfaces import ArenaInfo, LearnerInfo, Message, PolicyWeights, Provenance
-from pa_ros.wire.interfaces import Trajectory as TrajectoryMessage
+from pa_ros.wire import Message
+from pa_ros.wire.arena import encode_arena_info
+from pa_ros.wire.definitions import installed_types, to_cdr
+from pa_ros.wire.diagnostics import encode_provenance
+from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights
 from pa_ros.world import Trajectory
 
 log = logging.getLogger(__name__)
@@ -29,11 +30,11 @@ NODE: Final = "/pa_ros_train"
 WEIGHTS_EVERY_FRAMES: Final = 100  # at most; a version per frame would be 26 MB/s
 FLUSH_S: Final = 1.0  # what a SIGKILL can cost
 _TOPICS = (
-    ("/provenance", Provenance, reliable_qos(1, latched=True)),
-    ("/arena_info", ArenaInfo, reliable_qos(1, latched=True)),
-    ("/learner_info", LearnerInfo, reliable_qos(1, latched=True)),
-    ("/trajectories", TrajectoryMessage, reliable_qos(1, keep_all=True)),
-    ("/policy_weights", PolicyWeights, reliable_qos(4, latched=True)),
+    ("/provenance", "Provenance", reliable_qos(1, latched=True)),
+    ("/arena_info", "ArenaInfo", reliable_qos(1, latched=True)),
+    ("/learner_info", "LearnerInfo", reliable_qos(1, latched=True)),
+    ("/trajectories", "Trajectory", reliable_qos(1, keep_all=True)),
+    ("/policy_weights", "PolicyWeights", reliable_qos(4, latched=True)),
 )
 
 
@@ -82,7 +83,7 @@ class RunLog:
         by now, BagFullError if it cannot be made."""
         self._writer = writer = BagWriter(self._folder, self._options)
         for name, kind, qos in _TOPICS:
-            writer.add(topic(self._types, name, message_type(kind), [qos]))
+            writer.add(topic(self._types, name, f"msgs_schema/msg/{kind}", [qos]))
         learner, run_id = run.learner, run.info.run_id
         about = learner_origin(
             NODE,
@@ -98,20 +99,20 @@ class RunLog:
         about_arena = self._arena, self._design, self._seed, self._programs, run_id
         arena = describe(*about_arena, reward=learner.scoring.reward)
         writer.custom = as_custom_data([about], [arena])
-        self._write("/provenance", codec.encode_provenance(about))
-        self._write("/arena_info", codec.encode_arena_info(arena))
-        self._write("/learner_info", codec.encode_learner_info(run.info))
-        self._write("/policy_weights", codec.encode_weights(run.policy()))
+        self._write("/provenance", encode_provenance(about))
+        self._write("/arena_info", encode_arena_info(arena))
+        self._write("/learner_info", encode_learner_info(run.info))
+        self._write("/policy_weights", encode_weights(run.policy()))
 
     def add(self, trajectory: Trajectory, policy: PublishedPolicy) -> None:
         """A trajectory that was learned from, and the weights that came of it."""
         if self.failure is not None or self._writer is None:
             return
-        self._write("/trajectories", codec.encode_trajectory(trajectory))
+        self._write("/trajectories", encode_trajectory(trajectory))
         self._frames += len(trajectory)
         if self._frames >= WEIGHTS_EVERY_FRAMES:
             self._frames = 0
-            self._write("/policy_weights", codec.encode_weights(policy))
+            self._write("/policy_weights", encode_weights(policy))
         if time.monotonic() - self._flushed >= FLUSH_S:
             self._flushed = time.monotonic()
             self._guarded(self._writer.flush)

@@ -18,8 +18,8 @@ from pa_ros.core.software import here
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.wire import codec
-from pa_ros.wire.records import Origin
+from pa_ros.wire.diagnostics import Origin
+from pa_ros.wire.learning import weights_checksum
 from pa_ros.world import Trajectory
 
 NAMED = 5  # altered transitions that are spelt out
@@ -135,7 +135,7 @@ def _compare(experience: Experience, learner: Learner, found: Verification) -> N
     published = experience.published.get(counters.version)
     if published is None or found.difference:
         return
-    found.recorded, found.remade = published.checksum, codec.weights_checksum(learner.snapshot())
+    found.recorded, found.remade = published.checksum, weights_checksum(learner.snapshot())
     if found.recorded == found.remade:
         found.compared += 1
     else:

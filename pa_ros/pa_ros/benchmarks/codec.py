@@ -15,10 +15,23 @@ from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot, Verdic
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Command
+from pa_ros.wire import Message
+from pa_ros.wire.learning import (
+    decode_trajectory,
+    decode_weights,
+    encode_trajectory,
+    encode_weights,
+)
 from pa_ros.wire.signing import KEY_BYTES, Checker, Signer
+from pa_ros.wire.step import (
+    Command,
+    decode_command,
+    decode_observation,
+    decode_verdict,
+    encode_command,
+    encode_observation,
+    encode_verdict,
+)
 from pa_ros.world import Trajectory
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
@@ -40,24 +53,24 @@ def bench_codec(repeats: int = 5, calls: int = 2000) -> dict[str, float | str]:
     rng = np.random.default_rng(0)
     observation, verdict, command = sample_step()
     trajectory, policy = _trajectory(rng), _policy(rng)
-    pair = codec.encode_observation(observation, JOINT_NAMES)
+    pair = encode_observation(observation, JOINT_NAMES)
     messages = (
-        codec.encode_verdict(verdict),
-        codec.encode_command(command),
-        codec.encode_trajectory(trajectory),
-        codec.encode_weights(policy),
+        encode_verdict(verdict),
+        encode_command(command),
+        encode_trajectory(trajectory),
+        encode_weights(policy),
     )
     work: dict[str, tuple[Callable[[], object], int]] = {
-        "encode_us": (lambda: codec.encode_observation(observation, JOINT_NAMES), calls),
-        "decode_us": (lambda: codec.decode_observation(*pair, JOINT_NAMES), calls),
-        "encode_verdict_us": (lambda: codec.encode_verdict(verdict), calls),
-        "decode_verdict_us": (lambda: codec.decode_verdict(messages[0]), calls),
-        "encode_command_us": (lambda: codec.encode_command(command), calls),
-        "decode_command_us": (lambda: codec.decode_command(messages[1]), calls),
-        "encode_trajectory_us": (lambda: codec.encode_trajectory(trajectory), calls // 10),
-        "decode_trajectory_us": (lambda: codec.decode_trajectory(messages[2], _WORLD), calls // 10),
-        "encode_weights_us": (lambda: codec.encode_weights(policy), calls // 100),
-        "decode_weights_us": (lambda: codec.decode_weights(messages[3]), calls // 100),
+        "encode_us": (lambda: encode_observation(observation, JOINT_NAMES), calls),
+        "decode_us": (lambda: decode_observation(*pair, JOINT_NAMES), calls),
+        "encode_verdict_us": (lambda: encode_verdict(verdict), calls),
+        "decode_verdict_us": (lambda: decode_verdict(messages[0]), calls),
+        "encode_command_us": (lambda: encode_command(command), calls),
+        "decode_command_us": (lambda: decode_command(messages[1]), calls),
+        "encode_trajectory_us": (lambda: encode_trajectory(trajectory), calls // 10),
+        "decode_trajectory_us": (lambda: decode_trajectory(messages[2], _WORLD), calls // 10),
+        "encode_weights_us": (lambda: encode_weights(policy), calls // 100),
+        "decode_weights_us": (lambda: decode_weights(messages[3]), calls // 100),
     }
     names = ("verdict", "command", "trajectory", "weights")
     for name, message in zip(names[1:], messages[1:], strict=True):

@@ -18,8 +18,8 @@ from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet, in_step
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.learning import decode_weights
 
 UNTHROTTLED_S = 15.0
 TIMEOUT_S = 1800.0
@@ -72,7 +72,7 @@ def heard(request: Request, every: int) -> Heard:
     marks: list[tuple[float, float, float]] = []  # s, frames, updates
 
     def keep(message: Message) -> None:
-        policy = codec.decode_weights(message)
+        policy = decode_weights(message)
         version = policy.snapshot.version
         if not policies or version >= max(policies) + every:
             policies.setdefault(version, (policy.stamp_ns, policy.snapshot))

@@ -21,8 +21,7 @@ from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.wire import codec
-from pa_ros.wire.records import ProgramRequest
+from pa_ros.wire.program import ProgramRequest, encode_program
 
 SECONDS = 4.0  # of each measurement
 TIMEOUT_S = 60.0
@@ -101,7 +100,7 @@ def _flood(node: Node) -> None:
 
     def send() -> None:
         request = ProgramRequest(f"flood-{next(numbers)}", "NEAR(HAND, OR(RED, NOT(RED)))")
-        publisher.publish(codec.encode_program(request))
+        publisher.publish(encode_program(request))
 
     steady_timer(node, 1.0 / FLOOD_HZ, send)
 

@@ -24,9 +24,10 @@ from pa_ros.tools.domain import use_domain
 from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ProgramRequest
+from pa_ros.wire import Message
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.program import ProgramRequest, encode_program
+from pa_ros.wire.step import decode_step_mark
 
 DESIGN = "3-D"
 RATES = {"": "real_time", "fast.": "lockstep"}  # 10 Hz, and as fast as it goes
@@ -137,15 +138,15 @@ class Person:
         """Send a program, and the next in any case after AGAIN_S: nobody may have been there."""
         self._sent += 1
         request = ProgramRequest(f"latency-{self._sent}", self._random.choice(self._programs))
-        message = codec.encode_program(request)
+        message = encode_program(request)
         self.latencies.asked(request.program_id, time.time())
         self._due_s = time.monotonic() + AGAIN_S
         self._out.publish(message)
 
     def _hear(self, written_s: float, is_command: bool, message: Message) -> None:
-        stamp_ns = codec.header_stamp(message)
+        stamp_ns = header_stamp(message)
         if not is_command:
-            program_id = codec.decode_step_mark(message).program_id
+            program_id = decode_step_mark(message).program_id
             self.latencies.observed(stamp_ns, program_id, written_s)
         elif self.latencies.commanded(stamp_ns, written_s):
             pause_s = self._random.uniform(0.5, 1.5) * self._pause_s

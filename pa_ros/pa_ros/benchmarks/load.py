@@ -27,8 +27,8 @@ from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.learning import decode_learner_info, decode_weights, encode_trajectory
 from pa_ros.world import Trajectory
 
 DESIGN, PRESET = "2-L", "fast"
@@ -62,11 +62,11 @@ class Crowd:
         steady_timer(node, TICK_S, self._tick)
 
     def _on_learner(self, message: Message) -> None:
-        self._run_id = codec.decode_learner_info(message).run_id
+        self._run_id = decode_learner_info(message).run_id
         self.began_at = self.began_at or time.monotonic()
 
     def _on_weights(self, message: Message) -> None:
-        tensors = codec.decode_weights(message).snapshot.tensors
+        tensors = decode_weights(message).snapshot.tensors
         self.weights_bytes.append(sum(tensor.nbytes for tensor in tensors.values()))
 
     def _tick(self) -> None:
@@ -84,7 +84,7 @@ class Crowd:
         self.sent += 1
         trajectory = self._recorded[self.sent % len(self._recorded)]
         self._publisher.publish(
-            codec.encode_trajectory(
+            encode_trajectory(
                 replace(
                     trajectory,
                     agent_id=key.agent_id,

@@ -15,7 +15,7 @@ from typing import Any
 from pa_ros.benchmarks.codec import JOINT_NAMES, sample_step
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
-from pa_ros.wire import codec
+from pa_ros.wire.step import encode_clock, encode_command, encode_observation, encode_verdict
 
 # In the order in which sim_node sends them; the answer is to the last that the agent needs.
 _QUESTION = (topics.JOINT_STATES, topics.OBJECT_FEATURES, topics.VERDICT, topics.CLOCK)
@@ -34,9 +34,9 @@ def measure_round_trips(
     from pa_ros.ros.executor import spin_until
 
     observation, verdict, _ = sample_step()
-    features, joints = codec.encode_observation(observation, JOINT_NAMES)
-    clock = codec.encode_clock(observation.stamp_ns)
-    messages = (joints, features, codec.encode_verdict(verdict), clock)
+    features, joints = encode_observation(observation, JOINT_NAMES)
+    clock = encode_clock(observation.stamp_ns)
+    messages = (joints, features, encode_verdict(verdict), clock)
     writers = [_bare(topic).publisher(node) for topic in _QUESTION]
     answers, started, ended = 0, 0.0, 0.0
 
@@ -80,7 +80,7 @@ def _answerer() -> Any:
 
         def __init__(self) -> None:
             super().__init__("pingpong")
-            command = codec.encode_command(sample_step()[2])
+            command = encode_command(sample_step()[2])
             writer = _bare(topics.JOINT_COMMANDS).publisher(self)
             for heard in (topics.JOINT_STATES, topics.VERDICT):
                 _bare(heard).subscribe(self, lambda _: None)

@@ -23,8 +23,8 @@ from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import TrainConfig
 from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.wire.codec import weights_checksum
-from pa_ros.wire.errors import WorldError
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.learning import weights_checksum
 from pa_ros.world import Scoring, reward_from
 
 log = logging.getLogger(__name__)
@@ -94,7 +94,9 @@ def _check_world(path: Path, bag: Experience, learner: Learner) -> None:
     """ConfigError if the bag's first trajectory is of another world than the learner's."""
     try:
         next(bag.lessons(learner.network.world), None)
-    except WorldError as error:
+    except WireError as error:
+        if error.code != "wire.world":
+            raise
         raise ConfigError(
             f"bag: {path}: expected a recording of the world that is learned in: {error}"
         ) from error

@@ -22,7 +22,8 @@ from pa_ros.tools.client import Node, client_node, elsewhere, spin_with_notice
 from pa_ros.tools.goals import GoalClient
 from pa_ros.tools.scenes import Scene
 from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError, sendable
-from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal, ResetRequest
+from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
+from pa_ros.wire.services import ResetRequest
 
 SUGGEST_S = 2.0  # in which an arena shows what stands on its table
 OFFER_S = 5.0  # in which an agent's action is found, if there is one

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.console import markup
 from pa_ros.core.experience import Verdict
-from pa_ros.wire.records import ProgramJudgement
+from pa_ros.wire.program import ProgramStatus
 
 KEPT = 10
 
@@ -20,7 +20,7 @@ class Entry:
 
     program_id: str
     text: str
-    judgements: dict[str, ProgramJudgement] = field(default_factory=dict)  # by node
+    judgements: dict[str, ProgramStatus] = field(default_factory=dict)  # by node
     execution: Execution | None = None
     watch: ExecutionWatch | None = None
     note: str = ""  # why it wasn't sent
@@ -58,7 +58,7 @@ class History:
             for entry in self.entries
         )
 
-    def judge(self, judgement: ProgramJudgement) -> None:
+    def judge(self, judgement: ProgramStatus) -> None:
         """A node has answered."""
         for entry in self.entries:
             if entry.program_id == judgement.program_id:
@@ -86,5 +86,5 @@ def _became(execution: Execution) -> str:
     )
 
 
-def _line(judgement: ProgramJudgement) -> str:
+def _line(judgement: ProgramStatus) -> str:
     return judgement.reason.partition("\n")[0] or judgement.code

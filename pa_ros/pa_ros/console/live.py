@@ -28,9 +28,10 @@ from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS, SAMPLES
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import sensible
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, Mode, ProgramRequest
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
+from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
+from pa_ros.wire.step import decode_context, decode_observation, decode_verdict
 
 REMEMBERED = 256  # programs by id
 SURVEY_S = 2.0  # how often arenas are looked for
@@ -164,13 +165,13 @@ class LiveConsole:
         self._weights.close()
 
     def _on_arena(self, message: Message) -> None:
-        arena = codec.decode_arena_info(message)
+        arena = decode_arena_info(message)
         if self._arena is None or self._arena.mode is not arena.mode:
             self._rest()
         self._vocabulary, self._arena = arena.world.vocabulary, arena
 
     def _on_status(self, message: Message) -> None:
-        judgement = codec.decode_program_status(message)
+        judgement = decode_program_status(message)
         self.history.judge(judgement)
         if judgement.accepted:
             self._texts[judgement.program_id] = judgement.canonical
@@ -188,7 +189,7 @@ class LiveConsole:
             self.history.add(program_id, text, note=str(error).partition("\n")[0])
             return
         self.history.add(program_id, request.text)
-        self._publisher.publish(codec.encode_program(request))
+        self._publisher.publish(encode_program(request))
 
     def _look(self, steps: list[dict[str, Message]]) -> None:
         """Take in all steps that came, and show the newest."""
@@ -198,13 +199,13 @@ class LiveConsole:
             self._page.say("State", markup.quiet(f"waits for an arena in the namespace {where}"))
             return
         try:
-            self.history.observe([codec.decode_verdict(step["verdict"]) for step in steps])
+            self.history.observe([decode_verdict(step["verdict"]) for step in steps])
             if not steps:
                 return
             newest = steps[-1]
-            seen = codec.decode_observation(newest["features"], newest["joints"], arena.joint_names)
-            verdict = codec.decode_verdict(newest["verdict"])
-            context = codec.decode_context(newest["features"])
+            seen = decode_observation(newest["features"], newest["joints"], arena.joint_names)
+            verdict = decode_verdict(newest["verdict"])
+            context = decode_context(newest["features"])
         except PaError as error:
             self._refusals.refuse("step", error)
             return

@@ -10,7 +10,7 @@ from pa_ros.console.insight import Insight, Look
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Observation
 from pa_ros.language import Vocabulary, parse
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
 
 
 @dataclass(frozen=True)

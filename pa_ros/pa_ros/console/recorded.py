@@ -18,8 +18,9 @@ from pa_ros.console.moment import Moment, looked
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Observation
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.wire import codec
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.diagnostics import decode_provenance
+from pa_ros.wire.learning import decode_weights
 
 
 class Replay:
@@ -55,7 +56,7 @@ class Replay:
         """Recorded versions of the weights, and when each was recorded."""
         if WEIGHTS in self._bag.types.values():
             for recorded in self._bag.messages([self._bag.topic_of(WEIGHTS, self._namespace)]):
-                snapshot = self._bag.through(recorded, codec.decode_weights).snapshot
+                snapshot = self._bag.through(recorded, decode_weights).snapshot
                 yield snapshot.version, recorded.stamp_ns
 
     def _load(self, version: int) -> tuple[Insight | None, str]:
@@ -75,7 +76,7 @@ class Replay:
         stamp_ns = self._stamps[version]
         topic = self._bag.topic_of(WEIGHTS, self._namespace)
         for recorded in self._bag.messages([topic], stamp_ns, stamp_ns + 1):
-            return self._bag.through(recorded, codec.decode_weights).snapshot
+            return self._bag.through(recorded, decode_weights).snapshot
         raise ProvenanceError(f"bag: {self._bag.path}: version {version} can't be read again")
 
     def _agent(self) -> Mapping[str, Any]:
@@ -83,7 +84,7 @@ class Replay:
         if PROVENANCE not in self._bag.types.values():
             return {}
         for recorded in self._bag.messages([self._bag.topic_of(PROVENANCE, self._namespace)]):
-            parameters = self._bag.through(recorded, codec.decode_provenance).parameters
+            parameters = self._bag.through(recorded, decode_provenance).parameters
             if "checkpoint" in parameters:
                 return parameters
         return {}

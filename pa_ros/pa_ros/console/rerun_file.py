@@ -19,7 +19,7 @@ from pa_ros.console.recorded import Replay
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.tools.scenes import name_of
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
 
 VERDICTS = {True: "satisfied", False: "not yet", None: "not recorded"}
 Shown = list[tuple[int, str]]

@@ -14,8 +14,8 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from pa_ros.ros.topics import JOINT_STATES, OBJECT_FEATURES, VERDICT, Topic
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.fields import header_stamp
 
 DEPTH = 20  # steps that may pass between two looks, none lost: real time up to 20 times
 PARTS = {"features": OBJECT_FEATURES, "joints": JOINT_STATES, "verdict": VERDICT}
@@ -44,7 +44,7 @@ class Sampler:
         """Whole steps that have come since the last look, as their parts' messages, in order."""
         for part, reader in self._readers.items():
             for message in _taken(reader, self._depth):
-                self._open.setdefault(codec.header_stamp(message), {})[part] = message
+                self._open.setdefault(header_stamp(message), {})[part] = message
         stamps = sorted(stamp for stamp, parts in self._open.items() if len(parts) == len(PARTS))
         steps = [self._open[stamp] for stamp in stamps]
         if stamps:

@@ -12,15 +12,21 @@ from pa_ros.console import markup
 from pa_ros.core.body import Body
 from pa_ros.core.errors import PaError
 from pa_ros.ros.topics import GET_ENTITIES, PAUSE, RESET, SET_ENTITY_STATE, SPEED, STEP_SERVICE
-from pa_ros.wire import codec
-from pa_ros.wire.records import ResetRequest
-from pa_ros.wire.simulator import ResultCode
+from pa_ros.wire.services import (
+    ResetRequest,
+    decode_outcome,
+    encode_pause,
+    encode_reset,
+    encode_speed,
+    encode_steps,
+)
+from pa_ros.wire.simulator import ResultCode, decode_names, decode_result, encode_state_change
 
 REQUESTS: dict[str, tuple[tuple[str, Any], Callable[[float], Any]]] = {
-    "pause": (PAUSE, lambda value: codec.encode_pause(bool(value))),
-    "step": (STEP_SERVICE, lambda value: codec.encode_steps(int(value))),
-    "speed": (SPEED, codec.encode_speed),
-    "reset": (RESET, lambda value: codec.encode_reset(
+    "pause": (PAUSE, lambda value: encode_pause(bool(value))),
+    "step": (STEP_SERVICE, lambda value: encode_steps(int(value))),
+    "speed": (SPEED, encode_speed),
+    "reset": (RESET, lambda value: encode_reset(
         ResetRequest(None if value < 0 else int(value)))),
 }  # fmt: skip
 
@@ -57,16 +63,16 @@ class ArenaServices:
         place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
 
         def named(future: Any) -> None:
-            names = codec.decode_names(future.result())[1:]
+            names = decode_names(future.result())[1:]
             if not 0 <= block < len(names):
                 self._said = f"move: expected one of {len(names)} blocks, got number {block}"
                 return
-            request = codec.encode_state_change(names[block], place)
+            request = encode_state_change(names[block], place)
             moving = self._client(SET_ENTITY_STATE).call_async(request)
             moving.add_done_callback(self._told("move", lambda done: moved(names[block], done)))
 
         def moved(name: str, future: Any) -> None:
-            code, reason = codec.decode_result(future.result())
+            code, reason = decode_result(future.result())
             self._said = f"move {name}: " + ("done" if code == ResultCode.OK else reason)
 
         self._said = "move: asked, no answer yet"
@@ -97,6 +103,6 @@ class ArenaServices:
         return markup.quiet(self._said) if self._said else ""
 
     def _answered(self, name: str, future: Any) -> None:
-        outcome = codec.decode_outcome(future.result())
+        outcome = decode_outcome(future.result())
         refused = f"refused: {outcome.code} {outcome.reason}"
         self._said = f"{name}: done" if outcome.success else f"{name}: {refused}"

@@ -16,8 +16,9 @@ from pa_ros.language import PRODUCT
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.diagnostics import decode_provenance
+from pa_ros.wire.learning import decode_weights
 
 PERIOD_S = 5.0  # a learner's weights are large: they are listened to now and then
 LISTEN_S = 1.0
@@ -60,7 +61,7 @@ class AgentWeights:
         self._node.destroy_subscription(self._origins)
 
     def _on_origin(self, message: Message) -> None:
-        parameters = codec.decode_provenance(message).parameters
+        parameters = decode_provenance(message).parameters
         if "checkpoint" not in parameters:
             return  # another node's
         self._source, path = str(parameters.get("weights")), str(parameters["checkpoint"])
@@ -74,7 +75,7 @@ class AgentWeights:
             self.insight, self.why = None, "the agent's weights are random ones of its own"
 
     def _on_weights(self, message: Message) -> None:
-        policy = codec.decode_weights(message)
+        policy = decode_weights(message)
         snapshot, (learner, version) = policy.snapshot, self._shown
         if policy.learner_id != learner or snapshot.version > version:
             self.insight, self.why = Insight(snapshot, self._logic), ""

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Final
 
-from pa_ros.wire.records import ArenaDescription, Origin
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.diagnostics import Origin
 
 # Keys of custom_data in metadata.yaml.
 ORIGINS: Final = "pa_ros.provenance"  # JSON list, one object per process

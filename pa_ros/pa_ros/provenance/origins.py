@@ -11,7 +11,8 @@ from pa_ros.arena import ARMS, ArenaConfig, Design, scoring_of, world_of
 from pa_ros.arena.features import HAND_INDEX
 from pa_ros.core.software import here
 from pa_ros.language import Program
-from pa_ros.wire.records import ArenaDescription, LearnerOrigin, Mode, Origin
+from pa_ros.wire.arena import ArenaDescription, Mode
+from pa_ros.wire.diagnostics import LearnerOrigin, Origin
 from pa_ros.world import Reward, Sparse
 
 if TYPE_CHECKING:

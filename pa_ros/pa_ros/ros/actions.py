@@ -9,11 +9,11 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from pa_ros.wire import interfaces as types
-from pa_ros.wire.interfaces import Message
+from msgs_schema import action
+from pa_ros.wire import Message
 
-EXECUTE_PROGRAM = ("execute_program", types.ExecuteProgram)
-SIMULATE_STEPS = ("simulate_steps", types.SimulateSteps)
+EXECUTE_PROGRAM = ("execute_program", action.ExecuteProgram)
+SIMULATE_STEPS = ("simulate_steps", action.SimulateSteps)
 
 Action = tuple[str, Any]  # name and type
 

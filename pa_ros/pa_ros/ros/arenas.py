@@ -8,7 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from pa_ros.core.errors import PaError
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
 
 SILENT_S = 2.0  # without a step for so long, an arena gives way to one whose steps come
 RIVAL_S = 3.0  # a step of another arena is an alarm for so long

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from pa_ros.core.authentication import Authenticated
 from pa_ros.ros.topics import Topic
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
 from pa_ros.wire.signing import SIGNED, Checker, Signer, read_key
 
 
@@ -19,7 +19,7 @@ class Authority:
     """Without a key it lets everything through."""
 
     def __init__(self, node: Node, config: Authenticated) -> None:
-        """Raises KeyFileError."""
+        """Raises SigningError."""
         self._node = node
         self._signer: Signer | None = None
         self._checker: Checker | None = None
@@ -38,7 +38,7 @@ class Authority:
     def checked(
         self, topic: Topic, callback: Callable[[Message], None]
     ) -> Callable[[Message], None]:
-        """The callback, for messages that may be heard; of others it raises SignatureError."""
+        """The callback, for messages that may be heard; of others it raises SigningError."""
         checker = self._checker
         if checker is None or topic.type not in SIGNED:
             return callback

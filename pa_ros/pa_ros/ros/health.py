@@ -11,9 +11,8 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.rivals import Rivals
 from pa_ros.ros.topics import DIAGNOSTICS, Topic
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Health
+from pa_ros.wire import Message
+from pa_ros.wire.diagnostics import Health, decode_diagnostics, encode_diagnostics
 
 PERIOD_S = 1.0
 PROGRESS_S = 5.0
@@ -68,10 +67,10 @@ class HealthReporter:
         values |= self._refusals.values()
         entry = Health(self._node.get_fully_qualified_name(), level, message, values)
         stamp_ns = self._node.get_clock().now().nanoseconds
-        self._publisher.publish(codec.encode_diagnostics([entry], stamp_ns))
+        self._publisher.publish(encode_diagnostics([entry], stamp_ns))
 
     def _hear(self, message: Message) -> None:
-        for entry in codec.decode_diagnostics(message):
+        for entry in decode_diagnostics(message):
             if self._rivals is not None:
                 self._rivals.note(entry)
             if self._told is not None:

@@ -17,9 +17,10 @@ from pa_ros.ros.health import ERROR, WARN, HealthReporter
 from pa_ros.ros.parameters import declare_settings, loosen_settings, settings_from_parameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ROS_CLOCK, Topic
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Health
+from pa_ros.wire import Message
+from pa_ros.wire.diagnostics import Health
+from pa_ros.wire.services import decode_transition
+from pa_ros.wire.step import decode_clock
 
 FREEZING = ("configure", "cleanup")  # what is there after these stays for long
 LIFECYCLE = "lifecycle"  # key of /diagnostics: the state
@@ -75,7 +76,7 @@ class ManagedNode(LifecycleNode, ABC):
         believed = source.clock_callback
 
         def hear(message: Message) -> None:
-            codec.decode_clock(message)
+            decode_clock(message)
             believed(message)
 
         source.clock_callback = self.refusals.guard(topic, hear)
@@ -245,7 +246,7 @@ class ManagedNode(LifecycleNode, ABC):
 
     def _on_change_state(self, request: Message, response: Any) -> Any:
         """rclpy's, but for transitions that there aren't, which would end the node."""
-        number, label = codec.decode_transition(request)
+        number, label = decode_transition(request)
         there = [(one[0], one[1]) for one in self._state_machine.available_transitions]
         wanted = [one for one in there if (one[1] == label if label else one[0] == number)]
         try:

@@ -8,7 +8,7 @@ from functools import partial
 
 from pa_ros.core.errors import PaError
 from pa_ros.ros.refusals import Refusals
-from pa_ros.wire.records import ProgramJudgement, ProgramRequest
+from pa_ros.wire.program import ProgramRequest, ProgramStatus
 
 PER_S, BURST = 50.0, 100.0  # programs that are judged: a second, and at once
 
@@ -44,12 +44,12 @@ def judge(
     stamp_ns: int,
     accept: Callable[[ProgramRequest], str],
     refusals: Refusals,
-) -> ProgramJudgement:
+) -> ProgramStatus:
     """What a node answers to a program; a refusal is counted, and says where in the text.
 
     `accept` returns the canonical text or raises a PaError.
     """
-    judged = partial(ProgramJudgement, request.program_id, node, stamp_ns=stamp_ns)
+    judged = partial(ProgramStatus, request.program_id, node, stamp_ns=stamp_ns)
     try:
         return judged(True, canonical=accept(request))
     except PaError as error:

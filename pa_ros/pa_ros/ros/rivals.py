@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from pa_ros.core.experience import AgentKey
-from pa_ros.wire.records import Health
+from pa_ros.wire.diagnostics import Health
 
 GONE_S = 2.5  # a node that says nothing for so long is gone; nodes speak once a second
 INSTANCE, SPEAKS_ON = "instance", "speaks_on"  # keys of /diagnostics

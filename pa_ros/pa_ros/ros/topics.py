@@ -6,11 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Image, JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
-from pa_ros.wire import interfaces as types
-from pa_ros.wire.interfaces import Message
+from msgs_schema import msg, srv
+from pa_ros.wire import Message
 
 
 def _reliable(depth: int, latched: bool = False) -> QoSProfile:
@@ -65,36 +73,36 @@ class Topic:
         return node.create_subscription(self.type, self.name, callback, self.reader)
 
 
-OBJECT_FEATURES = Topic("object_features", types.ObjectFeatures, STEP, STEP)
-JOINT_STATES = Topic("joint_states", types.JointState, STEP, STEP)
-JOINT_COMMANDS = Topic("joint_commands", types.JointCommand, STEP, STEP)
-VERDICT = Topic("verdict", types.Verdict, STEP, STEP)
+OBJECT_FEATURES = Topic("object_features", msg.ObjectFeatures, STEP, STEP)
+JOINT_STATES = Topic("joint_states", JointState, STEP, STEP)
+JOINT_COMMANDS = Topic("joint_commands", msg.JointCommand, STEP, STEP)
+VERDICT = Topic("verdict", msg.Verdict, STEP, STEP)
 # Relative: in the root namespace it is ROS's /clock; of several arenas, each has its own.
-CLOCK = Topic("clock", types.Clock, STEP, STEP)
-ROS_CLOCK = Topic("/clock", types.Clock, STEP, STEP)
-ARENA_INFO = Topic("arena_info", types.ArenaInfo, LATCHED, LATCHED_READER)
+CLOCK = Topic("clock", Clock, STEP, STEP)
+ROS_CLOCK = Topic("/clock", Clock, STEP, STEP)
+ARENA_INFO = Topic("arena_info", msg.ArenaInfo, LATCHED, LATCHED_READER)
 # Read VOLATILE, as a plain `ros2 topic pub` writes it: a TRANSIENT_LOCAL reader would never hear
 # that, and both sides would say so. Who comes late has the arena's program from program_status.
-PROGRAM = Topic("program", types.Program, LATCHED, STEP)
-PROGRAM_STATUS = Topic("program_status", types.ProgramStatus, LATCHED_READER, LATCHED_READER)
-LEARNER_INFO = Topic("learner_info", types.LearnerInfo, LATCHED, LATCHED_READER)
-TRAJECTORIES = Topic("trajectories", types.Trajectory, EXPERIENCE, EXPERIENCE)
-POLICY_WEIGHTS = Topic("policy_weights", types.PolicyWeights, POLICY, POLICY)
-PROVENANCE = Topic("provenance", types.Provenance, LATCHED, LATCHED_READER)
-DIAGNOSTICS = Topic("/diagnostics", types.DiagnosticArray, STEP, STEP)
+PROGRAM = Topic("program", msg.Program, LATCHED, STEP)
+PROGRAM_STATUS = Topic("program_status", msg.ProgramStatus, LATCHED_READER, LATCHED_READER)
+LEARNER_INFO = Topic("learner_info", msg.LearnerInfo, LATCHED, LATCHED_READER)
+TRAJECTORIES = Topic("trajectories", msg.Trajectory, EXPERIENCE, EXPERIENCE)
+POLICY_WEIGHTS = Topic("policy_weights", msg.PolicyWeights, POLICY, POLICY)
+PROVENANCE = Topic("provenance", msg.Provenance, LATCHED, LATCHED_READER)
+DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, STEP, STEP)
 
 # To ros2_control's controllers, which have their names: remap.
-VELOCITY_COMMANDS = Topic("velocity_commands", types.Float64MultiArray, STEP, STEP)
-JOINT_TRAJECTORY = Topic("joint_trajectory", types.JointTrajectory, STEP, STEP)
+VELOCITY_COMMANDS = Topic("velocity_commands", Float64MultiArray, STEP, STEP)
+JOINT_TRAJECTORY = Topic("joint_trajectory", JointTrajectory, STEP, STEP)
 
 # For viewers; poses by themselves, as `tf2_msgs` is not on the Python index.
-ROBOT_DESCRIPTION = Topic("robot_description", types.String, LATCHED, LATCHED_READER)
-TRANSFORMS = Topic("transforms", types.TransformStamped, STEP, STEP)
-MARKERS = Topic("markers", types.MarkerArray, STEP, STEP)
-RELEVANCE_MARKERS = Topic("relevance_markers", types.MarkerArray, STEP, STEP)
+ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED, LATCHED_READER)
+TRANSFORMS = Topic("transforms", TransformStamped, STEP, STEP)
+MARKERS = Topic("markers", MarkerArray, STEP, STEP)
+RELEVANCE_MARKERS = Topic("relevance_markers", MarkerArray, STEP, STEP)
 # By the names that image_transport and camera drivers use.
-CAMERA_IMAGE = Topic("camera/image_raw", types.Image, PICTURE, STEP)
-CAMERA_INFO = Topic("camera/camera_info", types.CameraInfo, PICTURE, STEP)
+CAMERA_IMAGE = Topic("camera/image_raw", Image, PICTURE, STEP)
+CAMERA_INFO = Topic("camera/camera_info", CameraInfo, PICTURE, STEP)
 
 # A whole step now and then, however fast the arena is.
 SAMPLES = {
@@ -103,22 +111,22 @@ SAMPLES = {
     "verdict": VERDICT.within("samples"),
 }
 
-RESET = ("reset", types.Reset)
-STEP_SERVICE = ("step", types.Step)
-PAUSE = ("pause", types.SetBool)
-SPEED = ("speed", types.SetSpeed)
+RESET = ("reset", srv.Reset)
+STEP_SERVICE = ("step", srv.Step)
+PAUSE = ("pause", SetBool)
+SPEED = ("speed", srv.SetSpeed)
 
 # simulation_interfaces 2.1
-DELETE_ENTITY = ("delete_entity", types.DeleteEntity)
-GET_ENTITIES = ("get_entities", types.GetEntities)
-GET_ENTITIES_STATES = ("get_entities_states", types.GetEntitiesStates)
-GET_ENTITY_INFO = ("get_entity_info", types.GetEntityInfo)
-GET_ENTITY_STATE = ("get_entity_state", types.GetEntityState)
-GET_SIMULATION_STATE = ("get_simulation_state", types.GetSimulationState)
-GET_SIMULATOR_FEATURES = ("get_simulator_features", types.GetSimulatorFeatures)
-GET_SPAWNABLES = ("get_spawnables", types.GetSpawnables)
-RESET_SIMULATION = ("reset_simulation", types.ResetSimulation)
-SET_ENTITY_STATE = ("set_entity_state", types.SetEntityState)
-SET_SIMULATION_STATE = ("set_simulation_state", types.SetSimulationState)
-SPAWN_ENTITY = ("spawn_entity", types.SpawnEntity)
-STEP_SIMULATION = ("step_simulation", types.StepSimulation)
+DELETE_ENTITY = ("delete_entity", srv.DeleteEntity)
+GET_ENTITIES = ("get_entities", srv.GetEntities)
+GET_ENTITIES_STATES = ("get_entities_states", srv.GetEntitiesStates)
+GET_ENTITY_INFO = ("get_entity_info", srv.GetEntityInfo)
+GET_ENTITY_STATE = ("get_entity_state", srv.GetEntityState)
+GET_SIMULATION_STATE = ("get_simulation_state", srv.GetSimulationState)
+GET_SIMULATOR_FEATURES = ("get_simulator_features", srv.GetSimulatorFeatures)
+GET_SPAWNABLES = ("get_spawnables", srv.GetSpawnables)
+RESET_SIMULATION = ("reset_simulation", srv.ResetSimulation)
+SET_ENTITY_STATE = ("set_entity_state", srv.SetEntityState)
+SET_SIMULATION_STATE = ("set_simulation_state", srv.SetSimulationState)
+SPAWN_ENTITY = ("spawn_entity", srv.SpawnEntity)
+STEP_SIMULATION = ("step_simulation", srv.StepSimulation)

@@ -11,8 +11,7 @@ from rclpy.node import Node
 from pa_ros.core.errors import PaError
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import PAUSE, RESET
-from pa_ros.wire import codec
-from pa_ros.wire.records import Outcome, ResetRequest
+from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_pause, encode_reset
 
 Spin = Callable[[Callable[[], bool], float], bool]
 
@@ -41,11 +40,11 @@ class ArenaClient:
 
     def reset(self, request: ResetRequest, timeout_s: float) -> Outcome:
         """Begin an episode; where the arena then stands. Raises ArenaServiceError."""
-        return self._call("reset", self._reset, codec.encode_reset(request), timeout_s)
+        return self._call("reset", self._reset, encode_reset(request), timeout_s)
 
     def pause(self, paused: bool, timeout_s: float) -> Outcome:
         """Stop the arena's time, or let it go on. Raises ArenaServiceError."""
-        return self._call("pause", self._pause, codec.encode_pause(paused), timeout_s)
+        return self._call("pause", self._pause, encode_pause(paused), timeout_s)
 
     def _call(self, name: str, client: Any, request: Any, timeout_s: float) -> Outcome:
         if not self._spin(client.service_is_ready, timeout_s):
@@ -53,7 +52,7 @@ class ArenaClient:
         answer = client.call_async(request)
         if not self._spin(answer.done, timeout_s):
             raise ArenaSilentError(f"{name}: no answer within {timeout_s:g} s")
-        outcome = codec.decode_outcome(answer.result())
+        outcome = decode_outcome(answer.result())
         if not outcome.success:
             raise ArenaServiceError(f"{name}: refused: [{outcome.code}] {outcome.reason}")
         return outcome

@@ -13,8 +13,14 @@ from rclpy.node import Node
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.send import SendTimeoutError, Spin
-from pa_ros.wire import codec
-from pa_ros.wire.records import GoalProgress, GoalResult, ProgramGoal
+from pa_ros.wire.program import (
+    GoalProgress,
+    GoalResult,
+    ProgramGoal,
+    decode_goal_feedback,
+    decode_goal_result,
+    encode_goal,
+)
 
 CANCEL_S = 5.0
 AGAIN_S = 0.5
@@ -64,8 +70,8 @@ class GoalClient:
         self, goal: ProgramGoal, timeout_s: float, progress: Callable[[GoalProgress], None]
     ) -> GoalResult:
         sent = self._client.send_goal_async(
-            codec.encode_goal(goal),
-            feedback_callback=lambda m: progress(codec.decode_goal_feedback(m.feedback)),
+            encode_goal(goal),
+            feedback_callback=lambda m: progress(decode_goal_feedback(m.feedback)),
         )
         if not self._spin(sent.done, timeout_s):
             raise SendTimeoutError(f"no agent took the goal up within {timeout_s:g} s")
@@ -79,7 +85,7 @@ class GoalClient:
         finally:
             if not result.done():
                 self._spin(handle.cancel_goal_async().done, CANCEL_S)
-        ended = codec.decode_goal_result(result.result().result)
+        ended = decode_goal_result(result.result().result)
         if not ended.success and not ended.code:
             return GoalResult(False, code=REJECTED, reason=TAKES_NONE)
         return ended

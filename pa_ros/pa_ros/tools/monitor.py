@@ -21,9 +21,8 @@ from rich.text import Text
 from pa_ros.core.text import natural, printable, renewable
 from pa_ros.ros.lifecycle import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import Health
+from pa_ros.wire import Message
+from pa_ros.wire.diagnostics import Health, decode_diagnostics
 
 REFRESH_S = 0.5  # of the table
 LINE_PERIOD_S = 5.0  # of plain lines
@@ -167,7 +166,7 @@ def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
     """Feed figures from /diagnostics for as long as the node lives."""
 
     def receive(message: Message) -> None:
-        figures.take(codec.decode_diagnostics(message))
+        figures.take(decode_diagnostics(message))
 
     DIAGNOSTICS.subscribe(node, receive)
 

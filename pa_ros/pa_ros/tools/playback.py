@@ -18,9 +18,10 @@ from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.settings import Settings
 from pa_ros.ros import topics
 from pa_ros.tools.graph import DISCOVERY_S
-from pa_ros.wire import codec
 from pa_ros.wire.definitions import message_class, message_type
-from pa_ros.wire.errors import UnknownTypeError
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.step import encode_clock
 
 WINDOW: Final = 20  # messages of a topic that may be under way when not paced by the clock
 ACK_S: Final = 5.0  # what a reader may take to acknowledge, an arena to come to a step
@@ -150,7 +151,7 @@ class Player:
         type_name = self._bag.types[name]
         try:
             kind = message_class(type_name)
-        except UnknownTypeError:
+        except WireError:
             self.played.passed_over[name] = f"{type_name} is not installed here"
             return
         if self._bag.differs(name):
@@ -196,7 +197,7 @@ class Player:
             self._tell_time(recorded.stamp_ns)
             gate = self._gates.get(recorded.topic)
             if gate is not None:
-                gate.wait(codec.header_stamp(self._bag.deserialize(recorded)), stopped)
+                gate.wait(header_stamp(self._bag.deserialize(recorded)), stopped)
             self._publish(recorded)
 
     def _messages(self, first_ns: int) -> Iterator[Recorded]:
@@ -218,7 +219,7 @@ class Player:
 
     def _tell_time(self, stamp_ns: int) -> None:
         if self._clock is not None:
-            self._clock.publish(codec.encode_clock(stamp_ns))
+            self._clock.publish(encode_clock(stamp_ns))
 
     def _publish(self, recorded: Recorded) -> None:
         name = recorded.topic
@@ -275,7 +276,7 @@ class _Gate:
                 taken = self._subscription.handle.take_message(self._subscription.msg_type, False)
             if taken is None:
                 return self._stands
-            self._stands = max(self._stands, codec.header_stamp(taken[0]))
+            self._stands = max(self._stands, header_stamp(taken[0]))
 
 
 def _profile(bag: Bag, name: str, keep_all: bool = False) -> QoSProfile:

@@ -34,8 +34,9 @@ from pa_ros.ros.executor import spin_until
 from pa_ros.ros.names import check_namespace
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.graph import DISCOVERY_S
-from pa_ros.wire import codec
+from pa_ros.wire.arena import decode_arena_info
 from pa_ros.wire.definitions import installed_types, message_class, message_type, register
+from pa_ros.wire.diagnostics import decode_provenance
 
 log = logging.getLogger(__name__)
 
@@ -188,9 +189,9 @@ class Recorder:
                 message = self._types.deserialize_cdr(payload, line.type_name)
                 try:
                     if line.type_name.endswith("/Provenance"):
-                        origins.append(codec.decode_provenance(message))
+                        origins.append(decode_provenance(message))
                     else:
-                        arenas.append(codec.decode_arena_info(message))
+                        arenas.append(decode_arena_info(message))
                 except PaError:
                     continue  # of another edition; the message itself is in the bag
         return as_custom_data(origins, arenas)

@@ -18,9 +18,9 @@ from pa_ros.language import Vocabulary, parse, require_target
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES, VERDICT
 from pa_ros.tools.monitor import GraphFigures
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info
+from pa_ros.wire.step import decode_objects, decode_step_mark, decode_verdict
 from pa_ros.world.world import World
 
 SUGGESTED = 12
@@ -102,7 +102,7 @@ class Scene:
 
     def _on_arena(self, message: Message) -> None:
         try:
-            self.arena, self.unreadable = codec.decode_arena_info(message), ""
+            self.arena, self.unreadable = decode_arena_info(message), ""
         except PaError as error:
             self.unreadable = str(error)
             raise
@@ -111,13 +111,13 @@ class Scene:
         if self.arena is None:
             return
         world = self.arena.world
-        objects, hand = codec.decode_objects(message, world.object_features)
-        mark = codec.decode_step_mark(message)
+        objects, hand = decode_objects(message, world.object_features)
+        mark = decode_step_mark(message)
         self.blocks = blocks_of(objects, hand, world)
         self.program, self.episode = printable(mark.program), mark.episode
 
     def _on_verdict(self, message: Message) -> None:
-        self.verdict = codec.decode_verdict(message)
+        self.verdict = decode_verdict(message)
 
 
 class SceneFigures:

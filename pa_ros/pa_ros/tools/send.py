@@ -17,10 +17,15 @@ from pa_ros.core.settings import Settings
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
-from pa_ros.wire import codec
-from pa_ros.wire.codec.goal import LONGEST_S
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ProgramJudgement, ProgramRequest
+from pa_ros.wire import Message
+from pa_ros.wire.program import (
+    LONGEST_S,
+    ProgramRequest,
+    ProgramStatus,
+    decode_program_status,
+    encode_program,
+)
+from pa_ros.wire.step import decode_verdict
 
 RESEND_S = 1.0
 SETTLE_S = 1.0  # in which nodes on one machine find each other
@@ -59,12 +64,12 @@ class SendTimeoutError(PaError):
 class Answers:
     """Who said what to one program, and who has not spoken yet."""
 
-    judgements: dict[str, ProgramJudgement] = field(default_factory=dict)  # by node
+    judgements: dict[str, ProgramStatus] = field(default_factory=dict)  # by node
     silent: set[str] = field(default_factory=set)  # nodes that judge programs
     absent: set[str] = field(default_factory=set)  # "an arena", "an agent": none was discovered
 
     @property
-    def refused(self) -> list[ProgramJudgement]:
+    def refused(self) -> list[ProgramStatus]:
         """The refusals among the judgements."""
         return [judgement for judgement in self.judgements.values() if not judgement.accepted]
 
@@ -101,7 +106,7 @@ class ProgramSender:
         self._program_id = f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
         self._watch = ExecutionWatch(self._program_id)
-        self._message = codec.encode_program(ProgramRequest(self._program_id, sendable(text)))
+        self._message = encode_program(ProgramRequest(self._program_id, sendable(text)))
         self._publish()
         if not self._spin(self._answered, timeout_s):
             raise SendTimeoutError(_silence(self.answers, timeout_s))
@@ -141,13 +146,13 @@ class ProgramSender:
         }
 
     def _on_status(self, message: Message) -> None:
-        judgement = codec.decode_program_status(message)
+        judgement = decode_program_status(message)
         if judgement.program_id == self._program_id:
             self.answers.judgements[judgement.node] = judgement
 
     def _on_verdict(self, message: Message) -> None:
         if self._execution is None:
-            self._execution = self._watch.observe(codec.decode_verdict(message))
+            self._execution = self._watch.observe(decode_verdict(message))
 
 
 def sendable(text: str) -> str:

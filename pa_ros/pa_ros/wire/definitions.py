@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from pa_ros.wire.errors import UnknownTypeError
+from pa_ros.wire.errors import WireError
 
 _DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}
 
@@ -27,7 +27,7 @@ def installed_types() -> Typestore:
 
 
 def register(store: Typestore, type_name: str) -> None:
-    """Make a type known, from the .msg files that its package installs. Raises UnknownTypeError."""
+    """Make a type known, from the .msg files that its package installs. Raises WireError."""
     if type_name in store.fielddefs:
         return
     package = type_name.partition("/")[0]
@@ -35,7 +35,8 @@ def register(store: Typestore, type_name: str) -> None:
         if name not in store.fielddefs:
             store.register(get_types_from_msg(text, name))
     if type_name not in store.fielddefs:
-        raise UnknownTypeError(type_name, "a type that a package installed here defines", "none")
+        expected = "a type of a package that is installed here"
+        raise WireError(type_name, expected, "none", code="wire.unknown_type")
 
 
 def hash_of(type_name: str, definition: str) -> str:
@@ -53,7 +54,7 @@ def installed_definition(type_name: str, digest: str) -> str:
     store = installed_types()
     try:
         register(store, type_name)
-    except UnknownTypeError:
+    except WireError:
         return ""
     if store.hash_rihs01(type_name) != digest:
         return ""
@@ -61,12 +62,13 @@ def installed_definition(type_name: str, digest: str) -> str:
 
 
 def message_class(type_name: str) -> Any:
-    """The installed class of a type. Raises UnknownTypeError."""
+    """The installed class of a type. Raises WireError."""
     package, kind, name = type_name.split("/")
     try:
         return getattr(import_module(f"{package}.{kind}"), name)
     except (ImportError, AttributeError) as error:
-        raise UnknownTypeError(type_name, "a type that is installed here", error) from error
+        expected = "a type that is installed here"
+        raise WireError(type_name, expected, error, code="wire.unknown_type") from error
 
 
 def message_type(message_class: Any) -> str:

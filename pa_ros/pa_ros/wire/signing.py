@@ -1,10 +1,10 @@
-"""Who may speak: messages signed with a key that all nodes of a graph share.
+"""Messages signed with a key that all nodes of a graph share.
 
-The MAC covers the type, who sends (name and incarnation), a counter, and every other field. A copy
-of a message is refused by its counter, one of an earlier life of its sender by its incarnation;
-order may differ within a window, as in IPsec (RFC 4303, 3.4.3). What a receiver that has just
-started is told first may be a recording, since it remembers nothing; and whoever has the key may
-sign as anyone.
+The signature (an HMAC) covers the type, the sender (name and incarnation), a counter, and every
+other field. The counter rejects a copy of a message; the incarnation rejects one from an earlier
+start of its sender. Messages may arrive out of order within a window, as in IPsec (RFC 4303,
+3.4.3). Limits: a receiver that has just started remembers no counters, so its first messages may
+be a recording; and everyone who has the key can sign in any name.
 """
 
 from __future__ import annotations
@@ -18,88 +18,64 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from msgs_schema import msg
 from pa_ros.core.errors import PaError
-from pa_ros.wire import interfaces as types
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
 
 SIGNED: Final = (
-    types.ArenaInfo,
-    types.LearnerInfo,
-    types.JointCommand,
-    types.Trajectory,
-    types.PolicyWeights,
+    msg.ArenaInfo,
+    msg.LearnerInfo,
+    msg.JointCommand,
+    msg.Trajectory,
+    msg.PolicyWeights,
 )
-KEY_BYTES: Final = 32  # at least so many
-WINDOW: Final = 64  # messages that may be overtaken
+KEY_BYTES: Final = 32  # least length of a key
+WINDOW: Final = 64  # how many counters a message may arrive late
 _FIELD: Final = "signature"
 
 
-class KeyFileError(PaError):
-    """A key file that cannot be read, is too short, or that others can read."""
+class SigningError(PaError):
+    """A key file that cannot be used, or a message without a valid signature.
 
-    code = "auth.key_file"
-
-
-class SignatureError(PaError):
-    """A message of somebody who may not speak. Root of these."""
+    Codes: `auth.key_file`, `auth.unsigned`, `auth.forged`, `auth.replayed`.
+    """
 
     code = "auth"
 
 
-class UnsignedError(SignatureError):
-    """No signature, where this node was given a key."""
-
-    code = "auth.unsigned"
-
-
-class ForgedError(SignatureError):
-    """Another key's signature, or other contents than were signed."""
-
-    code = "auth.forged"
-
-
-class ReplayedError(SignatureError):
-    """A message that was heard before, or of an earlier life of its sender."""
-
-    code = "auth.replayed"
-
-
 def read_key(path: Path) -> bytes:
-    """The key in a file that its owner alone can read: `head -c 32 /dev/urandom` makes one.
+    """Return the key in a file that only its owner can read. Raises SigningError.
 
-    Raises KeyFileError.
+    `head -c 32 /dev/urandom > FILE` makes one.
     """
     try:
         with path.open("rb") as file:
-            about = os.fstat(file.fileno())
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
             key = file.read(4096)
     except OSError as error:
-        raise KeyFileError(f"auth_key_file: {error}") from error
-    if about.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
-        mode = stat.S_IMODE(about.st_mode)
-        raise KeyFileError(
-            f"auth_key_file: {path}: expected a file for its owner alone (mode 600), got {mode:o}"
-        )
+        raise SigningError(f"auth_key_file: {error}", code="auth.key_file") from error
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        text = f"expected a file that only its owner can read (mode 600), got mode {mode:o}"
+        raise SigningError(f"auth_key_file: {path}: {text}", code="auth.key_file")
     if len(key) < KEY_BYTES:
-        raise KeyFileError(
-            f"auth_key_file: {path}: expected at least {KEY_BYTES} bytes, got {len(key)}"
-        )
+        text = f"expected at least {KEY_BYTES} bytes, got {len(key)}"
+        raise SigningError(f"auth_key_file: {path}: {text}", code="auth.key_file")
     return key
 
 
 class Signer:
-    """Signs what one process sends."""
+    """Signs the messages of one process."""
 
     def __init__(self, key: bytes, sender: str, incarnation: int) -> None:
         self._key, self._sender, self._incarnation = key, sender, incarnation
         self._counters: dict[type, int] = {}
 
     def sign(self, message: Message) -> Message:
-        """The same message, signed; a message that is sent again is signed again."""
+        """Sign a message in place and return it. A message sent again gets a new signature."""
         signed: Any = message
         kind = type(message)
         self._counters[kind] = self._counters.get(kind, 0) + 1
-        mark = types.Signature(
+        mark = msg.Signature(
             sender=self._sender, incarnation=self._incarnation, counter=self._counters[kind]
         )
         signed.signature = [mark]
@@ -108,43 +84,42 @@ class Signer:
 
 
 class Checker:
-    """Lets through what is signed with the key, once."""
+    """Accepts each message that is signed with the key, once."""
 
     def __init__(self, key: bytes) -> None:
         self._key = key
-        self._heard: dict[tuple[type, str], _Heard] = {}
+        self._received: dict[tuple[type, str], _Received] = {}
 
     def check(self, message: Message) -> None:
-        """Raise UnsignedError, ForgedError or ReplayedError; then the message is not to be used."""
+        """Raise SigningError if the message must not be used."""
         signed: Any = message
         kind = type(message)
         name = kind.__name__
         if not signed.signature:
-            raise UnsignedError(f"{name}: expected a signature, got none")
+            raise SigningError(f"{name}: expected a signature, got none", code="auth.unsigned")
         mark = signed.signature[0]
         if not hmac.compare_digest(bytes(mark.mac), _mac(self._key, signed)):
-            raise ForgedError(
-                f"{name}: expected contents signed with this graph's key, got others in the name "
-                f"of {mark.sender[:100]!r}"
-            )
-        heard = self._heard.setdefault((kind, mark.sender), _Heard(mark.incarnation))
-        if not heard.take(mark.incarnation, mark.counter):
-            raise ReplayedError(
-                f"{name}: expected news of {mark.sender!r} (incarnation {heard.incarnation}, "
-                f"beyond {heard.highest}), got number {mark.counter} of {mark.incarnation} again"
-            )
+            text = "expected a signature made with this graph's key, got another from a sender "
+            text += f"that calls itself {mark.sender[:100]!r}"
+            raise SigningError(f"{name}: {text}", code="auth.forged")
+        received = self._received.setdefault((kind, mark.sender), _Received(mark.incarnation))
+        if not received.accept(mark.incarnation, mark.counter):
+            text = f"expected a new message of {mark.sender!r} (incarnation "
+            text += f"{received.incarnation}, counter above {received.highest}), got counter "
+            text += f"{mark.counter} of incarnation {mark.incarnation} again"
+            raise SigningError(f"{name}: {text}", code="auth.replayed")
 
 
 @dataclass
-class _Heard:
-    """Counters of one sender and type that were taken; `seen` has a bit for each of the newest."""
+class _Received:
+    """Counters received from one sender for one type; bit i of `seen` stands for highest - i."""
 
     incarnation: int
     highest: int = 0
     seen: int = 0
 
-    def take(self, incarnation: int, counter: int) -> bool:
-        """Whether it is new; it is then old."""
+    def accept(self, incarnation: int, counter: int) -> bool:
+        """Mark a counter as received; return whether it was new."""
         if incarnation < self.incarnation:
             return False
         if incarnation > self.incarnation:
@@ -166,13 +141,14 @@ def _mac(key: bytes, signed: Any) -> bytes:
     made = hmac.new(key, digestmod=hashlib.sha256)
     about = f"{type(signed).__name__}\0{mark.sender}\0{mark.incarnation}\0{mark.counter}"
     for part in (about.encode(), *_contents(signed)):
+        # The length in front keeps two neighbouring fields from being shifted into one another.
         made.update(len(part).to_bytes(8, "little"))
         made.update(part)
     return made.digest()
 
 
 def _contents(value: Any) -> Iterator[bytes]:
-    """Every field's value, in order, but the signature; floats to the last bit."""
+    """Yield every field's value, in order, except the signature; floats to the last bit."""
     for name in value.get_fields_and_field_types():
         if name != _FIELD:
             yield from _parts(getattr(value, name))

@@ -14,8 +14,8 @@ from pa_ros.bags.reenact import Reenactment
 from pa_ros.bags.repair import repair
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
-from pa_ros.wire import codec
-from pa_ros.wire.records import ArenaDescription
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.learning import decode_trajectory
 from pa_ros.world import Trajectory
 from pa_ros.world.world import World
 
@@ -56,7 +56,7 @@ def _trajectories(bags: Iterable[Path], world: World) -> Iterable[tuple[Trajecto
 
 
 def _once(bag: Bag, world: World, known: set[TrajectoryKey]) -> Iterable[tuple[Trajectory, float]]:
-    decode = partial(codec.decode_trajectory, world=world)
+    decode = partial(decode_trajectory, world=world)
     for recorded in bag.messages([bag.topic_of(TRAJECTORIES)]):
         try:
             trajectory = bag.through(recorded, decode)

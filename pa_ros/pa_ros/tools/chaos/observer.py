@@ -16,9 +16,12 @@ from pa_ros.core.published import LearnerInfo
 from pa_ros.ros import topics
 from pa_ros.ros.learners import LEARNER_ID, Learners
 from pa_ros.tools.chaos.ledger import Ledger
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ArenaDescription, Health
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info
+from pa_ros.wire.diagnostics import Health, decode_diagnostics
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.learning import decode_learner_info, decode_trajectory_key, decode_weights
+from pa_ros.wire.step import decode_joints
 
 TROUBLE: Final = ("refused", "duplicate", "missing", "lost", "rejected", "interrupted", "holds")
 STRANGER: Final = "stranger"  # learner, agent and arena that none of ours is
@@ -127,7 +130,7 @@ class Observer:
 
     def _on_arena(self, message: Message) -> None:
         try:
-            arena = codec.decode_arena_info(message)
+            arena = decode_arena_info(message)
         except PaError:
             return
         if arena.arena_id != STRANGER:
@@ -135,21 +138,21 @@ class Observer:
 
     def _on_learner(self, message: Message) -> None:
         try:
-            info = codec.decode_learner_info(message)
+            info = decode_learner_info(message)
         except PaError:
             return
         if info.learner_id != STRANGER and self._learners.announce(info):
             self.last["learner_info"] = message
 
     def _on_trajectory(self, message: Message) -> None:
-        key = codec.decode_trajectory_key(message)
+        key = decode_trajectory_key(message)
         if key not in self.forged:
             self.account.sent(AgentKey(key.agent_id, key.incarnation), key.sequence)
             self.last["trajectories"] = message
 
     def _on_weights(self, message: Message) -> None:
         try:
-            policy = codec.decode_weights(message)
+            policy = decode_weights(message)
         except PaError:
             return
         if self.learner is None or policy.learner_id != self.learner.learner_id:
@@ -162,16 +165,16 @@ class Observer:
         self.last["policy_weights"] = message
 
     def _on_joints(self, message: Message) -> None:
-        stamp = codec.header_stamp(message)
+        stamp = header_stamp(message)
         self.steps += stamp != self._stamp
         self._stamp = stamp
         try:
-            self.positions.append((time.monotonic(), codec.decode_joints(message, ())[0]))
+            self.positions.append((time.monotonic(), decode_joints(message, ())[0]))
         except PaError:
             return
 
     def _on_diagnostics(self, message: Message) -> None:
-        for health in codec.decode_diagnostics(message):
+        for health in decode_diagnostics(message):
             if not health.name.startswith(self._prefix):
                 continue
             self._health[health.name] = health, time.monotonic()

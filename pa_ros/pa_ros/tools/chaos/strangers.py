@@ -13,8 +13,17 @@ from pa_ros.ros.topics import Topic
 from pa_ros.tools.chaos.faults import Fault
 from pa_ros.tools.chaos.observer import STRANGER
 from pa_ros.tools.chaos.stage import START_S, Stage, StageError
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
+from pa_ros.wire import Message
+from pa_ros.wire.arena import decode_arena_info, encode_arena_info
+from pa_ros.wire.learning import (
+    decode_learner_info,
+    decode_trajectory,
+    decode_weights,
+    encode_learner_info,
+    encode_trajectory,
+    encode_weights,
+)
+from pa_ros.wire.step import decode_command, encode_command
 from pa_ros.world import Trajectory
 
 TIMES: Final = 5  # that a message is sent
@@ -69,13 +78,13 @@ def _trajectory(stage: Stage) -> Trajectory:
     arena = stage.observer.arena
     if arena is None:
         raise StageError("arena_info: expected one before this fault, got none")
-    return codec.decode_trajectory(stage.observer.last["trajectories"], arena.world)
+    return decode_trajectory(stage.observer.last["trajectories"], arena.world)
 
 
 def _forged(stage: Stage, trajectory: Trajectory) -> Message:
     stage.observer.forged.add(trajectory.key)
     stage.observer.forgeries += 1
-    return Message(codec.encode_trajectory(trajectory))
+    return Message(encode_trajectory(trajectory))
 
 
 def _far_ahead(stage: Stage) -> Message:
@@ -97,29 +106,29 @@ def _absurd(stage: Stage) -> Message:
 
 
 def _arena(stage: Stage) -> Message:
-    real = codec.decode_arena_info(stage.observer.last["arena_info"])
+    real = decode_arena_info(stage.observer.last["arena_info"])
     strange = replace(real, arena_id=STRANGER, thresholds=(9.0,), control_period=7.0)
-    return Message(codec.encode_arena_info(strange))
+    return Message(encode_arena_info(strange))
 
 
 def _weights(stage: Stage) -> Message:
-    real = codec.decode_weights(stage.observer.last["policy_weights"])
+    real = decode_weights(stage.observer.last["policy_weights"])
     wild = {name: np.full_like(tensor, 1e3) for name, tensor in real.snapshot.tensors.items()}
     snapshot = replace(real.snapshot, tensors=wild, version=real.snapshot.version + AHEAD)
-    return Message(codec.encode_weights(replace(real, run_id=STRANGER, snapshot=snapshot,
+    return Message(encode_weights(replace(real, run_id=STRANGER, snapshot=snapshot,
                                                 learner_id=STRANGER)))  # fmt: skip
 
 
 def _learner(stage: Stage) -> Message:
-    real = codec.decode_learner_info(stage.observer.last["learner_info"])
+    real = decode_learner_info(stage.observer.last["learner_info"])
     later = replace(real, learner_id=STRANGER, run_id=STRANGER, stamp_ns=real.stamp_ns + 10**9)
-    return Message(codec.encode_learner_info(later))
+    return Message(encode_learner_info(later))
 
 
 def _command(stage: Stage) -> Message:
     joints = len(stage.observer.positions[-1][1])
-    real = codec.decode_command(stage.observer.last["joint_commands"], joints)
-    return Message(codec.encode_command(replace(real, action=np.zeros(joints, np.float32))))
+    real = decode_command(stage.observer.last["joint_commands"], joints)
+    return Message(encode_command(replace(real, action=np.zeros(joints, np.float32))))
 
 
 def _again(topic: str) -> Make:

@@ -19,9 +19,9 @@ from pa_ros.tools.graph import watch
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures
 from pa_ros.tools.send import ProgramSender
-from pa_ros.wire import codec
-from pa_ros.wire.interfaces import Message
-from pa_ros.wire.records import ResetRequest
+from pa_ros.wire import Message
+from pa_ros.wire.services import ResetRequest
+from pa_ros.wire.step import decode_verdict, is_evaluation
 
 READY_S, ANSWER_S = 60.0, 30.0  # wall time that a node has to start, and to answer
 
@@ -42,7 +42,7 @@ def hear_verdicts(node: Node, receive: Callable[[Verdict, bool], object]) -> Non
     """Call back with each verdict, and whether it is of an evaluation episode."""
 
     def decode(message: Message) -> None:
-        receive(codec.decode_verdict(message), codec.is_evaluation(message))
+        receive(decode_verdict(message), is_evaluation(message))
 
     refusals = Refusals(node.get_logger().warning)
     VERDICT.subscribe(node, refusals.guard(VERDICT.name, decode))

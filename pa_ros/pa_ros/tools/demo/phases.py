@@ -32,7 +32,7 @@ from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record import Recorder
-from pa_ros.wire.records import ResetRequest
+from pa_ros.wire.services import ResetRequest
 
 REFERENCE_EPISODES = 50
 

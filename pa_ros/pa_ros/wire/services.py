@@ -1,58 +1,87 @@
-"""Requests to an arena and what became of them (Reset, Step, SetSpeed, std_srvs/SetBool); requests
-to change a managed node's state (lifecycle_msgs/ChangeState)."""
+"""The arena's own services (Reset, Step, SetSpeed, std_srvs/SetBool), and lifecycle transitions."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
-from pa_ros.wire import errors
-from pa_ros.wire.codec.stamp import read_stamp, write_stamp
-from pa_ros.wire.interfaces import Reset, SetBool, SetSpeed, Step
-from pa_ros.wire.records import Outcome, ResetRequest
+from std_srvs.srv import SetBool
+
+from msgs_schema import srv
+from pa_ros.wire.arena import NO_STAMP
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.fields import read_stamp, write_stamp
 
 MAX_STEPS = 1000
 SPEEDS = (0.01, 100.0)
 
 
-def encode_reset(request: ResetRequest) -> Reset.Request:
+@dataclass(frozen=True, slots=True)
+class ResetRequest:
+    """An episode to begin: `episode` None is the next one.
+
+    An empty `program` means: as the arena's program source says.
+    """
+
+    episode: int | None = None
+    program: str = ""
+    evaluation: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The answer to a service call, and the arena's state after it."""
+
+    success: bool
+    code: str = ""
+    reason: str = ""
+    episode: int = 0
+    step: int = 0
+    stamp_ns: int = NO_STAMP
+    real_time_factor: float = 0.0
+
+
+def encode_reset(request: ResetRequest) -> srv.Reset.Request:
     """Ask for an episode. Raises RangeError for a number that no message holds."""
-    episode, following = request.episode, Reset.Request.EPISODE_NEXT
+    episode, following = request.episode, srv.Reset.Request.EPISODE_NEXT
     if episode is None:
         episode = following
     elif not 0 <= episode < following:
-        raise errors.RangeError("reset.episode", f"0 to {following - 1}", episode)
-    return Reset.Request(episode=episode, program=request.program, evaluation=request.evaluation)
+        raise WireError("reset.episode", f"0 to {following - 1}", episode, code="wire.range")
+    return srv.Reset.Request(
+        episode=episode, program=request.program, evaluation=request.evaluation
+    )
 
 
-def decode_reset(message: Reset.Request) -> ResetRequest:
+def decode_reset(message: srv.Reset.Request) -> ResetRequest:
     """What episode is asked for."""
-    named = message.episode != Reset.Request.EPISODE_NEXT
+    named = message.episode != srv.Reset.Request.EPISODE_NEXT
     return ResetRequest(message.episode if named else None, message.program, message.evaluation)
 
 
-def encode_steps(steps: int) -> Step.Request:
+def encode_steps(steps: int) -> srv.Step.Request:
     """Ask a paused arena for `steps` control periods."""
-    return Step.Request(steps=steps)
+    return srv.Step.Request(steps=steps)
 
 
-def decode_steps(message: Step.Request) -> int:
+def decode_steps(message: srv.Step.Request) -> int:
     """Raises RangeError."""
     if not 1 <= message.steps <= MAX_STEPS:
-        raise errors.RangeError("step.steps", f"1 to {MAX_STEPS}", message.steps)
+        raise WireError("step.steps", f"1 to {MAX_STEPS}", message.steps, code="wire.range")
     return int(message.steps)
 
 
-def encode_speed(real_time_factor: float) -> SetSpeed.Request:
+def encode_speed(real_time_factor: float) -> srv.SetSpeed.Request:
     """Ask for another real-time factor."""
-    return SetSpeed.Request(real_time_factor=float(real_time_factor))
+    return srv.SetSpeed.Request(real_time_factor=float(real_time_factor))
 
 
-def decode_speed(message: SetSpeed.Request) -> float:
+def decode_speed(message: srv.SetSpeed.Request) -> float:
     """Raises RangeError."""
     low, high = SPEEDS
     if not low <= message.real_time_factor <= high:
         field = "speed.real_time_factor"
-        raise errors.RangeError(field, f"{low} to {high}", message.real_time_factor)
+        raise WireError(field, f"{low} to {high}", message.real_time_factor, code="wire.range")
     return float(message.real_time_factor)
 
 
@@ -73,12 +102,12 @@ def encode_outcome(response: Any, outcome: Outcome) -> Any:
         response.message = outcome.reason
         return response
     response.code, response.reason = outcome.code, outcome.reason
-    if isinstance(response, SetSpeed.Response):
+    if isinstance(response, srv.SetSpeed.Response):
         response.real_time_factor = outcome.real_time_factor
         return response
     response.episode = outcome.episode
     write_stamp(response.stamp, outcome.stamp_ns)
-    if isinstance(response, Step.Response):
+    if isinstance(response, srv.Step.Response):
         response.step = outcome.step
     return response
 
@@ -88,7 +117,7 @@ def decode_outcome(response: Any) -> Outcome:
     if isinstance(response, SetBool.Response):
         return Outcome(response.success, reason=response.message)
     result = Outcome(response.success, response.code, response.reason)
-    if isinstance(response, SetSpeed.Response):
+    if isinstance(response, srv.SetSpeed.Response):
         return Outcome(
             result.success, result.code, result.reason, real_time_factor=response.real_time_factor
         )

@@ -1,0 +1,164 @@
+"""What a process says about itself: health (/diagnostics) and origin (Provenance)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from msgs_schema import msg
+from pa_ros.core.settings import read_json
+from pa_ros.language import Program
+from pa_ros.wire.arena import (
+    NO_STAMP,
+    WIRE_VERSION,
+    check_version,
+    read_programs,
+    read_world,
+    write_world,
+)
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.fields import read_stamp, write_stamp
+from pa_ros.world.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """One entry of /diagnostics. Levels are those of DiagnosticStatus: 0 ok, 1 warn, 2 error."""
+
+    name: str
+    level: int = 0
+    message: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class LearnerOrigin:
+    """The part of an Origin that only a learner has."""
+
+    first_version: int  # of the weights it began with; 0: from scratch
+    network: str  # NetworkConfig's JSON
+    learner: str  # the learner settings' JSON
+    algorithm: str  # that these settings belong to
+    training_programs: tuple[Program, ...]  # in the order of relabeling
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Configuration, seed and versions of one process; Provenance.msg explains the fields."""
+
+    node: str
+    instance: str
+    software_version: str
+    versions: str
+    seed: int
+    parameters: Mapping[str, Any]  # plain JSON
+    design: str = ""
+    arm: str = ""
+    preset: str = ""
+    world: World | None = None  # None: not known to the sender
+    stamp_ns: int = NO_STAMP  # wall time
+    learner: LearnerOrigin | None = None  # None: not a learner
+
+
+def encode_diagnostics(entries: list[Health], stamp_ns: int) -> DiagnosticArray:
+    """Return a node's entries, stamped with its clock."""
+    message = DiagnosticArray()
+    write_stamp(message.header.stamp, stamp_ns)
+    message.status = [
+        DiagnosticStatus(
+            level=bytes([entry.level]),
+            name=entry.name,
+            message=entry.message,
+            hardware_id="",
+            values=[KeyValue(key=key, value=value) for key, value in entry.values.items()],
+        )
+        for entry in entries
+    ]
+    return message
+
+
+def decode_diagnostics(message: DiagnosticArray) -> list[Health]:
+    """Return the entries of any node. All texts pass."""
+    return [
+        Health(
+            name=status.name,
+            level=status.level[0],
+            message=status.message,
+            values={pair.key: pair.value for pair in status.values},
+        )
+        for status in message.status
+    ]
+
+
+def encode_provenance(origin: Origin) -> msg.Provenance:
+    """Return the origin of one process's messages."""
+    message = msg.Provenance()
+    write_stamp(message.stamp, origin.stamp_ns)
+    message.node = origin.node
+    message.instance = origin.instance
+    message.software_version = origin.software_version
+    message.wire_version = WIRE_VERSION
+    message.versions = origin.versions
+    message.seed = origin.seed
+    message.parameters = json.dumps(dict(origin.parameters), sort_keys=True)
+    message.design = origin.design
+    message.arm = origin.arm
+    message.preset = origin.preset
+    if origin.world is not None:
+        write_world(message, origin.world)
+    if origin.learner is not None:
+        message.first_version = origin.learner.first_version
+        message.network = origin.learner.network
+        message.learner = origin.learner.learner
+        message.algorithm = origin.learner.algorithm
+        message.training_programs = list(map(str, origin.learner.training_programs))
+    return message
+
+
+def decode_provenance(message: msg.Provenance) -> Origin:
+    """Return the origin of one process's messages. Raises WireError, ConfigError (no world)."""
+    check_version("provenance", message)
+    world = read_world("provenance", message) if message.world else None
+    return Origin(
+        node=message.node,
+        instance=message.instance,
+        software_version=message.software_version,
+        versions=message.versions,
+        seed=int(message.seed),
+        parameters=_parameters(message.parameters),
+        design=message.design,
+        arm=message.arm,
+        preset=message.preset,
+        world=world,
+        stamp_ns=read_stamp(message.stamp),
+        learner=_learner(message, world),
+    )
+
+
+def _learner(message: msg.Provenance, world: World | None) -> LearnerOrigin | None:
+    if not message.learner:
+        return None
+    if world is None:
+        raise WireError("provenance.world", "the learner's world", "''", code="wire.range")
+    return LearnerOrigin(
+        first_version=int(message.first_version),
+        network=message.network,
+        learner=message.learner,
+        algorithm=message.algorithm,
+        training_programs=read_programs(message, world),
+    )
+
+
+def _parameters(text: str) -> dict[str, Any]:
+    try:
+        values = read_json(text)
+    except ValueError:
+        values = None
+    if not isinstance(values, dict):
+        expected = "a JSON object"
+        raise WireError("provenance.parameters", expected, repr(text), code="wire.range")
+    return values

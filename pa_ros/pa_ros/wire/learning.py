@@ -1,0 +1,235 @@
+"""What learner and agents exchange: trajectories, weights, and what the learner asks for."""
+
+from __future__ import annotations
+
+import array
+import hashlib
+import math
+
+import numpy as np
+
+from msgs_schema import msg
+from pa_ros import __version__
+from pa_ros.core.experience import AgentKey, Float32, PolicySnapshot, TrajectoryKey
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.language import parse
+from pa_ros.wire.arena import WIRE_VERSION, check_positive, check_version
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.fields import float32_field, float64_field, read_float32, read_stamp, write_stamp
+from pa_ros.wire.step import objects_and_hand
+from pa_ros.world import Trajectory
+from pa_ros.world.world import World
+
+MAX_TRANSITIONS = 10_000  # of one trajectory
+MAX_DIMENSIONS = 8  # of one tensor
+DTYPE, ITEM_BYTES = "float32", 4
+# Fields that LearnerInfo, the record, and LearnerInfo, the message, have alike.
+SAME = (
+    *("run_id", "learner_id", "first_version", "world_digest", "architecture", "algorithm"),
+    *("trajectory_steps", "policy_lag", "exploration", "inference", "software_version"),
+    *("control_period", "reward"),
+)
+
+
+# Trajectories
+
+
+def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
+    """Return a trajectory of one agent."""
+    message = msg.Trajectory()
+    write_stamp(message.stamp, trajectory.stamp_ns)
+    message.agent_id, message.incarnation = trajectory.agent_id, trajectory.incarnation
+    message.sequence, message.held_from = trajectory.sequence, trajectory.held_from
+    message.run_id = trajectory.run_id
+    message.policy_version = trajectory.policy_version
+    message.episode = trajectory.episode
+    message.first_step = trajectory.first_step
+    message.program = str(trajectory.program)
+    message.world_digest = trajectory.world_digest
+    message.hand_index = trajectory.hand_index
+    message.transition_count = len(trajectory)
+    message.object_count = trajectory.objects.shape[1]
+    message.objects = float32_field(trajectory.objects)
+    message.arm = float32_field(trajectory.arm)
+    message.actions = float32_field(trajectory.actions)
+    message.rewards = float32_field(trajectory.rewards)
+    message.ends_episode = trajectory.ends_episode
+    message.terminated = trajectory.terminated
+    return message
+
+
+def decode_trajectory_key(message: msg.Trajectory) -> TrajectoryKey:
+    """Return the name of a trajectory without decoding the rest."""
+    return TrajectoryKey(message.agent_id, message.incarnation, message.sequence)
+
+
+def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
+    """Return a trajectory of the receiver's world. Raises WireError, ProgramError."""
+    if message.world_digest != world.digest:
+        field, received = "trajectory.world_digest", message.world_digest
+        raise WireError(field, world.digest, received, code="wire.world")
+    if not message.agent_id:
+        raise WireError("trajectory.agent_id", "a name", "''", code="wire.range")
+    if message.held_from > message.sequence:
+        expected = f"at most its sequence, {message.sequence}"
+        raise WireError("trajectory.held_from", expected, message.held_from, code="wire.range")
+    length = message.transition_count
+    if not 1 <= length <= MAX_TRANSITIONS:
+        field, expected = "trajectory.transition_count", f"1 to {MAX_TRANSITIONS}"
+        raise WireError(field, expected, length, code="wire.range")
+    count, hand_index = objects_and_hand("trajectory", message)
+    rows = length + 1
+    objects = (rows, count, world.object_features)
+    actions = (length, world.actions)
+    return Trajectory(
+        agent_id=message.agent_id,
+        sequence=message.sequence,
+        policy_version=message.policy_version,
+        episode=message.episode,
+        first_step=message.first_step,
+        program=parse(message.program, world.vocabulary),
+        hand_index=hand_index,
+        objects=read_float32("trajectory.objects", message.objects, objects),
+        arm=read_float32("trajectory.arm", message.arm, (rows, world.arm_features)),
+        actions=read_float32("trajectory.actions", message.actions, actions, largest=1.0),
+        rewards=read_float32("trajectory.rewards", message.rewards, (length,)),
+        ends_episode=message.ends_episode,
+        terminated=message.terminated,
+        world_digest=message.world_digest,
+        run_id=message.run_id,
+        incarnation=message.incarnation,
+        held_from=message.held_from,
+        stamp_ns=read_stamp(message.stamp),
+    )
+
+
+# What the learner asks for
+
+
+def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
+    """Return the latched announcement of a learner."""
+    message = msg.LearnerInfo()
+    write_stamp(message.stamp, learner.stamp_ns)
+    for name in SAME:
+        setattr(message, name, getattr(learner, name))
+    message.thresholds = float64_field(np.asarray(learner.thresholds))
+    message.software_version = learner.software_version or __version__
+    message.wire_version = WIRE_VERSION
+    return message
+
+
+def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
+    """Return what a learner asks of its agents. Raises WireError."""
+    check_version("learner_info", message)
+    for name in ("run_id", "learner_id"):
+        if not getattr(message, name):
+            raise WireError(f"learner_info.{name}", "a name", "''", code="wire.range")
+    if not 1 <= message.trajectory_steps <= MAX_TRANSITIONS:
+        field, expected = "learner_info.trajectory_steps", f"1 to {MAX_TRANSITIONS}"
+        raise WireError(field, expected, message.trajectory_steps, code="wire.range")
+    thresholds = tuple(message.thresholds)
+    check_positive("learner_info", control_period=(message.control_period,), thresholds=thresholds)
+    values = {name: getattr(message, name) for name in SAME}
+    return LearnerInfo(**values, thresholds=thresholds, stamp_ns=read_stamp(message.stamp))
+
+
+# Weights
+
+
+def encode_weights(policy: PublishedPolicy) -> msg.PolicyWeights:
+    """Return a snapshot; its tensors follow one another in the payload."""
+    snapshot = policy.snapshot
+    message = msg.PolicyWeights()
+    write_stamp(message.stamp, policy.stamp_ns)
+    message.run_id, message.learner_id = policy.run_id, policy.learner_id
+    message.version = snapshot.version
+    message.architecture = snapshot.architecture
+    message.world_digest = snapshot.world_digest
+    message.consumed = [
+        _mark(TrajectoryKey(*agent, following - 1))
+        for agent, following in sorted(policy.accounted.items())
+        if following > 0
+    ]
+    message.latest = [] if policy.latest is None else [_mark(policy.latest)]
+    tensors, offset = [], 0
+    for name, tensor in snapshot.tensors.items():
+        shape = array.array("I", tensor.shape)
+        tensors.append(msg.Tensor(name=name, dtype=DTYPE, shape=shape, offset=offset))
+        offset += ITEM_BYTES * tensor.size
+    payload = _payload(snapshot)
+    message.tensors = tensors
+    message.payload = array.array("B", payload)
+    message.checksum = hashlib.sha256(payload).hexdigest()
+    return message
+
+
+def weights_checksum(snapshot: PolicySnapshot) -> str:
+    """Return the SHA-256 of a snapshot's payload, as its message states it."""
+    return hashlib.sha256(_payload(snapshot)).hexdigest()
+
+
+def decode_weights(message: msg.PolicyWeights, world_digest: str | None = None) -> PublishedPolicy:
+    """Return a snapshot for the world of `world_digest` (None: any). Raises WireError."""
+    if world_digest not in (None, message.world_digest):
+        field, received = "policy_weights.world_digest", message.world_digest
+        raise WireError(field, world_digest, received, code="wire.world")
+    snapshot = PolicySnapshot(
+        version=message.version,
+        architecture=message.architecture,
+        world_digest=message.world_digest,
+        tensors=_read_tensors(message),
+    )
+    return PublishedPolicy(
+        snapshot,
+        message.run_id,
+        message.learner_id,
+        {AgentKey(m.agent_id, m.incarnation): m.sequence + 1 for m in message.consumed},
+        next((TrajectoryKey(m.agent_id, m.incarnation, m.sequence) for m in message.latest), None),
+        read_stamp(message.stamp),
+    )
+
+
+def _payload(snapshot: PolicySnapshot) -> bytes:
+    tensors = snapshot.tensors.values()
+    return b"".join(np.ascontiguousarray(tensor, dtype="<f4").tobytes() for tensor in tensors)
+
+
+def _mark(key: TrajectoryKey) -> msg.SequenceMark:
+    return msg.SequenceMark(**key._asdict())
+
+
+def _read_tensors(message: msg.PolicyWeights) -> dict[str, Float32]:
+    payload = memoryview(message.payload)
+    _check_coverage(message, len(payload))
+    digest = hashlib.sha256(payload).hexdigest()
+    if digest != message.checksum:
+        field = "policy_weights.checksum"
+        raise WireError(field, digest, message.checksum, code="wire.checksum")
+    tensors: dict[str, Float32] = {}
+    for tensor in message.tensors:
+        values = np.frombuffer(payload, "<f4", math.prod(tensor.shape), tensor.offset)
+        if not np.isfinite(values).all():
+            field = f"policy_weights.{tensor.name}"
+            raise WireError(field, "finite numbers", "others", code="wire.non_finite")
+        tensors[tensor.name] = values.astype(np.float32).reshape(tuple(tensor.shape))
+    return tensors
+
+
+def _check_coverage(message: msg.PolicyWeights, size: int) -> None:
+    """Check that the tensors have unique names and cover the payload without a gap."""
+    end, names = 0, set()
+    for tensor in message.tensors:
+        where = f"policy_weights.tensors[{tensor.name!r}]"
+        if tensor.dtype != DTYPE:
+            raise WireError(f"{where}.dtype", DTYPE, tensor.dtype, code="wire.dtype")
+        if len(tensor.shape) > MAX_DIMENSIONS or 0 in tensor.shape:
+            expected = f"at most {MAX_DIMENSIONS} sizes, none of them 0"
+            raise WireError(f"{where}.shape", expected, list(tensor.shape), code="wire.size")
+        if tensor.name in names or tensor.offset != end:
+            expected = f"{end}, and a name that no other tensor has"
+            raise WireError(f"{where}.offset", expected, tensor.offset, code="wire.truncated")
+        names.add(tensor.name)
+        end += ITEM_BYTES * math.prod(tensor.shape)
+    if end != size or not names:
+        expected = f"{end} bytes, more than 0"
+        raise WireError("policy_weights.payload", expected, size, code="wire.truncated")

@@ -1,0 +1,196 @@
+"""Programs, the answers to them, and goals of the action execute_program."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from math import inf, isfinite
+
+import numpy as np
+
+from msgs_schema import action, msg
+from pa_ros.wire.arena import NO_STAMP
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.fields import float32_field, read_stamp, write_stamp
+
+# The language's own limit is lower and is the one that rejects a text with a reason. This one only
+# keeps a huge text from being passed on.
+MAX_TEXT = 100_000  # characters
+MAX_ID = 256  # characters
+NEVER = -1.0  # time_to_reach_s of a goal that was not reached
+LONGEST_S = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramRequest:
+    """A program to execute; `program_id` is never empty after decoding."""
+
+    program_id: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramStatus:
+    """One node's answer to a ProgramRequest."""
+
+    program_id: str
+    node: str
+    accepted: bool
+    canonical: str = ""
+    code: str = ""
+    reason: str = ""
+    position: int = -1
+    stamp_ns: int = NO_STAMP
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramGoal:
+    """A program to execute until it has been satisfied for `hold_s`. Times are simulation time."""
+
+    text: str
+    time_limit_s: float = 0.0  # 0: no limit
+    hold_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GoalProgress:
+    """The current state of a goal's execution."""
+
+    distance: float  # m; inf: the program names no object here, or no step was received yet
+    satisfied: bool
+    objects: tuple[str, ...]  # [N] labels
+    relevance: tuple[float, ...]  # [N] p, or empty
+    policy_version: int
+
+
+@dataclass(frozen=True, slots=True)
+class GoalResult:
+    """How a goal ended."""
+
+    success: bool
+    final_distance: float = inf  # m
+    time_to_reach_s: float | None = None  # simulation time; None: never
+    code: str = ""
+    reason: str = ""
+    position: int = -1  # character in the program's text; -1: not at one place
+
+
+def program_id_of(text: str) -> str:
+    """Return the id of a program sent without one: a function of its text alone."""
+    return "text-" + hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()[:12]
+
+
+def encode_program(request: ProgramRequest) -> msg.Program:
+    """Return a program to execute."""
+    return msg.Program(program_id=request.program_id, text=request.text)
+
+
+def decode_program(message: msg.Program) -> ProgramRequest:
+    """Return a request whose text is not checked yet: the parser does that.
+
+    Raises WireError (`wire.range`) for an id that is too long.
+    """
+    if len(message.program_id) > MAX_ID:
+        expected, size = f"at most {MAX_ID} characters", len(message.program_id)
+        raise WireError("program.program_id", expected, size, code="wire.range")
+    return ProgramRequest(
+        message.program_id or program_id_of(message.text), message.text[:MAX_TEXT]
+    )
+
+
+def encode_program_status(status: ProgramStatus) -> msg.ProgramStatus:
+    """Return one node's answer to a program."""
+    message = msg.ProgramStatus(
+        program_id=status.program_id,
+        node=status.node,
+        status=msg.ProgramStatus.ACCEPTED if status.accepted else msg.ProgramStatus.REFUSED,
+        canonical=status.canonical,
+        code=status.code,
+        reason=status.reason,
+        position=status.position,
+    )
+    write_stamp(message.stamp, status.stamp_ns)
+    return message
+
+
+def decode_program_status(message: msg.ProgramStatus) -> ProgramStatus:
+    """Return a node's answer. Raises WireError (`wire.range`) for a status that is neither."""
+    if message.status not in (msg.ProgramStatus.ACCEPTED, msg.ProgramStatus.REFUSED):
+        expected = "ACCEPTED or REFUSED"
+        raise WireError("program_status.status", expected, message.status, code="wire.range")
+    return ProgramStatus(
+        program_id=message.program_id,
+        node=message.node,
+        accepted=message.status == msg.ProgramStatus.ACCEPTED,
+        canonical=message.canonical,
+        code=message.code,
+        reason=message.reason,
+        position=message.position,
+        stamp_ns=read_stamp(message.stamp),
+    )
+
+
+def encode_goal(goal: ProgramGoal) -> action.ExecuteProgram.Goal:
+    """Return the request for a program to be executed."""
+    return action.ExecuteProgram.Goal(
+        program=goal.text, time_limit_s=goal.time_limit_s, hold_s=goal.hold_s
+    )
+
+
+def decode_goal(message: action.ExecuteProgram.Goal) -> ProgramGoal:
+    """Return the goal; the parser checks its text later. Raises WireError (`wire.range`)."""
+    for field in ("time_limit_s", "hold_s"):
+        value = getattr(message, field)
+        if not (isfinite(value) and 0.0 <= value <= LONGEST_S):
+            expected = f"0 to {LONGEST_S:g} s"
+            raise WireError(f"execute_program.{field}", expected, value, code="wire.range")
+    return ProgramGoal(message.program[:MAX_TEXT], message.time_limit_s, message.hold_s)
+
+
+def encode_goal_feedback(progress: GoalProgress) -> action.ExecuteProgram.Feedback:
+    """Return the current state of a goal's execution."""
+    return action.ExecuteProgram.Feedback(
+        distance=progress.distance,
+        satisfied=progress.satisfied,
+        objects=list(progress.objects),
+        relevance=float32_field(np.array(progress.relevance, np.float32)),
+        policy_version=progress.policy_version,
+    )
+
+
+def decode_goal_feedback(message: action.ExecuteProgram.Feedback) -> GoalProgress:
+    """Raises WireError (`wire.size`) unless there is no relevance, or one number per object."""
+    if len(message.relevance) not in (0, len(message.objects)):
+        field, expected = "execute_program.relevance", f"0 or {len(message.objects)}"
+        raise WireError(field, expected, len(message.relevance), code="wire.size")
+    return GoalProgress(
+        message.distance,
+        message.satisfied,
+        tuple(message.objects),
+        tuple(message.relevance),
+        message.policy_version,
+    )
+
+
+def encode_goal_result(result: GoalResult) -> action.ExecuteProgram.Result:
+    """Return how a goal ended."""
+    return action.ExecuteProgram.Result(
+        success=result.success,
+        time_to_reach_s=NEVER if result.time_to_reach_s is None else result.time_to_reach_s,
+        final_distance=result.final_distance,
+        code=result.code,
+        reason=result.reason,
+        position=result.position,
+    )
+
+
+def decode_goal_result(message: action.ExecuteProgram.Result) -> GoalResult:
+    """Return how a goal ended."""
+    return GoalResult(
+        message.success,
+        message.final_distance,
+        None if message.time_to_reach_s == NEVER else message.time_to_reach_s,
+        message.code,
+        message.reason,
+        message.position,
+    )

@@ -1,0 +1,319 @@
+"""One control step: observation (object_features and joint_states), verdict, joint command, clock.
+
+Messages sent at every step can be written `into` messages that were published before, because
+making a message object takes longer than filling it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from msgs_schema import msg
+from pa_ros.core.experience import CommandKey, Executed, Float32, Float64, Observation, Verdict
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.fields import (
+    float32_field,
+    float64_field,
+    header_stamp,
+    read_float32,
+    read_float64,
+    read_stamp,
+    write_stamp,
+)
+
+HAND_FRAME = "hand"
+MAX_OBJECTS = 64
+# m, rad, rad/s: far beyond any arena, and small enough that sums in a network stay finite.
+LARGEST = 1e4
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """An agent's answer to one observation."""
+
+    episode: int
+    step: int
+    stamp_ns: int  # of the observation answered
+    agent_id: str
+    policy_version: int
+    action: Float32  # [J], share of each joint's speed limit
+    incarnation: int = 0  # of the agent
+    number: int = 0  # of the command, among the agent's
+
+    @property
+    def key(self) -> CommandKey:
+        """The command's name."""
+        return CommandKey(self.agent_id, self.incarnation, self.number)
+
+
+@dataclass(frozen=True, slots=True)
+class StepContext:
+    """What an observation's messages say beside the observation itself."""
+
+    arena_id: str = ""
+    evaluation: bool = False  # true: must leave no trace in training
+    executed: Executed | None = None  # the command that, unaltered, led here; None: no command did
+    program: str = ""  # canonical text of the program in force; empty: none
+
+
+@dataclass(frozen=True, slots=True)
+class StepMark:
+    """The control step that a message belongs to."""
+
+    episode: int
+    step: int
+    evaluation: bool  # evaluation and training episodes are numbered apart
+    program_id: str  # in force; empty: none
+    program: str = ""  # its text, if the message has it
+
+
+@dataclass
+class StepMessages:
+    """The messages of one control step, to be filled again at each step."""
+
+    features: msg.ObjectFeatures = field(default_factory=msg.ObjectFeatures)
+    joints: JointState = field(default_factory=JointState)
+    verdict: msg.Verdict = field(default_factory=msg.Verdict)
+    clock: Clock = field(default_factory=Clock)
+    command: msg.JointCommand = field(default_factory=msg.JointCommand)
+
+
+NO_CONTEXT = StepContext()
+NO_COMMAND = Executed(CommandKey("", 0, 0), np.empty(0, np.float32))
+
+
+def encode_observation(
+    observation: Observation,
+    joint_names: tuple[str, ...],
+    context: StepContext = NO_CONTEXT,
+    into: StepMessages | None = None,
+) -> tuple[msg.ObjectFeatures, JointState]:
+    """Return the two messages of one observation; they share one stamp."""
+    features = into.features if into else msg.ObjectFeatures()
+    joints = into.joints if into else JointState()
+    write_stamp(features.header.stamp, observation.stamp_ns)
+    features.header.frame_id = HAND_FRAME
+    features.episode = observation.episode
+    features.step = observation.step
+    features.arena_id, features.evaluation = context.arena_id, context.evaluation
+    executed = context.executed or NO_COMMAND
+    features.commanded_by, features.commanded_incarnation, features.command_id = executed.command
+    features.applied = float32_field(executed.action)
+    features.program_id, features.program = observation.program_id, context.program
+    features.hand_index = observation.hand_index
+    features.object_count = len(observation.objects)
+    features.features = float32_field(observation.objects)
+    features.hand_pose = float64_field(observation.hand_pose)
+    write_stamp(joints.header.stamp, observation.stamp_ns)
+    joints.header.frame_id = context.arena_id
+    joints.name = list(joint_names)
+    joints.position = float64_field(observation.joint_position)
+    joints.velocity = float64_field(observation.joint_velocity)
+    return features, joints
+
+
+def is_evaluation(message: msg.ObjectFeatures | msg.Verdict) -> bool:
+    """Return whether the step belongs to an episode that must leave no trace in training."""
+    return bool(message.evaluation)
+
+
+def arena_of(message: msg.ObjectFeatures | JointState | msg.Verdict) -> str:
+    """Return the id of the arena that sent this part of a step."""
+    return str(message.header.frame_id if isinstance(message, JointState) else message.arena_id)
+
+
+def decode_context(message: msg.ObjectFeatures, joints: int | None = None) -> StepContext:
+    """Return what the features say beside the observation. Raises WireError.
+
+    :param joints: number of joints of the arena's arm; None: any.
+    """
+    executed = decode_executed(message, joints)
+    return StepContext(message.arena_id, bool(message.evaluation), executed, message.program)
+
+
+def decode_executed(message: msg.ObjectFeatures, joints: int | None = None) -> Executed | None:
+    """Return the command that, unaltered, led to this step; None if no command did.
+
+    :param joints: number of joints of the arena's arm; None: any. Raises WireError.
+    """
+    if not message.commanded_by:
+        return None
+    command = CommandKey(message.commanded_by, message.commanded_incarnation, message.command_id)
+    shape = (len(message.applied) if joints is None else joints,)
+    action = read_float32("object_features.applied", message.applied, shape)
+    return Executed(command, action)
+
+
+def decode_observation(
+    features: msg.ObjectFeatures,
+    joints: JointState,
+    joint_names: tuple[str, ...],
+    width: int | None = None,
+) -> Observation:
+    """Return one observation from its two messages. Raises WireError.
+
+    :param joint_names: wanted joints, in the wanted order; the message may contain more.
+    :param width: F, features of an object in the receiver's world; None: any.
+    """
+    stamp_ns = header_stamp(features)
+    if header_stamp(joints) != stamp_ns:
+        field, received = "joint_states.header.stamp", header_stamp(joints)
+        raise WireError(field, stamp_ns, received, code="wire.stamp")
+    objects, hand_index = decode_objects(features, width)
+    position, velocity = decode_joints(joints, joint_names)
+    return Observation(
+        episode=features.episode,
+        step=features.step,
+        stamp_ns=stamp_ns,
+        objects=objects,
+        joint_position=position,
+        joint_velocity=velocity,
+        hand_index=hand_index,
+        program_id=features.program_id,
+        hand_pose=decode_hand_pose(features),
+    )
+
+
+def decode_step_mark(message: msg.ObjectFeatures | msg.Verdict) -> StepMark:
+    """Return the control step that a message belongs to."""
+    text = getattr(message, "program", "")  # verdicts have none, nor have older recordings
+    evaluation = bool(message.evaluation)
+    return StepMark(message.episode, message.step, evaluation, message.program_id, text)
+
+
+def decode_objects(message: msg.ObjectFeatures, width: int | None = None) -> tuple[Float32, int]:
+    """Return features [N, F] and the hand's row; `width` is F, None: any. Raises WireError."""
+    count, hand_index = objects_and_hand("object_features", message)
+    received, rest = divmod(len(message.features), count)
+    if width not in (None, received) and not rest:
+        field, expected = "object_features.features", f"{width} of each of {count} objects"
+        raise WireError(field, expected, received, code="wire.feature_names")
+    shape = (count, width or received)
+    return read_float32("object_features.features", message.features, shape, LARGEST), hand_index
+
+
+def decode_hand_pose(message: msg.ObjectFeatures) -> Float64:
+    """Return the hand's pose in the base frame, [7]; NaN in older recordings. Raises WireError."""
+    if not hasattr(message, "hand_pose"):
+        return np.full(7, np.nan)
+    return read_float64("object_features.hand_pose", message.hand_pose, (7,), LARGEST)
+
+
+def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -> tuple[int, int]:
+    """Return the checked number of objects and the hand's row. Raises WireError."""
+    count, hand_index = message.object_count, message.hand_index
+    if not 1 <= count <= MAX_OBJECTS:
+        raise WireError(f"{where}.object_count", f"1 to {MAX_OBJECTS}", count, code="wire.range")
+    if hand_index >= count:
+        expected = f"less than {count} objects"
+        raise WireError(f"{where}.hand_index", expected, hand_index, code="wire.range")
+    return count, hand_index
+
+
+def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
+    """Return positions (rad) and velocities (rad/s) of the named joints, in that order.
+
+    :param names: wanted joints; empty: all, in the message's order. Raises WireError.
+    """
+    received = tuple(joints.name)
+    if received != names and not set(names) <= set(received):
+        raise WireError("joint_states.name", names, received, code="wire.joint_names")
+    shape = (len(received),)
+    position = read_float64("joint_states.position", joints.position, shape, LARGEST)
+    velocity = read_float64("joint_states.velocity", joints.velocity, shape, LARGEST)
+    if not names or received == names:
+        return position, velocity
+    order = [received.index(name) for name in names]
+    return position[order], velocity[order]
+
+
+def encode_verdict(
+    verdict: Verdict,
+    evaluation: bool = False,
+    arena_id: str = "",
+    into: msg.Verdict | None = None,
+) -> msg.Verdict:
+    """Return the verifier's verdict on one step."""
+    message = into or msg.Verdict()
+    write_stamp(message.header.stamp, verdict.stamp_ns)
+    message.arena_id = arena_id
+    message.episode = verdict.episode
+    message.step = verdict.step
+    message.evaluation = evaluation
+    message.program_id = verdict.program_id
+    message.reward = verdict.reward
+    message.satisfied = verdict.satisfied
+    message.distance = verdict.distance
+    message.truncated = verdict.truncated
+    return message
+
+
+def decode_verdict(message: msg.Verdict) -> Verdict:
+    """Return the verdict on one step. Raises WireError for a reward or distance that is NaN."""
+    if not math.isfinite(message.reward):
+        received = message.reward
+        raise WireError("verdict.reward", "a finite number", received, code="wire.non_finite")
+    if not message.distance >= 0.0:
+        expected = "at least 0 m, or inf"
+        raise WireError("verdict.distance", expected, message.distance, code="wire.range")
+    return Verdict(
+        episode=message.episode,
+        step=message.step,
+        stamp_ns=header_stamp(message),
+        program_id=message.program_id,
+        reward=message.reward,
+        satisfied=message.satisfied,
+        distance=message.distance,
+        truncated=message.truncated,
+    )
+
+
+def encode_command(command: Command, into: msg.JointCommand | None = None) -> msg.JointCommand:
+    """Return an agent's answer to one observation."""
+    message = into or msg.JointCommand()
+    write_stamp(message.header.stamp, command.stamp_ns)
+    message.episode = command.episode
+    message.step = command.step
+    message.agent_id, message.incarnation = command.agent_id, command.incarnation
+    message.command_id = command.number
+    message.policy_version = command.policy_version
+    message.action = float32_field(command.action)
+    return message
+
+
+def decode_command(message: msg.JointCommand, joints: int | None = None) -> Command:
+    """Return a command; the arm clamps it to [-1, 1]. Raises WireError.
+
+    :param joints: number of joints of the receiver's arm; None: any.
+    """
+    shape = (len(message.action) if joints is None else joints,)
+    return Command(
+        episode=message.episode,
+        step=message.step,
+        stamp_ns=header_stamp(message),
+        agent_id=message.agent_id,
+        policy_version=message.policy_version,
+        action=read_float32("joint_commands.action", message.action, shape),
+        incarnation=message.incarnation,
+        number=message.command_id,
+    )
+
+
+def encode_clock(stamp_ns: int, into: Clock | None = None) -> Clock:
+    """Return simulation time for /clock."""
+    message = into or Clock()
+    write_stamp(message.clock, stamp_ns)
+    return message
+
+
+def decode_clock(message: Clock) -> int:
+    """Return simulation time in nanoseconds. Raises WireError for a time before zero."""
+    stamp_ns = read_stamp(message.clock)
+    if stamp_ns < 0 or message.clock.sec < 0:
+        raise WireError("clock", "a time of at least zero, in ns", stamp_ns, code="wire.range")
+    return stamp_ns

@@ -1,0 +1,151 @@
+"""What other ROS programs use: markers, transforms, camera pictures, poses, controllers."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Float64MultiArray, String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from visualization_msgs.msg import Marker, MarkerArray
+
+from pa_ros.core.body import Body
+from pa_ros.core.experience import Float64
+from pa_ros.wire.errors import WireError
+from pa_ros.wire.fields import read_float64, write_stamp, write_vector
+from pa_ros.wire.simulator import WORLD, Solid
+from pa_ros.wire.step import LARGEST
+
+_TYPES = {"box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
+LETTERS_M = 0.04  # height of a label's capitals
+ABOVE_M = 0.07  # of a label over its block's center
+UNIT = 0.9, 1.1  # length of what passes for a unit quaternion
+
+
+def encode_text(text: str) -> String:
+    """Plain text."""
+    return String(data=text)
+
+
+def encode_transform(name: str, body: Body, stamp_ns: int) -> TransformStamped:
+    """The pose of one body, as the frame of its name in the frame WORLD."""
+    message = TransformStamped(child_frame_id=name)
+    message.header.frame_id = WORLD
+    write_stamp(message.header.stamp, stamp_ns)
+    write_vector(message.transform.translation, body.position)
+    write_vector(message.transform.rotation, body.quaternion, "xyzw")
+    return message
+
+
+def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> MarkerArray:
+    """Each solid and its label; of `shown` solids of the message before, those gone are deleted."""
+    markers = []
+    for i, solid in enumerate(solids):
+        kind = _TYPES.get(solid.shape, Marker.CYLINDER)
+        body = _marker("blocks", i, kind, solid.body, stamp_ns)
+        write_vector(body.scale, solid.scale)
+        _color(body, solid.rgba)
+        label = _marker("labels", i, Marker.TEXT_VIEW_FACING, solid.body, stamp_ns)
+        label.pose.position.z += ABOVE_M
+        label.scale.z, label.text = LETTERS_M, solid.name
+        _color(label, (1.0, 1.0, 1.0, 1.0))
+        markers += [body, label]
+    for i in range(len(solids), shown):
+        for space in ("blocks", "labels"):
+            gone = Marker(ns=space, id=i, action=Marker.DELETE)
+            gone.header.frame_id = WORLD
+            markers.append(gone)
+    return MarkerArray(markers=markers)
+
+
+def encode_outlines(markers: MarkerArray, relevance: Sequence[float]) -> MarkerArray:
+    """Around each block of an arena's markers a shell that is as opaque as p says, in Ω's order."""
+    blocks = [marker for marker in markers.markers if marker.ns == "blocks"]
+    for marker in blocks:
+        marker.ns = "relevance"
+        p = relevance[marker.id] if 0 <= marker.id < len(relevance) else 0.0
+        for name in "xyz":
+            setattr(marker.scale, name, getattr(marker.scale, name) * 1.4)
+        _color(marker, (1.0, 1.0, 1.0, 0.5 * p))
+    return MarkerArray(markers=blocks)
+
+
+def _marker(space: str, number: int, kind: int, body: Body, stamp_ns: int) -> Any:
+    marker = Marker(ns=space, id=number, type=kind, action=Marker.ADD)
+    marker.header.frame_id = WORLD
+    write_stamp(marker.header.stamp, stamp_ns)
+    write_vector(marker.pose.position, body.position)
+    write_vector(marker.pose.orientation, body.quaternion, "xyzw")
+    return marker
+
+
+def _color(marker: Any, rgba: Sequence[float]) -> None:
+    marker.color.r, marker.color.g, marker.color.b, marker.color.a = map(float, rgba)
+
+
+def encode_image(picture: NDArray[np.uint8], frame: str, stamp_ns: int) -> Image:
+    """`picture` [height, width, 3] RGB, seen from the optical frame of that name."""
+    height, width, channels = picture.shape
+    message = Image(height=height, width=width, encoding="rgb8", step=channels * width)
+    message.header.frame_id = frame
+    write_stamp(message.header.stamp, stamp_ns)
+    message.data = array("B", picture.tobytes())
+    return message
+
+
+def encode_camera_info(
+    matrix: Float64, width: int, height: int, frame: str, stamp_ns: int
+) -> CameraInfo:
+    """K [3, 3] px of a camera without distortion, which sees what is in front of `frame`."""
+    message = CameraInfo(height=height, width=width, distortion_model="plumb_bob", d=[0.0] * 5)
+    message.header.frame_id = frame
+    write_stamp(message.header.stamp, stamp_ns)
+    message.k, message.r = matrix.ravel(), np.eye(3).ravel()
+    message.p = np.hstack([matrix, np.zeros((3, 1))]).ravel()
+    return message
+
+
+def encode_pose(pose: Float64, frame: str, stamp_ns: int) -> PoseStamped:
+    """`pose` [7]: position, m, and quaternion xyzw."""
+    message = PoseStamped()
+    message.header.frame_id = frame
+    write_stamp(message.header.stamp, stamp_ns)
+    write_vector(message.pose.position, pose[:3])
+    write_vector(message.pose.orientation, pose[3:], "xyzw")
+    return message
+
+
+def decode_pose(message: PoseStamped) -> tuple[str, Float64]:
+    """In which frame, and [7]: position (m), unit quaternion xyzw.
+
+    Raises NonFiniteError, RangeError.
+    """
+    place, turn = message.pose.position, message.pose.orientation
+    numbers = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+    pose = read_float64("pose", numbers, (7,), LARGEST)
+    length = float(np.linalg.norm(pose[3:]))
+    if not UNIT[0] <= length <= UNIT[1]:
+        raise WireError(
+            "pose.orientation", "a quaternion of length 1", f"length {length}", code="wire.range"
+        )
+    pose[3:] /= length
+    return str(message.header.frame_id), pose
+
+
+def encode_velocities(velocity: Float64) -> Float64MultiArray:
+    """Joint velocities, rad/s [J], in the order of the arena's joints."""
+    return Float64MultiArray(data=velocity.tolist())
+
+
+def encode_point(
+    names: Sequence[str], position: Float64, velocity: Float64, after_s: float
+) -> JointTrajectory:
+    """One point, rad and rad/s [J], to be reached after so long."""
+    point = JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist())
+    write_stamp(point.time_from_start, round(after_s * 1e9))
+    return JointTrajectory(joint_names=list(names), points=[point])
