@@ -13,7 +13,7 @@ extra = $(shell $(BIN)/python -c "import tomllib; print(*map(repr, tomllib.load(
 
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: colcon dist docs-check reference install install-dev install-bench install-peers install-console install-film install-tensorboard run train test fuzz bench same-results links lint sanitize clean
+.PHONY: colcon dist docs-check reference install install-dev install-bench install-peers install-console install-film install-tensorboard run train test fuzz bench chaos same-results links lint sanitize clean
 
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
@@ -125,17 +125,21 @@ sanitize-%: install-dev
 	$(BIN)/cmake --build build/sanitize/$* --parallel 2
 	$(BIN)/ctest --test-dir build/sanitize/$* --output-on-failure
 
+# One benchmark of pa_ros/benchmarks: make bench NAME=learner ARGS="--json learner.json"
+NAME ?= graph
 bench: install
-	$(BIN)/pa_ros bench codec
-	$(BIN)/pa_ros bench sim
-	$(BIN)/pa_ros bench graph
+	PYTHONPATH=pa_ros $(BIN)/python -m benchmarks $(NAME) $(ARGS)
+
+# Faults injected into a running graph. Without ARGS it writes FAULTS.md's table, in half an hour.
+chaos: install-dev
+	PYTHONPATH=tests $(BIN)/python -m chaos $(or $(ARGS),--table FAULTS.md)
 
 # make same-results BASE=COMMIT: does what stands here learn the same as that commit, on this machine?
 same-results: install
 	@test -n "$(BASE)" || { echo "same-results: expected BASE=COMMIT"; exit 2; }
 	test -d build/base-$(BASE) || git worktree add --detach build/base-$(BASE) $(BASE)
 	$(MAKE) -C build/base-$(BASE) install
-	$(BIN)/python pa_ros/pa_ros/benchmarks/same_results.py $(VENV) build/base-$(BASE)/.venv
+	$(BIN)/python pa_ros/benchmarks/same_results.py $(VENV) build/base-$(BASE)/.venv
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

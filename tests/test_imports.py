@@ -43,7 +43,6 @@ ROS_CLIENT = {
     "pa_ros.ros",
     "pa_ros.tools",
     "pa_ros.console",
-    "pa_ros.benchmarks",
     "sim_node",
     "agent_node",
     "learner_node",
@@ -90,11 +89,10 @@ def test_a_room_that_is_not_above_is_refused():
     assert table_of_rooms(lower)["pa_ros.other"] == {"pa_ros.core", "pa_ros.upper", "pa_ros.other"}
 
 
-def test_benchmarks_are_imported_by_the_command_line_alone():
-    users = {
-        room(module) for module, path in SOURCES if "pa_ros.benchmarks" in rooms_imported(path)
-    }
-    assert users == {"pa_ros.benchmarks", "pa_ros.cli"}
+def test_packages_do_not_import_the_laboratory():
+    for module, path in SOURCES:
+        heads = {name.split(".")[0] for name in imports(path)}
+        assert not heads & {"benchmarks", "chaos", "helpers"}, module
 
 
 @pytest.mark.parametrize(("module", "path"), SOURCES, ids=[module for module, _ in SOURCES])

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from helpers.scripts import clumsy_action
 from pa_ros.arena import ArenaConfig, ReachTask, design_named, preset_named, scripted_action
 from pa_ros.arena.references import mean_reward, nearest_target, random_policy, toward
-from pa_ros.benchmarks.arena_measure import clumsy_action
 
 PAPER, FAST = preset_named("paper"), preset_named("fast")
 

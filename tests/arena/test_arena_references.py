@@ -17,7 +17,6 @@ from pa_ros.arena import (
 )
 from pa_ros.arena.references import reward_per_step
 from pa_ros.arena.render import render
-from pa_ros.benchmarks.arena import bench_sim
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast"])
@@ -62,11 +61,3 @@ def test_rendering_gives_a_picture_or_says_what_is_missing() -> None:
             assert "OpenGL" in str(refusal)
         else:
             assert picture.shape == (120, 160, 3) and picture.std() > 5
-
-
-def test_bench_reports_rates_and_versions() -> None:
-    report = bench_sim(300)
-    assert float(report["sim.steps_per_s"]) > 0
-    assert 0 < float(report["sim.physics_share"]) < 1
-    assert {"device", "threads", "versions"} <= report.keys()
-    assert all(isinstance(value, (int, float, str)) for value in report.values())

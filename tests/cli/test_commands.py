@@ -112,8 +112,6 @@ def test_train_then_eval(tmp_path, capsys):
             ["experiment", "summary", "--preset", "paper", "--first-seed", "3", "--cluster", "x:1"],
             "summary: expected no --cluster, --first-seed, --preset: it reads tables",
         ),
-        (["bench", "codec", "--seeds", "4"], "bench codec: expected no --seeds"),
-        (["bench", "sim", "--graph", "--arenas", "2"], "bench sim: expected no --arenas, --graph"),
         (
             ["eval", "--checkpoint", "shipped:2-L", "--relations", "NEAR"],
             "--relations: expected --policy with it: a checkpoint has its own",
@@ -125,8 +123,6 @@ def test_train_then_eval(tmp_path, capsys):
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["launch", "--record", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["demo", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
-        (["chaos", "--table", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
-        (["chaos", "--json", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["ship", "x", "y", "--scores", "/dev/null/x"], "expected a folder at /dev/null, got"),
         (["ship", "unused", "../evil"], "name: expected letters, digits, '-' and '_', got"),
         (["ship", "unused", "3-D"], "expected another than '3-D', which is there (--replace)"),
@@ -143,10 +139,6 @@ def test_train_then_eval(tmp_path, capsys):
             ["experiment", "programmable-2L", "--tag", "x", "--set", "learner.detectors.gain=abc"],
             "learner.detectors.gain: expected a positive number, got 'abc'",
         ),
-        (["bench", "peers", "--seeds", "0"], "--seeds: expected an integer of at least 1, got 0"),
-        (["bench", "fleet", "--seeds", "-1"], "--seeds: expected an integer of at least 1, got -1"),
-        (["bench", "console", "--minutes", "-3"], "--minutes: expected a number of at least 0"),
-        (["bench", "endurance", "--minutes", "nan"], "--minutes: expected a number of at least 0"),
         (["eval", "--policy", "scripted", "--logic", "product"], "expected --checkpoint, got"),
     ],
 )
@@ -176,7 +168,6 @@ TOO_LONG = "x" * 300  # of a file's name
         ["bag", "info", TOO_LONG],
         ["bag", "film", TOO_LONG, "--episode", "0", "--out", "film.gif"],
         ["film", "--out", f"{TOO_LONG}.gif"],
-        ["bench", "codec", "--json", TOO_LONG],
         ["record", TOO_LONG, "--repair"],
         ["verify", TOO_LONG],
         ["launch", "--params", TOO_LONG],
@@ -202,14 +193,6 @@ def test_a_seed_that_never_solved_it_has_a_dash_and_no_nan(capsys):
     print_summaries([SeedSummary(0, 100.0, math.nan, math.nan, 0.1, 0.2, 0.1, 0.2)])
     assert "nan" not in (line := capsys.readouterr().out.splitlines()[-1])
     assert line.split() == ["0", "no", "–", "–", "0.10", "0.20"]
-
-
-def test_bench_writes_flat_figures(tmp_path, capsys):
-    path = tmp_path / "bench.json"
-    assert main(["bench", "codec", "--json", str(path)]) == 0
-    figures = json.loads(path.read_text())
-    assert figures["codec.encode_us"] > 0 and figures["codec.decode_us"] > 0
-    assert {"device", "threads", "versions"} <= figures.keys()
 
 
 def test_a_reader_that_has_read_enough_is_no_error():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from agent_node.programs import ProgramBook
+from benchmarks.samples import JOINT_NAMES, sample_step
 from helpers import learners
 from helpers.damage import damaged, explore
 from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
@@ -18,7 +19,6 @@ from msgs_schema.srv import Reset, SetSpeed, Step
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.answer import Load
 from pa_ros.acting.learning_agent import LearningAgent
-from pa_ros.benchmarks.codec import JOINT_NAMES, sample_step
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Executed, TrajectoryKey
 from pa_ros.language import parse

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.straightforward import StraightforwardEngine
 from helpers.worlds import dpg
-from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary

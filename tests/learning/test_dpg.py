@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.straightforward import StraightforwardEngine
 from helpers.worlds import WORDS, WORLD, dpg, random_batch
-from pa_ros.benchmarks.straightforward import StraightforwardEngine
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.straightforward import Scenes, parameters
+from benchmarks.straightforward import actor as formulas
 from helpers.fused_settings import (
     PROGRAMS,
     SMALL,
@@ -20,8 +22,6 @@ from helpers.fused_settings import (
     setting,
 )
 from helpers.worlds import dpg
-from pa_ros.benchmarks.straightforward import Scenes, parameters
-from pa_ros.benchmarks.straightforward import actor as formulas
 from pa_ros.language import LOGICS, MIN_MAX, Logic, parse
 from pa_ros.language.vocabulary import Vocabulary, WordGroup
 from pa_ros.learning.algorithms.dpg.builder import make_engine

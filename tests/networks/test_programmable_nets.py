@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pa_ros.benchmarks import straightforward as formulas
+from benchmarks import straightforward as formulas
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError

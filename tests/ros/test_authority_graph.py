@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from agent_node.node import AgentNode
+from benchmarks.samples import sample_step
 from helpers.graph import Probe, graph
 from helpers.learners import LEARNER, published, trajectory
 from learner_node.node import LearnerNode
-from pa_ros.benchmarks.codec import sample_step
 from pa_ros.ros import topics
 from pa_ros.ros.environment import LOOPBACK_PROFILE
 from pa_ros.wire.arena import decode_arena_info, encode_arena_info
@@ -111,7 +111,7 @@ def test_with_and_without_a_key_do_not_work_together(key):
 
 FORGE = """
 import os
-from pa_ros.benchmarks.codec import sample_step
+from benchmarks.samples import sample_step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node

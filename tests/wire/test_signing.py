@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from benchmarks.samples import sample_step
 from helpers import learners
 from helpers.damage import damaged, explore
 from helpers.learners import LEARNER, published
-from pa_ros.benchmarks.codec import sample_step
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
 from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights

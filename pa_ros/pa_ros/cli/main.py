@@ -27,7 +27,6 @@ COMMANDS = {
     "ship": ("pa_ros.cli.ship", "make a run's policy one of the package's own"),
     "figures": ("pa_ros.cli.figures", "draw the pictures of the experiments' tables"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
-    "bench": ("pa_ros.cli.bench", "measure what things cost on this machine"),
     "film": ("pa_ros.cli.film", "an agent that executes six programs, as a GIF or MP4"),
     "launch": ("pa_ros.cli.launch", "start nodes and show one live table"),
     "send": ("pa_ros.cli.send", "send a program to a running graph"),
@@ -36,7 +35,6 @@ COMMANDS = {
     "play": ("pa_ros.cli.play", "publish a bag into a live graph"),
     "verify": ("pa_ros.cli.verify", "make a recorded run again and compare it to the last bit"),
     "console": ("pa_ros.cli.console", "a page in the browser: a running graph, or a bag"),
-    "chaos": ("pa_ros.cli.chaos", "do harm to a graph on purpose, and say what came of it"),
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 ABOUT = "Programmable agents: arms that execute declarative programs."

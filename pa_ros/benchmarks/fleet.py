@@ -1,0 +1,140 @@
+"""How much sooner several slow arenas bring one learner to its goal than one does."""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pa_ros.acting.actor import Actor
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.core.report import Report
+from pa_ros.evaluation.scoring.evaluate import REFERENCES, reference_scores, run_episodes
+from pa_ros.evaluation.scoring.rewards import normalized, rewards
+from pa_ros.evaluation.scoring.training import EVALUATION_SEED
+from pa_ros.ros.topics import POLICY_WEIGHTS
+from pa_ros.tools.client import client_node
+from pa_ros.tools.domain import use_domain
+from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters, fleet, in_step
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.wire import Message
+from pa_ros.wire.learning import decode_weights
+
+DESIGN, PRESET = "2-L", "fast"
+REAL_TIME_FACTOR = 10.0  # 100 control steps per second and arena
+FRAMES = 20_000  # of a run that does not reach GOAL earlier
+GOAL = 0.9  # normalized reward of the held-out programs
+EPISODES = 50  # of each score
+SCORED_EVERY = 5  # versions, that is 500 frames
+TIMEOUT_S = 1800.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the benchmark's options."""
+    parser.add_argument("--seeds", type=int, default=3, help="of each size (%(default)s)")
+    parser.add_argument("--arenas", type=int, nargs="+", default=[1, 2, 4, 8], metavar="N",
+                        help="sizes of the fleet (%(default)s)")  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> Report:
+    """Seconds until the score of the held-out programs reaches GOAL, medians over seeds.
+
+    Arenas run at REAL_TIME_FACTOR and nothing waits (`in_step=free`), with one update per frame.
+    `fleet.seconds_N` counts the seeds that reached GOAL; `fleet.reached_N` says how many did.
+    """
+    use_domain(None)
+    score = HeldOutScore()
+    report: dict[str, float] = {}
+    for arenas in options.arenas:
+        runs = [_run(arenas, seed, score) for seed in range(options.seeds)]
+        reached = [seconds for _, seconds in runs if seconds is not None]
+        report[f"fleet.frames_per_s_{arenas}"] = statistics.median(rate for rate, _ in runs)
+        report[f"fleet.reached_{arenas}"] = len(reached)
+        if reached:
+            report[f"fleet.seconds_{arenas}"] = statistics.median(reached)
+            if "fleet.seconds_1" in report:
+                once = report["fleet.seconds_1"] / report[f"fleet.seconds_{arenas}"]
+                report[f"fleet.speedup_{arenas}"] = once
+    return report
+
+
+class HeldOutScore:
+    """The normalized reward of a policy on the held-out programs, on fixed episodes."""
+
+    def __init__(self) -> None:
+        config = preset_named(PRESET)
+        self._task = ReachTask(config, design_named(DESIGN), EVALUATION_SEED)
+        self._speeds = np.array(config.joint_speed_limits)
+        self._script, self._chance = (
+            float(rewards(reference_scores(self._task, name, "eval", EPISODES)).mean())
+            for name in REFERENCES
+        )
+
+    def __call__(self, snapshot: PolicySnapshot) -> float:
+        actor, task = Actor.fitting(snapshot), self._task
+        actor.load(snapshot)
+        scores = list(
+            run_episodes(
+                task,
+                lambda o: actor.act(o, task.program).astype(np.float64) * self._speeds,
+                "eval",
+                EPISODES,
+            )
+        )
+        return normalized(float(rewards(scores).mean()), self._chance, self._script)
+
+
+def _parameters(arenas: int, seed: int) -> Parameters:
+    # On a busy machine commands may arrive late; the arm holds only after five seconds.
+    timing = {"real_time_factor": REAL_TIME_FACTOR, "command_timeout_s": 5.0}
+    scene = {"design": DESIGN, "preset": PRESET, "seed": 100 * seed}
+    one: Parameters = {
+        "sim_node": scene | timing | {"mode": "real_time"},
+        "agent_node": {"learning": True, "seed": 100 * seed},
+        "learner_node": {"seed": seed, "options": ["learner.updates.per_frame=1"]},
+    }
+    return in_step(fleet(one, arenas), "free")
+
+
+def _run(arenas: int, seed: int, score: HeldOutScore) -> tuple[float, float | None]:
+    """Frames per second of one run, and seconds until GOAL (None: not within FRAMES)."""
+    figures = GraphFigures()
+    policies: dict[int, tuple[float, PolicySnapshot]] = {}
+    marks: list[tuple[float, float]] = []  # s, frames
+
+    def keep(message: Message) -> None:
+        policy = decode_weights(message)
+        version = policy.snapshot.version
+        if not policies or version >= max(policies) + SCORED_EVERY:
+            policies[version] = policy.stamp_ns * 1e-9, policy.snapshot
+
+    def sample() -> None:
+        frames = figures.value("learner_node", "frames") or 0.0
+        if frames and (not marks or frames != marks[-1][1]):
+            marks.append((time.monotonic(), frames))
+
+    def finished() -> bool:
+        return bool(marks) and marks[-1][1] >= FRAMES
+
+    with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
+        with client_node("bench") as node:
+            watch_diagnostics(node, figures)
+            POLICY_WEIGHTS.subscribe(node, keep)
+            start_nodes(supervisor, _parameters(arenas, seed), Path(name))
+            if not watch(node, supervisor, sample, finished, TIMEOUT_S):
+                raise PaError(f"fleet: expected {FRAMES} frames in {TIMEOUT_S:g} s, got {marks}")
+    rate = (marks[-1][1] - marks[0][1]) / (marks[-1][0] - marks[0][0])
+    began = policies[min(policies)][0]
+    times = (at - began for _, (at, policy) in sorted(policies.items()) if score(policy) >= GOAL)
+    seconds = next(times, None)
+    said = "not reached" if seconds is None else f"after {seconds:.0f} s"
+    print(f"{arenas} arenas, seed {seed}: {rate:.0f} frames/s, {GOAL} {said}", flush=True)
+    return rate, seconds

@@ -1,0 +1,96 @@
+"""Bare ping-pong: the messages of a control step between two processes, and nothing else.
+
+What the graph could do at most: the same types, sizes, topics' quality of service and executor,
+but no arena, no policy, no encoding (the messages are made once).
+`python -m benchmarks.pingpong` is the side that answers.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from typing import Any
+
+from benchmarks.samples import JOINT_NAMES, sample_step
+from pa_ros.ros import topics
+from pa_ros.ros.node_main import run_node
+from pa_ros.wire.step import encode_clock, encode_command, encode_observation, encode_verdict
+
+# In the order in which sim_node sends them; the answer is to the last that the agent needs.
+_QUESTION = (topics.JOINT_STATES, topics.OBJECT_FEATURES, topics.VERDICT, topics.CLOCK)
+WARM_UP = 200  # round trips
+SETTLE_S = 0.5
+
+
+def measure_round_trips(
+    node: Any, seconds: float, timeout_s: float = 30.0, work_us: float = 0.0
+) -> float:
+    """Round trips per second with an answering process, over `seconds`; 0 if none answers.
+
+    `work_us` is spent computing before each question: what a pause does to the transport (caches,
+    threads and cores that have gone to sleep) is then part of the round trip.
+    """
+    from pa_ros.ros.executor import spin_until
+
+    observation, verdict, _ = sample_step()
+    features, joints = encode_observation(observation, JOINT_NAMES)
+    clock = encode_clock(observation.stamp_ns)
+    messages = (joints, features, encode_verdict(verdict), clock)
+    writers = [_bare(topic).publisher(node) for topic in _QUESTION]
+    answers, started, ended = 0, 0.0, 0.0
+
+    def ask() -> None:
+        for writer, message in zip(writers, messages, strict=True):
+            writer.publish(message)
+
+    def receive(_: object) -> None:
+        nonlocal answers, started, ended
+        answers += 1
+        ended = time.perf_counter()
+        while time.perf_counter() - ended < work_us * 1e-6:
+            pass
+        if answers == WARM_UP:
+            started = ended
+        ask()
+
+    answering = _bare(topics.JOINT_COMMANDS).subscribe(node, receive)
+    heard = writers[: _QUESTION.index(topics.CLOCK)]
+    spin_until(
+        node,
+        lambda: all(w.get_subscription_count() for w in heard) and answering.get_publisher_count(),
+        timeout_s,
+    )
+    spin_until(node, lambda: False, SETTLE_S)  # the other side has found us too
+    ask()
+    # One spin for all of it: between two executors a message can go unnoticed.
+    finished = spin_until(node, lambda: bool(started) and ended - started > seconds, timeout_s)
+    return (answers - WARM_UP) / (ended - started) if finished else 0.0
+
+
+def _bare(topic: topics.Topic) -> topics.Topic:
+    return replace(topic, name=f"bare/{topic.name.strip('/')}")
+
+
+def _answerer() -> Any:
+    from rclpy.node import Node
+
+    class Answerer(Node):
+        """Answers every step with the same command."""
+
+        def __init__(self) -> None:
+            super().__init__("pingpong")
+            command = encode_command(sample_step()[2])
+            writer = _bare(topics.JOINT_COMMANDS).publisher(self)
+            for heard in (topics.JOINT_STATES, topics.VERDICT):
+                _bare(heard).subscribe(self, lambda _: None)
+            _bare(topics.OBJECT_FEATURES).subscribe(self, lambda _: writer.publish(command))
+
+        def close(self) -> None:
+            """Nothing to save."""
+
+    return Answerer()
+
+
+if __name__ == "__main__":
+    sys.exit(run_node("pingpong", _answerer))

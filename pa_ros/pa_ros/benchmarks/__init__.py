@@ -1,1 +1,0 @@
-"""What things cost; no node imports this room."""

@@ -1,0 +1,93 @@
+"""What the other benchmarks compute from their measurements."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks import arena, peers
+from benchmarks.latency import Latencies
+from benchmarks.learner import bare_updates, setting
+from benchmarks.peers import OURS, Score, run_contender
+from benchmarks.train import process_share
+from pa_ros.arena import preset_named
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+
+
+def test_a_command_is_timed_from_the_step_that_it_answers():
+    times = Latencies()
+    times.observed(100, "a", 1.0)
+    times.observed(100, "a", 1.5)  # the same step again
+    assert not times.commanded(100, 2.0) and times.steps == [1.0]
+    assert not times.commanded(200, 3.0) and times.steps == [1.0]  # a step without observation
+
+
+def test_a_program_is_timed_until_a_command_answers_a_step_under_it():
+    times = Latencies()
+    times.observed(100, "a", 1.0)
+    times.sent("b", 1.2)
+    assert not times.commanded(100, 1.3)  # still under the one before
+    times.observed(200, "b", 2.0)
+    assert times.commanded(200, 2.2) and times.programs == pytest.approx([1.0])
+    times.observed(300, "b", 3.0)
+    assert not times.commanded(300, 3.1) and len(times.programs) == 1
+
+
+def test_latencies_are_reported_as_percentiles_in_milliseconds():
+    times = Latencies(steps=[0.001 * i for i in range(1, 1002)], programs=[0.5])
+    found = times.figures()
+    assert found["step_p50_ms"] == pytest.approx(501) and found["step_p99_ms"] == pytest.approx(991)
+    assert found["program_p999_ms"] == 500 and found["steps"] == 1001 and found["programs"] == 1
+
+
+def test_the_arena_reports_its_rate_and_the_share_of_the_physics():
+    found = arena.speed(preset_named("fast"), steps=300)
+    assert found["steps_per_s"] > 0 and 0 < found["physics_share"] < 1
+
+
+def test_learning_is_compared_with_updates_alone():
+    bare = bare_updates(*setting("programmable"))
+    report = process_share("programmable", bare, rounds=2, frames=100, slice_s=0.002)
+    share = float(report["train.frames_per_s"]) / float(report["train.bare_updates_per_s"])
+    assert report["train.share_of_bare"] == pytest.approx(share) and share > 0
+
+
+def score(name: str, frames: float, seconds: float, train: float) -> Score:
+    return Score(name, "a-library 1.2", 0, frames, seconds, train, train, train / 2, train / 2)
+
+
+def test_our_scores_do_not_count_the_time_that_scoring_takes(tmp_path: Path) -> None:
+    run_contender(OURS, 0, 400, tmp_path / "run.csv", every=200, episodes=1)
+    rows = read_rows(tmp_path / "run.csv", Score)
+    assert [row.frames for row in rows] == [200, 400]
+    assert 0 < rows[0].seconds < rows[1].seconds
+    assert all(0 <= row.train_success <= 1 for row in rows)
+
+
+def test_peers_are_compared_at_equal_frames_and_in_equal_time() -> None:
+    rows = [score(OURS, 15_000, 20.0, 1.0), score(OURS, 60_000, 90.0, 1.0)]
+    rows += [score("TD3", f, f / 500, s) for f, s in ((5000, 0.1), (15_000, 0.2), (60_000, 0.4))]
+    found = peers.report(rows)
+    assert found["peers.TD3.frames"] == 60_000 and found["peers.TD3.train_success"] == 0.4
+    assert found["peers.TD3.at_15000.held_out_success"] == 0.1
+    assert found["peers.TD3.in_time.frames"] == 5000  # the next score came after 30 s
+    assert found["peers.ours.in_time.frames"] == 15_000
+
+
+def test_finished_runs_are_not_repeated_and_a_missing_library_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = argparse.Namespace(runs=tmp_path, seeds=2, frames=15_000, contenders=[OURS])
+    for seed in range(2):
+        rows = [replace(score(OURS, 15_000, 20.0, 1.0), seed=seed)]
+        write_rows(tmp_path / f"{OURS}-{seed}.csv", rows)
+    assert peers.run(options)["peers.ours.seeds"] == 2
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    options.contenders = ["TQC"]
+    with pytest.raises(ConfigError, match="TQC needs sb3_contrib"):
+        peers.run(options)
