@@ -31,7 +31,6 @@ from pa_ros.wire.program import (
 )
 from pa_ros.wire.program import ProgramRequest as Request
 from pa_ros.wire.step import arena_of, decode_verdict
-from pa_ros.world.labels import labels
 
 FEEDBACK_S = 0.2  # wall time
 RESEND_S = 1.0  # wall time; a program that no arena has judged is sent again
@@ -212,7 +211,7 @@ class ProgramGoals:
         relevance: tuple[float, ...] = ()
         seen, arena = self._acting.seen, self._acting.arena
         if seen is not None and arena is not None:
-            objects = labels(seen[0].objects, seen[0].hand_index, arena.world.schema)
+            objects = arena.world.schema.labels(seen[0].objects, seen[0].hand_index)
             if seen[0].program_id == current.request.program_id:
                 relevance = self._relevance(*seen)
         verdict = current.verdict

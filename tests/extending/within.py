@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from pa_ros.core.experience import Float64
-from pa_ros.world.relations import Relation, register
-from pa_ros.world.relations.relation import circle
+from pa_ros.world.relations import Relation, circle, register
 
 RADIUS_M = 0.30
 

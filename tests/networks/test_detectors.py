@@ -14,8 +14,7 @@ from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.detectors import degrees
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
-from pa_ros.world.labels import labels
-from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup, Real
+from pa_ros.world.schema import PAPER, ObjectSchema, OneHot, PropertyGroup, Real
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,7 @@ def test_p_tells_the_block_that_is_meant(scene):
     actor = Actor.fitting(policy)
     assert actor.relevance(observation, program) == ()  # no weights yet
     actor.load(policy)
-    names = labels(observation.objects, observation.hand_index)
+    names = PAPER.labels(observation.objects, observation.hand_index)
     p = dict(zip(names, actor.relevance(observation, program), strict=True))
     assert p["hand"] == pytest.approx(1.0) and p["RED CUBE"] > 0.8
     assert all(degree < 0.2 for name, degree in p.items() if name not in ("hand", "RED CUBE"))
@@ -72,4 +71,4 @@ def test_words_of_objects_are_those_that_are_true_of_them() -> None:
     schema = ObjectSchema((kind, size))
     row = schema.features({"kind_of_thing": "TEA_POT", "size": "LARGE"})
     objects = np.stack([np.zeros_like(row), row, np.zeros_like(row)])
-    assert labels(objects, 0, schema) == ("hand", "LARGE TEA_POT", "block 2")
+    assert schema.labels(objects, 0) == ("hand", "LARGE TEA_POT", "block 2")

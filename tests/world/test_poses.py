@@ -1,4 +1,4 @@
-"""Features from measured poses are the arena's own."""
+"""Object features from measured poses."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def measured(task):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_they_are_what_the_arena_sees(seed):
+def test_features_from_poses_equal_the_arenas(seed):
     task = ReachTask(preset_named("fast"), design_named("3-D"), seed=seed)
     task.reset(0)
     rng = np.random.default_rng(seed)
@@ -29,7 +29,7 @@ def test_they_are_what_the_arena_sees(seed):
     np.testing.assert_allclose(found, observation.objects, atol=1e-6)
 
 
-def test_they_are_the_same_in_whichever_frame_the_poses_are():
+def test_features_do_not_depend_on_the_frame_of_the_poses():
     task = ReachTask(preset_named("fast"), design_named("3-D"), seed=1)
     task.reset(0)
     poses, labels = measured(task)
@@ -47,7 +47,7 @@ def test_they_are_the_same_in_whichever_frame_the_poses_are():
     )
 
 
-def test_labels_that_the_schema_does_not_have_are_refused():
+def test_unknown_labels_are_rejected():
     poses = np.array([[0, 0, 0, 0, 0, 0, 1]] * 2, float)
     with pytest.raises(ConfigError, match="shape.*expected.*CUBE.*'CONE'"):
         objects_from_poses(PAPER, [{"shape": "CONE", "color": "RED"}], poses)

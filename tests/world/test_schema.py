@@ -35,10 +35,10 @@ def test_a_group_of_numbers_is_one_more() -> None:
     assert row[16] == np.float32(0.08) and set(np.flatnonzero(row)) == {7, 13, 16}
 
 
-def test_words_are_true_of_what_is_near_enough() -> None:
+def test_words_are_true_within_the_tolerance() -> None:
     row = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "SMALL"})
     scene = np.stack([row, row, np.zeros_like(row)])
-    scene[1, 16] = 0.06  # of no size that has a word
+    scene[1, 16] = 0.06  # between the two sizes
     words = Vocabulary.of(shape=("CUBE", "C"), color=("RED", "BLUE"), size=("SMALL", "LARGE", "X"))
     truth = World(SIZED, words, joints=6).truth(scene[None])
     assert truth.shape == (1, 3, 7) and truth.dtype == np.float32
@@ -57,7 +57,7 @@ def test_words_are_true_of_what_is_near_enough() -> None:
         ),
     ],
 )
-def test_what_an_object_cannot_be_is_refused(values: dict[str, str], why: str) -> None:
+def test_unknown_values_are_rejected(values: dict[str, str], why: str) -> None:
     with pytest.raises(ConfigError, match=why):
         PAPER.features(values)
 
@@ -71,20 +71,16 @@ def group(words: tuple[str, ...] = ("A",), name: str = "g", **changed: object) -
     ("changed", "why"),
     [
         ({"tolerance": 0.5}, "more than twice the tolerance 0.5 apart, got A .* and B"),
-        ({"tolerance": 0.0}, "positive tolerance"),
         ({"scale": float("inf")}, "positive tolerance and scale"),
         ({"of": {"A": (0.0, 1.0)}}, r"property group g: A: expected 1 numbers .* got \(0.0, 1.0\)"),
         ({"of": {"A": (float("nan"),)}}, "A: expected 1 numbers"),
-        ({"of": {"A": (1e300,)}}, "A: expected 1 numbers of at most 1e\\+15, got"),
         ({"scale": 1e300}, "scale of at most 1e\\+15, got 0.1 and 1e\\+300"),
-        ({"tolerance": 1e200}, "positive tolerance and scale of at most 1e"),
-        ({"tolerance": 10**400}, "positive tolerance and scale of at most 1e"),
         ({"of": {}}, "at least one value"),
         ({"words": ()}, "at least one word in g"),
         ({"name": "Größe"}, "lower-case ASCII name"),
     ],
 )
-def test_a_group_that_cannot_be_seen_is_refused(changed: dict[str, object], why: str) -> None:
+def test_a_group_with_impossible_numbers_is_rejected(changed: dict[str, object], why: str) -> None:
     with pytest.raises(ConfigError, match=why):
         group(**changed)  # type: ignore[arg-type]
 
@@ -110,7 +106,7 @@ def test_a_group_that_cannot_be_seen_is_refused(changed: dict[str, object], why:
         ([group(), group(("B",), "h"), group(("A",), "i")], "'A' is reserved or named twice"),
     ],
 )
-def test_limits_are_checked_where_the_schema_is_made(groups: list[PropertyGroup], why: str) -> None:
+def test_a_schema_checks_its_limits(groups: list[PropertyGroup], why: str) -> None:
     with pytest.raises(ConfigError, match=why):
         ObjectSchema(tuple(groups))
 
@@ -123,12 +119,12 @@ def test_sizes_follow_from_the_world() -> None:
     assert WORLD.columns == 38
 
 
-def turned(group: WordGroup) -> WordGroup:
+def reversed_words(group: WordGroup) -> WordGroup:
     """The same words in another order: other rows of Φ."""
     return WordGroup(group.name, group.words[::-1])
 
 
-def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
+def test_a_world_is_read_back_from_its_json_and_identified_by_its_digest() -> None:
     assert World.from_json(WORLD.to_json()) == WORLD
     assert list(World.from_json(WORLD.to_json()).schema["size"].features.values) == [
         "SMALL",
@@ -140,7 +136,7 @@ def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
         World(PAPER, PAPER.vocabulary, joints=7),
         World(SIZED, SIZED.vocabulary, joints=6),
         World(SIZED, fewer, joints=7),
-        World(SIZED, Vocabulary(tuple(map(turned, SIZED.vocabulary.groups))), joints=7),
+        World(SIZED, Vocabulary(tuple(map(reversed_words, SIZED.vocabulary.groups))), joints=7),
         World(SIZED, SIZED.vocabulary.asking("NEAR", "ABOVE"), joints=7),
     ]
     digests = {world.digest for world in (WORLD, *others)}
@@ -148,7 +144,7 @@ def test_a_world_is_read_back_from_its_json_and_known_by_its_digest() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"objects": 3}', "null"])
-def test_what_is_no_world_is_refused(text: str) -> None:
+def test_wrong_json_is_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match="world: expected"):
         World.from_json(text)
 
@@ -162,18 +158,13 @@ SIZES = {"name": "size", "words": ["SMALL"], "features": ["m"], "of": [["SMALL",
     ("group", "rest"),
     [
         ({"of": [["SMALL", [HUGE]]]}, {}),
-        ({"of": [["SMALL", [1e300]]]}, {}),
-        ({"tolerance": HUGE}, {}),
-        ({"scale": HUGE}, {}),
         ({"scale": 1e300}, {}),
         ({}, {"joints": HUGE}),
         ({}, {"joints": 6.5}),
-        ({}, {"joints": 6.0}),
         ({}, {"joints": True}),
-        ({}, {"joints": "6"}),
     ],
 )
-def test_a_strangers_world_of_numbers_that_cannot_be_is_refused(
+def test_json_with_impossible_numbers_is_rejected(
     group: dict[str, object], rest: dict[str, object]
 ) -> None:
     world = {"objects": [SIZES | group], "words": [["size", ["SMALL"]]], "joints": 6}
@@ -204,9 +195,7 @@ def test_a_strangers_world_of_numbers_that_cannot_be_is_refused(
         ),
     ],
 )
-def test_a_world_that_nothing_here_can_compute_is_refused(
-    changed: dict[str, object], why: str
-) -> None:
+def test_a_world_checks_its_limits(changed: dict[str, object], why: str) -> None:
     given = {"schema": PAPER, "vocabulary": PAPER.vocabulary, "joints": 6} | changed
     with pytest.raises(ConfigError, match=why):
         World(**given)  # type: ignore[arg-type]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import FrozenInstanceError, dataclass
+from dataclasses import dataclass
 from math import inf, nextafter, sqrt
 from typing import Any
 
@@ -35,14 +35,14 @@ NAMED = np.array([False, True, False])
         (np.nextafter(np.float32(0.25), np.float32(1.0)), False),
     ],
 )
-def test_exactly_the_threshold_is_near(x: float, satisfied: bool) -> None:
+def test_near_includes_the_threshold(x: float, satisfied: bool) -> None:
     objects, scoring = scene((x, 0.0, 0.0), (0.0, 0.0, 0.0)), Scoring({"NEAR": 0.25})
     for score in (scoring(NAMED, objects), scoring.of_targets((1,), objects)):
         assert score.measure == float(x)
         assert (score.satisfied, score.reward) == (satisfied, 1.0 if satisfied else -1.0)
 
 
-def test_the_nearest_object_named_counts_and_none_is_never_near() -> None:
+def test_the_nearest_named_object_counts() -> None:
     objects = scene((0.3, 0.4, 0.0), (0.0, 0.0, 0.1))
     named = np.array([[False, True, False], [False, True, True], [False, False, False]])
     score = Scoring({"NEAR": 0.2})(named, objects)
@@ -55,10 +55,10 @@ def test_the_nearest_object_named_counts_and_none_is_never_near() -> None:
     arrays(np.float32, (4, 3, 16), elements=st.floats(-2, 2, width=32)),
     arrays(np.bool_, (2, 3)),
 )
-def test_many_states_and_programs_are_scored_as_each_alone(
+def test_many_states_and_programs_get_the_same_bits_as_each_alone(
     objects: Float32, named: np.ndarray
 ) -> None:
-    """To the last bit: rewards that relabeling computes are those that the arena paid."""
+    """So rewards that relabeling computes equal those that the arena gave."""
     scoring = Scoring({"NEAR": 0.5})
     together = scoring(named, objects[:, None])  # [4, 2]
     for t, p in np.ndindex(4, 2):
@@ -72,24 +72,12 @@ def test_many_states_and_programs_are_scored_as_each_alone(
         assert scoring.of_targets(named[p].nonzero()[0].tolist(), objects[t]) == alone
 
 
-def test_another_reward_is_paid() -> None:
+def test_another_reward_is_used() -> None:
     scoring = Scoring({"NEAR": 0.2}, Sparse(2.0, -0.5))
     for x, reward in ((0.1, 2.0), (nextafter(0.3, 1), -0.5)):
         objects = scene((x, 0, 0), (0, 0, 0))
         assert scoring(NAMED, objects).reward == reward
         assert scoring.of_targets((1,), objects).reward == reward
-
-
-def test_a_reward_stays_what_it_was_made() -> None:
-    with pytest.raises(FrozenInstanceError):
-        setattr(Sparse(), "otherwise", 0.0)  # noqa: B010 - mypy refuses the plain way
-    assert len({Sparse(), Sparse(1.0, -1.0), Sparse(2.0)}) == 2
-
-
-@pytest.mark.parametrize("threshold", [0.0, -0.1, inf, float("nan")])
-def test_a_threshold_that_cannot_be_is_shown(threshold: float) -> None:
-    with pytest.raises(ConfigError, match=str(threshold)):
-        Scoring({"NEAR": threshold})
 
 
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
@@ -98,23 +86,12 @@ def test_a_sparse_reward_is_one_of_its_two_numbers(satisfied: float, otherwise: 
     assert reward(np.array([True, False]), np.zeros(2)).tolist() == [satisfied, otherwise]
 
 
-@dataclass(frozen=True)
-class Flat(Reward):
-    """A newcomer's, of any number."""
-
-    height: float = 0.0
-
-    def __call__(self, satisfied: Any, measure: Any) -> Any:
-        return self.height + 0.0 * measure
-
-
-def test_a_reward_goes_through_its_text_and_back() -> None:
+def test_a_reward_is_read_back_from_its_text() -> None:
     text = Sparse(2.0, -0.5).to_json()
     assert text == '{"name":"sparse","otherwise":-0.5,"satisfied":2.0}'
     assert reward_from(text) == Sparse(2.0, -0.5)
     assert reward_from("sparse") == Sparse() == reward_from('{"name": "sparse"}')
     assert reward_from('{"name": "sparse", "satisfied": 3}').to_json() == Sparse(3.0).to_json()
-    assert Flat(1.0).to_json() == '{"height":1.0,"name":"Flat"}'  # and nobody could read it
 
 
 @pytest.mark.parametrize(
@@ -133,7 +110,7 @@ def test_a_reward_goes_through_its_text_and_back() -> None:
         ),
     ],
 )
-def test_a_text_that_is_no_reward_is_refused(text: str, message: str) -> None:
+def test_a_wrong_text_is_rejected(text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         reward_from(text)
 
@@ -144,11 +121,6 @@ class Needs(Reward):
 
     def __call__(self, satisfied: Any, measure: Any) -> Any:
         return satisfied * self.height
-
-
-@dataclass(frozen=True)
-class Abstract(Reward):
-    pass
 
 
 @dataclass(frozen=True)
@@ -166,12 +138,11 @@ class Paying(Reward):
     ("kind", "why"),
     [
         (Needs, "height"),
-        (Abstract, "abstract"),
         (lambda satisfied, measure: 1.0, "TypeError"),
         (lambda: Sparse, "frozen dataclass"),
     ],
 )
-def test_what_is_no_reward_is_refused_when_it_is_chosen(
+def test_a_wrong_class_is_rejected_when_it_is_chosen(
     kind: Any, why: str, text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(REWARDS, "_items", {"own": kind})
@@ -182,15 +153,13 @@ def test_what_is_no_reward_is_refused_when_it_is_chosen(
 @pytest.mark.parametrize(
     ("pays", "why"),
     [
-        (lambda satisfied, measure: np.zeros(3), "a finite number, got array"),
-        (lambda satisfied, measure: np.where(satisfied, 1.0, np.nan), r"numbers \[2\], got .*nan"),
-        (lambda satisfied, measure: None, "a finite number, got None"),
-        (lambda satisfied, measure: 1.0, r"finite numbers \[2\], got 1.0"),
-        (lambda satisfied, measure: 1.0 if satisfied else 0.0, "ValueError"),
+        (lambda satisfied, measure: np.zeros(3), "a finite number for each state"),
+        (lambda satisfied, measure: np.where(satisfied, 1.0, np.nan), "number for each state.*nan"),
+        (lambda satisfied, measure: 1.0, "a finite number for each state, got 1.0"),
         (lambda satisfied, measure: 1 / 0, "ZeroDivisionError"),
     ],
 )
-def test_a_reward_that_pays_no_number_is_refused_when_it_is_chosen(
+def test_a_reward_without_a_number_for_each_state_is_rejected_when_it_is_chosen(
     pays: Any, why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(REWARDS, "_items", {"own": Paying})

@@ -24,8 +24,8 @@ from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuff
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import not_finite
 from pa_ros.world import Scoring, Trajectory
+from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.programs import ProgramTable
-from pa_ros.world.relations.frames import POSE
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
 # Before so many updates and more the state is kept, to go back to, and afterwards all of it is
@@ -120,7 +120,7 @@ class Learner:
         marks = None
         if self._relabeler is not None:
             marks = self._relabeler.marks(
-                trajectory.objects, trajectory.hand_index, trajectory.arm[:, -POSE:]
+                trajectory.objects, trajectory.hand_index, trajectory.arm[:, -POSE_WIDTH:]
             )
         report = self.replay.insert(trajectory, program, marks)
         if not report.accepted:

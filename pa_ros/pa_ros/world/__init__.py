@@ -1,4 +1,4 @@
-"""What a state means: which objects a program names, whether it is satisfied, what that earns."""
+"""What a state means: its objects, which of them a program names, and the reward."""
 
 from pa_ros.world.reward import REWARDS, Reward, Sparse, reward_from
 from pa_ros.world.scoring import Score, Scoring

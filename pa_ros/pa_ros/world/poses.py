@@ -1,4 +1,4 @@
-"""What an agent sees of objects whose poses somebody measures, a tag tracker say."""
+"""Poses x y z (m), quaternion xyzw: changes of frame, and object features from measured poses."""
 
 from __future__ import annotations
 
@@ -9,19 +9,42 @@ import numpy as np
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.world.schema import ObjectSchema
 
+POSE_WIDTH = 7
+IDENTITY = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def in_base(hand: Float64, poses: Float64) -> Float64:
+    """Poses [..., 7] in the base's frame, from poses in the hand's frame and the hand's pose.
+
+    Written by components, because that gives the same bits for one pose as for many, and is fast
+    for one.
+    """
+    hx, hy, hz, a, b, c, w = (hand[..., i] for i in range(POSE_WIDTH))
+    x, y, z, i, j, k, r = (poses[..., n] for n in range(POSE_WIDTH))
+    u, v, t = 2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)  # twice a cross product
+    result = np.empty(np.broadcast_shapes(hand.shape, poses.shape))
+    result[..., 0] = hx + x + w * u + b * t - c * v
+    result[..., 1] = hy + y + w * v + c * u - a * t
+    result[..., 2] = hz + z + w * t + a * v - b * u
+    result[..., 3] = w * i + a * r + b * k - c * j
+    result[..., 4] = w * j + b * r + c * i - a * k
+    result[..., 5] = w * k + c * r + a * j - b * i
+    result[..., 6] = w * r - a * i - b * j - c * k
+    return result
+
 
 def objects_from_poses(
     schema: ObjectSchema, labels: Sequence[Mapping[str, str]], poses: Float64
 ) -> Float32:
-    """Features of the hand and of n objects after it, [1 + n, F].
+    """Features of the hand and of n objects after it, [1 + n, F], from measured poses.
 
-    `labels` have each object's value of each property group; `poses` [1 + n, 7], the hand's first,
-    are positions (m) and unit quaternions xyzw in one frame, whichever: the features are in the
-    hand's. Raises ConfigError for labels that the schema does not have.
+    `labels` contain the value of each property group for each object. `poses` [1 + n, 7], the
+    hand's first, are in any one frame; the features are in the frame of the hand. Raises
+    ConfigError for labels that the schema does not contain.
     """
     hand = np.zeros(schema.width, np.float32)
     objects = np.stack([hand, *map(schema.features, labels)])
-    back = poses[0, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the hand's orientation undone
+    back = poses[0, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse of the hand's orientation
     away = np.concatenate([poses[:, :3] - poses[0, :3], np.zeros((len(poses), 1))], 1)
     objects[:, :3] = times(times(back, away), poses[0, 3:])[:, :3]
     turned = times(back, poses[:, 3:])

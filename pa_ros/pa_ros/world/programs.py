@@ -1,4 +1,4 @@
-"""Many different programs as arrays, and what they name among true properties."""
+"""Many different programs as arrays, and the objects that they name, given true properties."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TRUTH = np.array(  # [op, x, y]: the same operations on {0, 1}
 
 
 class ProgramTable:
-    """Compiled programs of one vocabulary, numbered from 0 in order of adding."""
+    """Compiled programs of one vocabulary, numbered from 0 in the order of `add`."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
@@ -47,12 +47,12 @@ class ProgramTable:
         return tuple(self._rows)
 
     def relations(self) -> Int32:
-        """Number of each program's relation in the vocabulary, [P]."""
+        """Index of each program's relation in the vocabulary, [P]."""
         rows = self.vocabulary.relation_row
         return np.array([rows[program.relation] for program in self._rows], np.int32)
 
     def add(self, program: Program) -> int:
-        """Return the row of a program, adding it unless an equal one is there.
+        """Return the row of a program; add the program unless the table contains an equal one.
 
         Raises ProgramError if the program is of another vocabulary.
         """
@@ -63,9 +63,9 @@ class ProgramTable:
         return self._rows[program]
 
     def arrays(self) -> Arrays:
-        """Return `op`, `a`, `b`, each [P, L] int32, L the longest program's; do not write to them.
+        """`op`, `a`, `b`, each [P, L] int32, where L is the longest program's length. Read-only.
 
-        The same arrays until a program is added.
+        Returns the same arrays until a program is added.
         """
         if self._arrays is None:
             self._arrays = self._pad()
@@ -83,16 +83,16 @@ class ProgramTable:
 
 
 def crisp(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_]:
-    """Objects that each program names, HAND left out: what the verifier would call its targets.
+    """Objects that each program names: the targets of the verifier.
 
-    `truth` is [V, N] or [B, V, N], true properties as bool or 0 and 1 (rows of words that name
-    nothing are zero). Returns [P, N] or [B, P, N]; False for the hand, even under NOT(RED).
+    `truth` is [V, N] or [B, V, N], true properties as bool or 0 and 1; the rows of spare words are
+    zero. Returns [P, N] or [B, P, N]; False for the hand, even under NOT(RED).
     """
     op, a, b = arrays
     rows = np.moveaxis(np.asarray(truth) > 0.5, -2, 0)  # [V, B, N]
     words, (programs, length) = len(rows), op.shape
     registers = np.zeros((programs, words + 1 + length, *rows.shape[1:]), dtype=bool)
-    registers[:, :words] = rows  # register V, HAND, stays False, so that OR(HAND, e) = e
+    registers[:, :words] = rows  # HAND, register V, stays False, so OR(HAND, e) = e
     every = np.arange(programs)
     for k in range(length):
         x, y = registers[every, a[:, k]], registers[every, b[:, k]]  # [P, B, N]

@@ -1,4 +1,4 @@
-"""The reward as a replaceable term of the task."""
+"""Rewards: registered functions of the verifier's two answers."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from pa_ros.core.settings import canonical_json, read_json
 
 @dataclass(frozen=True)
 class Reward(ABC):
-    """What a state earns under a program: a pure function of the verifier's two answers.
+    """The reward of a state under a program, a pure function of the verifier's two answers.
 
-    Arena and learner share one, so what relabeling teaches is what the arena would have paid.
-    Subclasses are frozen dataclasses of numbers with defaults; registered in REWARDS they can be
-    named on command lines and in parameters, and be announced on a graph.
+    Arena and learner use the same one, so relabeled rewards equal the rewards that the arena would
+    give. Subclasses are frozen dataclasses of numbers with defaults. Register them in REWARDS to
+    name them on command lines and in parameters, and to announce them on a graph.
     """
 
     uses_measure: ClassVar[bool] = True
-    """False: a function of `satisfied` alone. Relabeling then keeps one bit per program."""
+    """False if the reward depends on `satisfied` alone. Relabeling then keeps one bit each."""
 
     @abstractmethod
     def __call__(self, satisfied: Any, measure: Any) -> Any:
         """Rewards [...] for `satisfied` [...] and the relation's measure [...] (m).
 
-        Arrays of bool and float64 for many states, Python's bool and float for one: an expression
-        that is right for both and gives the same bits.
+        The arguments are arrays of bool and float64 for many states, or Python's bool and float for
+        one; both must give the same bits.
         """
 
     def to_json(self) -> str:
-        """Canonical JSON of name and parameters: equal text, equal rewards."""
+        """Canonical JSON of name and parameters; equal rewards have equal text."""
         kind = type(self)
         name = next((name for name in REWARDS if REWARDS[name] is kind), kind.__name__)
         return canonical_json({"name": name, **asdict(self)})
@@ -49,7 +49,8 @@ class Sparse(Reward):
     uses_measure: ClassVar[bool] = False
 
     def __call__(self, satisfied: Any, measure: Any) -> Any:
-        return satisfied * self.satisfied + (1 - satisfied) * self.otherwise  # one product is 0
+        # One of the products is 0, so the sum is exact.
+        return satisfied * self.satisfied + (1 - satisfied) * self.otherwise
 
 
 REWARDS: Registry[type[Reward]] = Registry("reward")
@@ -59,47 +60,42 @@ REWARDS.register("sparse", Sparse)
 def reward_from(text: str) -> Reward:
     """A registered reward by its name, or by the JSON of `Reward.to_json`.
 
-    What the JSON leaves out has its default. ConfigError for an unknown name, with the known ones,
-    for parameters that are none of its own, or no finite numbers, and for what is registered but
-    isn't as `Reward` says.
+    Parameters that the JSON omits keep their defaults. ConfigError for an unknown name, unknown
+    parameters, parameters that are not finite numbers, and rewards that do not work.
     """
     if not text.lstrip().startswith("{"):
-        return _made(text)
+        return _make(text, {})
     try:
         values = read_json(text)
         name = str(values.pop("name"))
-        known = asdict(_made(name))
     except (ValueError, KeyError) as error:
         raise ConfigError(
             f"reward: expected a name, or JSON with name and parameters: {error!r}: "
             f"got {text[:200]!r}"
         ) from error
-    for parameter, value in values.items():
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if parameter not in known or not number or not abs(value) < float("inf"):
-            raise ConfigError(
-                f"reward: expected finite numbers of {list(known)}, got {parameter} = {value!r}"
-            )
-    return _made(name, **{key: type(known[key])(value) for key, value in values.items()})
+    return _make(name, values)
 
 
-def _made(name: str, **parameters: Any) -> Reward:
-    """A registered reward, asked for one state and for two, so that it fails here if at all."""
-    kind: Any = REWARDS[name]
+def _make(name: str, parameters: dict[str, Any]) -> Reward:
+    """A registered reward, tried on one state and on two, so that errors show here."""
+    kind = REWARDS[name]
     try:
-        reward = kind(**parameters)
-        if not isinstance(reward, Reward):
-            raise ConfigError(f"expected a Reward that is a frozen dataclass, got {reward!r}")
+        known = asdict(kind())
+        for key, value in parameters.items():
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if key not in known or not number or not abs(value) < float("inf"):
+                raise ConfigError(
+                    f"expected finite numbers of {list(known)}, got {key} = {value!r}"
+                )
+        reward = kind(**{key: type(known[key])(value) for key, value in parameters.items()})
         one, two = reward(True, 0.1), reward(np.array([True, False]), np.array([0.1, 0.5]))
-        if np.shape(one) != () or not np.isfinite(np.asarray(one, np.float64)):
-            raise ConfigError(f"expected a finite number, got {one!r}")
-        if np.shape(two) != (2,) or not np.isfinite(np.asarray(two, np.float64)).all():
-            raise ConfigError(f"expected finite numbers [2], got {two!r}")
+        if np.shape(one) != () or np.shape(two) != (2,) or not np.isfinite([one, *two]).all():
+            raise ConfigError(f"expected a finite number for each state, got {one!r} and {two!r}")
     except PaError as error:
         raise ConfigError(f"reward {name}: {error}") from error
-    except Exception as error:  # whatever code of others raises
+    except Exception as error:  # code of an extension may raise anything
         raise ConfigError(
-            f"reward {name}: expected what docs/extending.md says of rewards, got "
+            f"reward {name}: expected a frozen dataclass as in docs/extending.md, got "
             f"{type(error).__name__}: {error}"
         ) from error
     return reward

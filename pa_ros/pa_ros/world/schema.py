@@ -1,4 +1,4 @@
-"""What an observation says of an object: its pose, then any number of groups of properties."""
+"""The features of an object in an observation: its pose, then any number of property groups."""
 
 from __future__ import annotations
 
@@ -24,48 +24,48 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 MAX_FEATURES = 256  # of an object
 MAX_GROUPS = 8
 MAX_WORDS = 128
-MAX_NUMBERS = 4096  # that say what all values look like
+MAX_NUMBERS = 4096  # in the prototypes of all values
 MAX_KINDS = 4096  # combinations of one value of each group
 MAX_NUMBER = 1e15  # of a value or a scale: its square is finite in float32
 
 
 @dataclass(frozen=True)
 class OneHot:
-    """One feature for each value; words that are no value are spare."""
+    """One feature for each value. Words of the group that are not values are spare."""
 
     values: tuple[str, ...]
 
     def names(self, group: str) -> tuple[str, ...]:
-        """Of the features."""
+        """Feature names, in column order."""
         return tuple(f"{group}_{value.lower()}" for value in self.values)
 
     @cached_property
     def prototypes(self) -> dict[str, tuple[float, ...]]:
-        """What a value looks like."""
+        """The features of an object of each value."""
         rows = np.eye(len(self.values)).tolist()
         return {value: tuple(row) for value, row in zip(self.values, rows, strict=True)}
 
     @property
     def tolerance(self) -> float:
-        """Two one-hots are √2 apart."""
+        """Half of 1; two one-hot vectors are √2 apart."""
         return 0.5
 
     @property
     def scale(self) -> float:
-        """Of the network's input."""
+        """Network units per unit of the features."""
         return 1.0
 
     def to_data(self) -> dict[str, Any]:
-        """As JSON."""
+        """As data for JSON."""
         return {"values": list(self.values)}
 
 
 @dataclass(frozen=True)
 class Real:
-    """Numbers of a meaning of their own (a size in m, an RGB, an embedding), one or more.
+    """One or more numbers, such as a size in m, an RGB color or an embedding.
 
-    `of` has the numbers of each value; a word is true of an object that is within the tolerance of
-    its value. Networks see the raw numbers, `scale` network units per unit, and learn to read them.
+    `of` contains the numbers of each value. A word is true of an object whose numbers are within
+    `tolerance` of its value. Networks get the raw numbers, times `scale`.
     """
 
     features: tuple[str, ...]
@@ -79,16 +79,16 @@ class Real:
         return tuple(self.of)
 
     def names(self, group: str) -> tuple[str, ...]:
-        """Of the features."""
+        """Feature names, in column order."""
         return tuple(f"{group}_{feature}" for feature in self.features)
 
     @property
     def prototypes(self) -> dict[str, tuple[float, ...]]:
-        """What a value looks like."""
+        """The features of an object of each value."""
         return {value: tuple(map(float, numbers)) for value, numbers in self.of.items()}
 
     def to_data(self) -> dict[str, Any]:
-        """As JSON."""
+        """As data for JSON."""
         return {
             "features": list(self.features),
             "of": [[value, list(numbers)] for value, numbers in self.prototypes.items()],
@@ -99,10 +99,10 @@ class Real:
 
 @dataclass(frozen=True)
 class PropertyGroup:
-    """Values of which an object has exactly one, the words for them, and how they are seen."""
+    """Values of which each object has exactly one, their words, and their features."""
 
     name: str
-    words: tuple[str, ...]  # spare ones, for what is not there yet, included
+    words: tuple[str, ...]  # may include spare words, for values that do not exist yet
     features: OneHot | Real
 
     def __post_init__(self) -> None:
@@ -161,7 +161,7 @@ class ObjectSchema:
         return iter(self.groups)
 
     def __getitem__(self, name: str) -> PropertyGroup:
-        """A group by name; ConfigError names the known ones."""
+        """A group by name; ConfigError lists the known groups."""
         for group in self.groups:
             if group.name == name:
                 return group
@@ -176,22 +176,22 @@ class ObjectSchema:
 
     @cached_property
     def feature_names(self) -> tuple[str, ...]:
-        """Of an object's features, in order: x y z qx qy qz qw shape_cube …"""
+        """Feature names, in column order: x y z qx qy qz qw shape_cube …"""
         return POSE + tuple(name for group in self for name in group.features.names(group.name))
 
     @property
     def width(self) -> int:
-        """Number of an object's features, F."""
+        """Number of features of an object, F."""
         return len(self.feature_names)
 
     @property
     def properties(self) -> slice:
-        """Features of all groups."""
+        """The columns of all groups."""
         return slice(len(POSE), self.width)
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Features of each group."""
+        """The columns of each group."""
         slices, start = {}, len(POSE)
         for group in self:
             stop = start + len(group.features.names(group.name))
@@ -200,13 +200,13 @@ class ObjectSchema:
 
     @cached_property
     def prototypes(self) -> tuple[Float32, ...]:
-        """Of each group, [values, features of the group]."""
+        """The features of each value, by group: [values, features of the group]."""
         return tuple(np.array([*g.features.prototypes.values()], np.float32) for g in self)
 
     def features(self, values: Mapping[str, str]) -> Float32:
-        """What an object with a value of each group is seen as, its pose zero: [F].
+        """Features of an object with these values, its pose zero: [F].
 
-        ConfigError for an unknown group, value, or a group without one.
+        ConfigError for an unknown group or value, or a group without a value.
         """
         row = np.zeros(self.width, np.float32)
         for name in (*values, *self.slices):
@@ -220,14 +220,27 @@ class ObjectSchema:
         return row
 
     def has(self, objects: Any, prototypes: Any = None) -> list[Any]:
-        """Whether objects [..., F] have each value: of each group bool [..., values].
+        """Whether objects [..., F] have each value: bool [..., values] for each group.
 
-        Tensors of torch will do, if `prototypes` are given as such.
+        Objects may be torch tensors if `prototypes` are torch tensors too.
         """
         return [
             within(objects[..., self.slices[group.name]], known, group.features.tolerance)
             for group, known in zip(self, prototypes or self.prototypes, strict=True)
         ]
+
+    def labels(self, objects: Float32, hand_index: int) -> tuple[str, ...]:
+        """A name for each object [N, F]: "hand", "RED CUBE", or "block 3" without known values."""
+        names = []
+        for i, row in enumerate(objects):
+            known = [
+                value.upper()
+                for group, has in zip(self, self.has(row), strict=True)
+                for value, is_so in zip(group.features.values, has, strict=True)
+                if is_so
+            ]
+            names.append("hand" if i == hand_index else " ".join(known[::-1]) or f"block {i}")
+        return tuple(names)
 
     @property
     def scales(self) -> Float32:
@@ -238,12 +251,12 @@ class ObjectSchema:
         return scales
 
     def to_data(self) -> list[dict[str, Any]]:
-        """As JSON."""
+        """As data for JSON."""
         return [{"name": g.name, "words": list(g.words), **g.features.to_data()} for g in self]
 
     @classmethod
     def from_data(cls, data: Any) -> ObjectSchema:
-        """The inverse of `to_data`; ConfigError if it isn't."""
+        """The inverse of `to_data`; ConfigError for other data."""
         try:
             return cls(tuple(_group(dict(one)) for one in data))
         except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
@@ -254,12 +267,12 @@ class ObjectSchema:
 
     @cached_property
     def digest(self) -> str:
-        """16 hexadecimal digits that equal schemas share and others do not."""
+        """16 hexadecimal digits, the same for equal schemas only."""
         return hashlib.sha256(canonical_json(self.to_data()).encode()).hexdigest()[:16]
 
 
 def within(features: Any, prototypes: Any, tolerance: float) -> Any:
-    """Which of P prototypes [P, W] features [..., W] are within the tolerance of, [..., P]."""
+    """Whether features [..., W] are within the tolerance of prototypes [P, W]: [..., P]."""
     return ((features[..., None, :] - prototypes) ** 2).sum(-1) <= tolerance**2
 
 

@@ -1,4 +1,7 @@
-"""Is a program satisfied, by how much, and what does that earn? The only place that says so."""
+"""The scoring rule: is a program satisfied, by how much, and what is the reward?
+
+Verifier and relabeling both use it, so that they give the same bits.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,15 @@ from numpy.typing import NDArray
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language.syntax import NEAR
+from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relations import RELATIONS
-from pa_ros.world.relations.frames import POSE
 from pa_ros.world.reward import Reward, Sparse
 
 
 class Score(NamedTuple):
-    """The verifier's word on states, each [...], or on one, as numbers."""
+    """The verifier's answer for states, each [...], or for one state, as numbers."""
 
-    measure: Any  # the relation's, in its unit: the least over the objects named; inf if none is
+    measure: Any  # of the relation, in its unit: the least over the named objects; inf if none
     satisfied: Any
     reward: Any
 
@@ -32,9 +35,9 @@ def _paper() -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Scoring:
-    """One arena's rule: a relation holds where its measure is at most the arena's threshold.
+    """The rule of one arena: a relation holds where its measure is at most the arena's threshold.
 
-    ConfigError for a relation that is not registered, and for a threshold that cannot be.
+    ConfigError for an unknown relation, and for a threshold that is not positive.
     """
 
     thresholds: Mapping[str, float] = field(default_factory=_paper, hash=False)
@@ -51,7 +54,7 @@ class Scoring:
         thresholds: Sequence[float] = (),
         reward: Reward | None = None,
     ) -> Scoring:
-        """With thresholds of these relations in their order, or, where none is given, their own."""
+        """Scoring with a threshold for each relation, in order; by default the relations' own."""
         names = tuple(relations)
         if thresholds and len(thresholds) != len(names):
             raise ConfigError(
@@ -67,18 +70,18 @@ class Scoring:
         relation: str = NEAR,
         hand_pose: Float64 | Float32 | None = None,
     ) -> Score:
-        """Score states [..., N, F] under programs of which it is known what they name, [..., N].
+        """Score states [..., N, F] under programs that name the objects `named` [..., N].
 
         Both are broadcast: `named` [P, N] and `objects` [T, 1, N, F] give scores [T, P]. The hand
-        is never named (`world.programs.crisp`, `language.satisfying`). `hand_pose`, in the base's
-        frame, is [..., 7], [T, 1, 7] say; relations in the hand's own frame do without.
+        must not be named (see `world.programs.crisp`). `hand_pose` [..., 7] is in the base's frame;
+        relations in the frame of the hand do not need it.
         """
         threshold = self.threshold(relation)
         measures = self._measures(relation, objects, hand_pose)
         nearest: Float64 = np.array(inf)
-        for i in range(objects.shape[-2]):  # few: faster than to reduce a short axis
+        for i in range(objects.shape[-2]):  # faster than reducing a short axis
             nearest = np.minimum(nearest, np.where(named[..., i], measures[..., i], inf))
-        return self._judge(nearest, threshold)
+        return self._score(nearest, threshold)
 
     def of_targets(
         self,
@@ -87,14 +90,14 @@ class Scoring:
         relation: str = NEAR,
         hand_pose: Float64 | Float32 | None = None,
     ) -> Score:
-        """Score one state, [N, F], given the numbers of the objects named: the same bits, sooner,
-        as numbers."""
+        """Score one state [N, F], given the indices of the named objects: the same bits as for many
+        states, but faster, and as numbers."""
         threshold = self.threshold(relation)
         measures = self._measures(relation, objects, hand_pose).tolist()
-        return self._judge(min([measures[i] for i in targets], default=inf), threshold)
+        return self._score(min([measures[i] for i in targets], default=inf), threshold)
 
     def threshold(self, relation: str) -> float:
-        """ConfigError, with the known ones, for a relation that is not scored here."""
+        """The threshold of a relation; ConfigError lists the known relations."""
         if relation not in self.thresholds:
             raise ConfigError(
                 f"unknown relation: expected one of {list(self.thresholds)}, got {relation!r}"
@@ -104,13 +107,13 @@ class Scoring:
     def _measures(
         self, relation: str, objects: Float32, hand_pose: Float64 | Float32 | None
     ) -> Float64:
-        """Of each object, [..., N]."""
-        poses, meant, hand = objects[..., :POSE].astype(np.float64), RELATIONS[relation], None
+        """The measure of each object, [..., N]."""
+        poses, meant, hand = objects[..., :POSE_WIDTH].astype(np.float64), RELATIONS[relation], None
         if meant.frame == "base" and hand_pose is not None:
-            # agents are told float32, and relabeling has no more than that
+            # Agents receive float32, and relabeling has no more precision than that.
             hand = hand_pose.astype(np.float32).astype(np.float64)[..., None, :]
         return meant.measures(poses, hand)
 
-    def _judge(self, measure: Any, threshold: float) -> Score:
+    def _score(self, measure: Any, threshold: float) -> Score:
         satisfied = measure <= threshold
         return Score(measure, satisfied, self.reward(satisfied, measure))

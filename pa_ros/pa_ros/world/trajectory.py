@@ -1,4 +1,4 @@
-"""What an agent sends and a learner learns from."""
+"""The experience that an agent sends and a learner learns from."""
 
 from __future__ import annotations
 
@@ -12,27 +12,26 @@ from pa_ros.language import Program
 class Trajectory:
     """T consecutive transitions of one episode under one program, from one agent.
 
-    Transition t goes from row t to row t + 1 of `objects` and `arm`. By construction nothing
-    joins two episodes, programs or agents.
+    Transition t goes from row t to row t + 1 of `objects` and `arm`.
     """
 
     agent_id: str
-    sequence: int  # 0, 1, 2, … per incarnation; makes inserting idempotent and gaps visible
-    policy_version: int  # of the weights that acted
+    sequence: int  # 0, 1, 2, … per incarnation; shows duplicates and gaps
+    policy_version: int  # of the behaviour policy
     episode: int
     first_step: int
     program: Program  # over the world's words
     hand_index: int
     objects: Float32  # [T + 1, N, F]
     arm: Float32  # [T + 1, A]
-    actions: Float32  # [T, J] in [-1, 1], as the arena applied them
+    actions: Float32  # [T, J] in [-1, 1], as the arena executed them
     rewards: Float32  # [T], of row t + 1
     ends_episode: bool
-    terminated: bool  # always False for the reaching tasks: their time limit is a truncation
+    terminated: bool  # always False in reaching tasks, whose time limit is a truncation
     world_digest: str
-    run_id: str = ""  # of the learner whose weights acted
+    run_id: str = ""  # of the learner that trained the behaviour policy
     incarnation: int = 0  # of the agent
-    held_from: int = 0  # the agent can still send this one and later ones; earlier ones it cannot
+    held_from: int = 0  # the agent can still resend trajectories from this sequence number on
     stamp_ns: int = 0  # simulation time of row 0
 
     def __len__(self) -> int:
@@ -40,10 +39,10 @@ class Trajectory:
 
     @property
     def agent(self) -> AgentKey:
-        """Whose it is."""
+        """The agent that collected it."""
         return AgentKey(self.agent_id, self.incarnation)
 
     @property
     def key(self) -> TrajectoryKey:
-        """Its name."""
+        """Its unique name."""
         return TrajectoryKey(self.agent_id, self.incarnation, self.sequence)

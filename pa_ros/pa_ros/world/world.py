@@ -1,4 +1,4 @@
-"""A world: all that sizes, words and meanings follow from."""
+"""The world as data: objects, words, joints and relations, from which all sizes follow."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relations import RELATIONS
-from pa_ros.world.relations.frames import POSE
 from pa_ros.world.schema import MAX_WORDS, ObjectSchema
 
 MAX_JOINTS = 16
@@ -22,9 +22,10 @@ MAX_JOINTS = 16
 
 @dataclass(frozen=True)
 class World:
-    """What agents and learner have to agree on: objects, words, joints, relations.
+    """The facts that agents and learner must agree on.
 
-    The vocabulary has the schema's groups, with all their words, fewer, or other spare ones.
+    The vocabulary has the groups of the schema; within a group it may omit words and add spare
+    ones.
     """
 
     schema: ObjectSchema
@@ -41,7 +42,7 @@ class World:
         if type(self.joints) is not int or not 1 <= self.joints <= MAX_JOINTS:
             raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints!r}")
         for relation in self.relations:
-            RELATIONS[relation]
+            RELATIONS[relation]  # raises ConfigError for an unknown one
 
     @property
     def object_features(self) -> int:
@@ -50,22 +51,22 @@ class World:
 
     @property
     def relations(self) -> tuple[str, ...]:
-        """Names of those that programs may ask for; ConfigError refuses what is not registered."""
+        """Names of the relations that programs may use."""
         return self.vocabulary.relations
 
     @cached_property
     def sees_hand_pose(self) -> bool:
-        """Whether the arm's features end with the hand's pose: some relation is of the base's
-        frame."""
+        """Whether the arm's features end with the hand's pose, which relations in the base's frame
+        need."""
         return any(RELATIONS[relation].frame == "base" for relation in self.relations)
 
     @property
     def arm_features(self) -> int:
-        """Features of the arm: sin, cos and velocity of each joint, and maybe the hand's pose."""
-        return 3 * self.joints + (POSE if self.sees_hand_pose else 0)
+        """Number of arm features: sin, cos, velocity of each joint; the hand's pose if needed."""
+        return 3 * self.joints + (POSE_WIDTH if self.sees_hand_pose else 0)
 
     def arm(self, seen: Observation) -> Float32:
-        """Arm part of Ω, [A] float32: sin and cos (of rad), velocity (rad/s), `hand_pose` maybe."""
+        """Arm features [A], float32: sin, cos, velocity (rad/s) of joints, `hand_pose` if used."""
         position, velocity = seen.joint_position, seen.joint_velocity
         parts = [np.sin(position), np.cos(position), velocity]
         parts += [seen.hand_pose] if self.sees_hand_pose else []
@@ -73,7 +74,7 @@ class World:
 
     @property
     def columns(self) -> int:
-        """Features of ω, a column of Ω: an object's, then the arm's (paper, appendix)."""
+        """Number of features of ω, a column of Ω: an object's, then the arm's (paper)."""
         return self.object_features + self.arm_features
 
     @property
@@ -83,7 +84,7 @@ class World:
 
     @cached_property
     def value_words(self) -> Float32:
-        """[values, V]: 1 where a value, of all groups in order, has that word, else 0."""
+        """[values, V]: 1 where a value has that word, else 0; values of all groups in order."""
         rows = [
             [
                 word == value and word in self.vocabulary[group.name]
@@ -97,15 +98,15 @@ class World:
     def truth(self, objects: Float32) -> Float32:
         """True properties [..., N, V] of objects [..., N, F]: 1 where a word is true, else 0.
 
-        Privileged: of the verifier, relabeling and the distilled critic. Words that are no value
-        are true of nothing.
+        This is privileged information, for the verifier, relabeling and the distilled critic.
+        Spare words are true of no object.
         """
         has = np.concatenate(self.schema.has(objects), -1)
         truth: Float32 = has.astype(np.float32) @ self.value_words
         return truth
 
     def to_data(self) -> dict[str, Any]:
-        """As JSON."""
+        """As data for JSON."""
         return {
             "objects": self.schema.to_data(),
             "words": [[group.name, list(group.words)] for group in self.vocabulary.groups],
@@ -115,7 +116,7 @@ class World:
 
     @classmethod
     def from_data(cls, data: Any) -> World:
-        """The inverse of `to_data`; ConfigError if it isn't."""
+        """The inverse of `to_data`; ConfigError for other input."""
         try:
             vocabulary = Vocabulary.of(**{name: tuple(words) for name, words in data["words"]})
             asked = vocabulary.asking(*data["relations"])
@@ -131,7 +132,7 @@ class World:
 
     @classmethod
     def from_json(cls, text: str) -> World:
-        """The inverse of `to_json`; ConfigError if it isn't."""
+        """The inverse of `to_json`; ConfigError for other input."""
         try:
             return cls.from_data(read_json(text))
         except ValueError as error:
@@ -142,5 +143,5 @@ class World:
 
     @cached_property
     def digest(self) -> str:
-        """16 hexadecimal digits that equal worlds share and different ones do not."""
+        """16 hexadecimal digits, the same for equal worlds only."""
         return hashlib.sha256(self.to_json().encode()).hexdigest()[:16]

@@ -1,10 +1,10 @@
-"""Relations between the hand and objects, by name: what may be asked for, and what it means.
+"""Relations between the hand and objects, by name, with their meaning.
 
-A relation that a newcomer registers here is known to parser, verifier, relabeling, networks,
-pictures and the scripted reference alike; no other file tells them apart.
+Parser, verifier, relabeling, networks, pictures and the scripted reference use what is registered
+here. A custom relation is one file that calls `register`.
 """
 
-from pa_ros.world.relations import above, near, sides  # noqa: F401 - they register themselves
-from pa_ros.world.relations.relation import RELATIONS, Relation, register
+from pa_ros.world.relations import standard  # noqa: F401 - registers its relations
+from pa_ros.world.relations.relation import RELATIONS, Relation, arc, circle, register
 
-__all__ = ["RELATIONS", "Relation", "register"]
+__all__ = ["RELATIONS", "Relation", "arc", "circle", "register"]
