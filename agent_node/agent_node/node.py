@@ -13,10 +13,8 @@ from agent_node.programs import Programs
 from agent_node.steps import StepMatcher
 from agent_node.watch import Watch
 from agent_node.weights import agent_of, fixed, random_policy
-from pa_ros.acting.agent import Step
-from pa_ros.acting.answer import Load, Wait
+from pa_ros.acting.agent import ArenaFacts, Step
 from pa_ros.acting.learning_agent import LearningAgent
-from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Observation
 from pa_ros.language import Program, ProgramError
@@ -207,14 +205,12 @@ class AgentNode(ManagedNode):
         if not self.active:
             return
         started = time.perf_counter()
-        while isinstance(answer := self.agent.answer(), Load):
-            self.agent.load(answer.policy)
-        if isinstance(answer, Wait) or self.seen is None:
+        if self.agent.prepare() is not None or self.seen is None:
             return
         observation = self.seen[0]
         self._choose(observation.program_id)
         self._core_s += time.perf_counter() - started
-        sent = self.agent.sent
+        sent = self.agent.last_command
         assert sent is not None
         answered = observation.episode, observation.step, observation.stamp_ns
         made = self.agent_id, self.agent.version, sent.action

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from pa_ros.acting.agent import Agent
-from pa_ros.acting.answer import Wait
 from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.acting.send_window import Wait
 from pa_ros.core.experience import AgentKey, Executed
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas
@@ -102,13 +102,13 @@ class Watch:
 
     def _trouble(self, agent: Agent, arenas: Arenas) -> tuple[int, str] | None:
         """Why it doesn't act; None if it does."""
-        if agent.refusal:
-            return ERROR, f"does not act for the learner: {agent.refusal}"
+        if agent.rejection:
+            return ERROR, f"does not act for the learner: {agent.rejection}"
         if arenas.current is None:
             name = topics.ARENA_INFO.name
             return WARN, f"waits for an arena ({name}): does sim_node run in this ROS domain?"
-        answer = agent.answer()
-        reason = f": waits for {answer.reason}" if isinstance(answer, Wait) else ""
+        required = agent.required()
+        reason = f": waits for {required.reason}" if isinstance(required, Wait) else ""
         if not agent.has_weights:
             return WARN, f"no weights yet{reason}; does learner_node run?"
         if agent.waiting and reason and self.idle_s > self._stuck_after_s:

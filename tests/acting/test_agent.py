@@ -25,9 +25,9 @@ from helpers.learners import (
     snapshot,
 )
 from pa_ros.acting.agent import Agent, Step
-from pa_ros.acting.answer import Act, Load, Wait
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.acting.send_window import Wait
 from pa_ros.core.experience import Executed
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import PRODUCT, parse
@@ -108,11 +108,11 @@ def test_what_another_command_did_is_not_experience(arm, says) -> None:
 def test_commands_are_numbered_and_a_held_step_is_no_experience(arm) -> None:
     arm.reset(0)
     arm.run(3)
-    assert arm.agent.sent.command == (*ME, 4)
+    assert arm.agent.last_command.command == (*ME, 4)
     observation, verdict = arm.task.step(arm.velocity)
-    arm.agent.observe(Step(observation, arm.task.program, verdict, False, arm.agent.sent))
+    arm.agent.observe(Step(observation, arm.task.program, verdict, False, arm.agent.last_command))
     arm.velocity = arm.agent.hold()
-    assert not arm.velocity.any() and arm.agent.sent.command == (*ME, 5)
+    assert not arm.velocity.any() and arm.agent.last_command.command == (*ME, 5)
     arm.run(11)
     assert arm.spans == [(0, 0, 4), (1, 5, 10)]
 
@@ -181,19 +181,18 @@ def test_each_trajectory_acts_with_the_version_the_protocol_names() -> None:
     arm.run(10)
     assert agent.version == 0
     arm.run(10)  # trajectory 1 acts with version 0 too
-    assert agent.waiting and isinstance(agent.answer(), Wait)
-    with pytest.raises(ActingError, match="expected the answer Act.* got Wait"):
+    assert agent.waiting and agent.prepare() is not None
+    with pytest.raises(
+        ActingError, match=r"expected prepare\(\) to return None before it, got Wait"
+    ):
         agent.act()
     agent.offer(published(1, mine=1))
     agent.offer(published(2, mine=2))  # newer, and not what trajectory 2 must act with
-    answer = agent.answer()
-    assert isinstance(answer, Load) and answer.policy.snapshot.version == 1
-    with pytest.raises(ActingError, match="got Load"):
+    with pytest.raises(ActingError, match="expected prepare"):
         agent.act()
-    agent.load(answer.policy)
-    assert agent.answer() == Act() == agent.answer()  # asking changes nothing
+    assert agent.prepare() is None and agent.version == 1
+    assert agent.prepare() is None and agent.version == 1  # asking again changes nothing
     agent.act()
-    assert isinstance(agent.answer(), Wait)
     with pytest.raises(ActingError, match="a step to act on"):
         agent.act()
     arm.run(10)
@@ -213,12 +212,10 @@ def test_a_step_that_came_before_the_learner_is_not_lost() -> None:
     agent = LearningAgent(ME, seed=0)
     arm = Arm(agent)
     arm.reset(0)
-    assert agent.answer() == Wait("a learner to announce itself")
+    assert agent.prepare() == Wait("a learner to announce itself")
     agent.offer(published(0, learner=FAR_BEHIND))  # the two topics are not in order
     agent.follow(FAR_BEHIND, FACTS)
-    answer = agent.answer()
-    assert isinstance(answer, Load)
-    agent.load(answer.policy)
+    assert agent.prepare() is None
     arm.velocity = agent.act().astype(np.float64)
     arm.run(10)
     assert arm.spans == [(0, 0, 10)]
@@ -236,11 +233,11 @@ def test_a_resumed_learner_gets_again_what_was_in_flight() -> None:
     arm.agent.follow(resumed, FACTS)
     arm.agent.offer(published(1, mine=1, learner=resumed))
     assert [(o.sequence, o.held_from) for o in arm.agent.unaccounted] == [(1, 1), (2, 1)]
-    assert isinstance(arm.agent.answer(), Wait) and arm.agent.lost == 0
+    assert isinstance(arm.agent.required(), Wait) and arm.agent.lost == 0
     with pytest.raises(ActingError, match="one of the learner that is followed, got version 2"):
         arm.agent.offer(published(2, mine=2))  # of the learner that is gone
     arm.agent.offer(published(2, mine=2, learner=resumed))
-    assert isinstance(arm.agent.answer(), Load)
+    assert arm.agent.prepare() is None
     assert arm.agent.interrupted == 0
 
 
@@ -287,7 +284,7 @@ def test_an_agent_goes_on_with_another_learner_and_back_with_what_each_published
             '{"name":"shaped"}',
             "reward: expected .*sparse.* as this arena's, got .*shaped",
         ),
-        ("inference", "tpu", "inference: expected one of .* got 'tpu'"),
+        ("inference", "tpu", "inference: expected 'auto' or 'torch', got 'tpu'"),
         ("architecture", "{}", "learner_info.architecture: "),
         ("exploration", '{"process":"white"}', "learner_info.exploration: .*process"),
     ],
@@ -299,12 +296,12 @@ def test_an_agent_that_cannot_comply_says_why_and_does_not_act(field, value, mes
     agent.offer(published(0))
     arm = Arm(agent)
     arm.reset(0)
-    assert not arm.velocity.any() and field in agent.refusal
-    answer = agent.answer()
-    assert isinstance(answer, Wait) and agent.refusal in answer.reason
+    assert not arm.velocity.any() and field in agent.rejection
+    waits = agent.required()
+    assert isinstance(waits, Wait) and agent.rejection in waits.reason
     agent.follow(again(LEARNER, version=0), FACTS)  # one that it can act for
     agent.offer(published(0, learner=again(LEARNER, version=0)))
-    assert agent.refusal == "" and isinstance(agent.answer(), Load)
+    assert agent.rejection == "" and agent.prepare() is None
 
 
 def test_an_arena_of_other_facts_stops_an_agent_that_acted(arm) -> None:
@@ -313,7 +310,7 @@ def test_an_arena_of_other_facts_stops_an_agent_that_acted(arm) -> None:
     with pytest.raises(ActingError, match="control_period"):
         arm.agent.follow(FAR_BEHIND, slower)
     arm.run(1)
-    assert isinstance(arm.agent.answer(), Wait) and not arm.velocity.any()
+    assert isinstance(arm.agent.required(), Wait) and not arm.velocity.any()
     arm.agent.follow(FAR_BEHIND, FACTS)
     arm.run(1)
     assert arm.velocity.any()

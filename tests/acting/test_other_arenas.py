@@ -11,7 +11,6 @@ import pytest
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Agent, Step
-from pa_ros.acting.answer import Load
 from pa_ros.acting.errors import ActingError
 from pa_ros.arena import (
     ArenaConfig,
@@ -90,8 +89,7 @@ def test_weights_of_each_world_act_in_the_arenas_of_others_or_refuse_them(family
         for theirs in PLACES:
             agent, (observation, program) = agent_of(ours, family), scene(theirs)
             agent.observe(Step(observation, program))
-            while isinstance(answer := agent.answer(), Load):
-                agent.load(answer.policy)
+            agent.prepare()
             unknown = refusal(agent.check_program, program)
             shown = refusal(agent.relevance, observation, program)
             acted = refusal(agent.act)

@@ -17,7 +17,6 @@ from helpers.damage import damaged, explore
 from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
 from msgs_schema.srv import Reset, SetSpeed, Step
 from pa_ros.acting.agent import Agent
-from pa_ros.acting.answer import Load
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Executed, TrajectoryKey
@@ -107,7 +106,7 @@ def command(message: Any) -> None:
 def learner(message: Any) -> None:
     agent = LearningAgent(ME, 0)
     agent.follow(decode_learner_info(message), FACTS)
-    agent.answer()
+    agent.prepare()
 
 
 def weights(message: Any) -> None:
@@ -122,8 +121,7 @@ def weights(message: Any) -> None:
 
 def _acts(agent: Agent, policy: Any) -> None:
     agent.offer(policy)
-    while isinstance(answer := agent.answer(), Load):
-        agent.load(answer.policy)
+    agent.prepare()
 
 
 def trajectory(message: Any) -> None:

@@ -10,11 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.acting.agent import Agent, Step
-from pa_ros.acting.answer import Act, Wait
+from pa_ros.acting.agent import Agent, ArenaFacts, Step
 from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.learning_agent import LearningAgent
-from pa_ros.acting.requests import ArenaFacts
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core import extensions
 from pa_ros.core.experience import AgentKey, Executed, Observation, PolicySnapshot, Verdict
@@ -128,11 +126,8 @@ class Arm:
         if trajectory is not None:
             self.sent.append(trajectory)
         self.velocity = np.zeros(6)
-        while not isinstance(answer := self.agent.answer(), Wait):
-            if isinstance(answer, Act):
-                self.velocity = self.agent.act().astype(np.float64)
-                return
-            self.agent.load(answer.policy)
+        if self.agent.prepare() is None:
+            self.velocity = self.agent.act().astype(np.float64)
 
     def reset(self, episode: int, evaluation: bool = False) -> None:
         condition = "eval" if evaluation else "train"
@@ -142,7 +137,7 @@ class Arm:
         """Act for `steps` steps. `says` turns what the agent sent into what the arena reports as
         executed."""
         for _ in range(steps):
-            executed = says(self.agent.sent)
+            executed = says(self.agent.last_command)
             self.show(*self.task.step(self.velocity), executed, evaluation=evaluation)
 
     @property

@@ -86,7 +86,7 @@ def test_a_stranger_with_a_real_id_and_the_next_number_spoils_no_transition() ->
         )
 
         def forge(features: Any) -> None:
-            number = 1 if agent.sent is None else agent.sent.command.number + 1
+            number = 1 if agent.last_command is None else agent.last_command.command.number + 1
             action = rng.uniform(-1, 1, 6).astype(np.float32)
             where = features.episode, features.step, header_stamp(features)
             forged = Command(*where, "real", 0, action, agent.key.incarnation, number)

@@ -1,18 +1,18 @@
-"""An agent at its control steps, over the graph as in process."""
+"""An agent at its control steps: the same object acts over the graph and in one process."""
 
 from __future__ import annotations
 
 from collections import OrderedDict, deque
 from dataclasses import dataclass
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 
-from pa_ros.acting.account import Account, Newest
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.answer import Act, Answer, Load, Wait
 from pa_ros.acting.errors import ActingError
-from pa_ros.acting.requests import ArenaFacts, check_words, network_of
+from pa_ros.acting.send_window import NewestPolicy, SendWindow, Wait
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import (
     AgentKey,
     CommandKey,
@@ -23,8 +23,11 @@ from pa_ros.core.experience import (
 )
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import MIN_MAX, Logic, Program
+from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.world import Trajectory
 from pa_ros.world.world import World
+
+KEPT_LEARNERS, KEPT_POLICIES = 4, 4  # weights kept of learners that may be followed later
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,35 +35,41 @@ class Step:
     """One control step."""
 
     observation: Observation
-    program: Program  # that the observation's program id stands for
-    verdict: Verdict | None = None  # None: a greedy agent needs none
-    evaluation: bool = False  # to be acted on greedily, and no experience
-    executed: Executed | None = None  # the command that, unaltered, led here
-    ends_episode: bool = False  # nothing is to be done about it any more
+    program: Program  # the one that the observation's program id names
+    verdict: Verdict | None = None  # a greedy agent needs none
+    evaluation: bool = False  # act greedily, and make no experience of it
+    executed: Executed | None = None  # the command that led here, if exactly one did, unaltered
+    ends_episode: bool = False  # no action follows
 
 
-MAY_ACT = Act()
-EARLY_LEARNERS, EARLY_POLICIES = 4, 4  # kept of learners that may come to be followed
+class ArenaFacts(NamedTuple):
+    """What an arena says of itself that its learner must agree with: fields of LearnerInfo."""
+
+    world_digest: str
+    control_period: float  # s
+    thresholds: tuple[float, ...]  # of the world's relations
+    reward: str  # canonical JSON: name and parameters
 
 
 class Agent:
-    """A greedy agent: at each step `observe`, `load` what `answer` says, and `act`.
+    """A greedy agent. At each step: `observe`, then `prepare`; when that returns None, `act`.
 
-    Until a learner has announced itself, the architecture of the first weights counts. Soft truths
-    are joined by `logic`.
+    Until it follows a learner, the first weights decide the architecture. `logic` says what AND and
+    OR of degrees are.
     """
 
     def __init__(self, key: AgentKey, logic: Logic = MIN_MAX) -> None:
         self.key, self.logic = key, logic
-        self.refusal = ""  # why it does not act for the learner; empty: it does
-        self._learner: LearnerInfo | None = None  # whose weights alone are used; None: anyone's
-        self._early: OrderedDict[str, deque[PublishedPolicy]] = OrderedDict()  # by learner
-        self.sent: Executed | None = None  # the newest command, as it is when carried out
+        self.rejection = ""  # why it does not act for the learner; empty: it does
+        self.last_command: Executed | None = None
+        self._learner: LearnerInfo | None = None  # only its weights are used; None: anyone's
+        self._kept: OrderedDict[str, deque[PublishedPolicy]] = OrderedDict()  # by learner_id
         self._numbers = count(1)
-        self._rule: Newest | Account = Newest()
+        self._rule: NewestPolicy | SendWindow = NewestPolicy()
         self._actor: Actor | None = None
         self._loaded: PublishedPolicy | None = None
-        self._step: Step | None = None  # to be acted on
+        self._step: Step | None = None  # still to be acted on
+        self._ready = False  # `prepare` loaded the weights that must act on this step
 
     @property
     def waiting(self) -> bool:
@@ -69,65 +78,53 @@ class Agent:
 
     @property
     def has_weights(self) -> bool:
-        """Whether weights are in use or, before the first step, at hand for it."""
-        return not isinstance(self._at_hand(), Wait)
+        """Whether weights are in use or, before the first step, ready for it."""
+        return not isinstance(self._first_weights(), Wait)
 
     @property
     def version(self) -> int:
-        """Of those weights. ActingError if there are none."""
-        policy = self._at_hand()
+        """Version of those weights. ActingError if there are none."""
+        policy = self._first_weights()
         if isinstance(policy, Wait):
-            raise ActingError(
-                f"version: expected weights before it is asked, got {policy}", code="learning.step"
-            )
+            raise ActingError(f"version: expected weights before it is asked, got {policy}")
         return policy.snapshot.version
 
-    def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
-        """Act with this learner's weights alone.
+    @property
+    def backend(self) -> str:
+        """What computes actions: "fused" or "torch"; empty before there are weights."""
+        return self._actor.backend if self._actor is not None else ""
 
-        Those in use act until its own have come. Raises ActingError, and changes nothing,
-        if its weights cannot act in this arena.
+    # The learner and its weights
+
+    def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
+        """Use this learner's weights only, once they arrive; until then the current ones act.
+
+        Raises ActingError, and changes nothing, if its weights cannot act in this arena.
         """
-        check_words(learner, arena)
+        _check_fact(learner, arena, "world_digest")
         network_of(learner)
         self._learner = learner
-        self._offer_early(learner)
-
-    def check_program(self, program: Program) -> None:
-        """Raise NetworkError or ProgramError if the weights at hand cannot be told
-        this program."""
-        if self._actor is not None:
-            network = self._actor.network
-            network.family.check(program, network.vocabulary)
-
-    def check_world(self, world: World) -> None:
-        """Raise ActingError if the weights at hand see other objects, or another arm."""
-        ours = self._actor.network.world if self._actor is not None else world
-        if ours.object_features != world.object_features:
-            raise ActingError(
-                f"policy: expected {ours.object_features} features of an object, "
-                f"got {world.object_features}",
-            )
-        if ours.joints != world.joints:
-            raise ActingError(
-                f"policy: expected an arm of {ours.joints} joints, got {world.joints}",
-            )
+        self._offer_kept(learner)
 
     def offer(self, policy: PublishedPolicy) -> None:
-        """Weights have come. Raises ActingError, and changes nothing, if they cannot be used."""
+        """Take in published weights. Raises ActingError, and changes nothing, if they do not fit.
+
+        Rejected weights are kept for a while: their learner may be followed later. Learner and
+        weights arrive on two topics, in any order.
+        """
         try:
-            self._take(policy)
+            self._receive(policy)
         except ActingError:
-            self._keep(policy)  # their learner may come to be followed
+            self._keep(policy)
             raise
 
-    def _take(self, policy: PublishedPolicy) -> None:
+    def _receive(self, policy: PublishedPolicy) -> None:
         learner, actor = self._learner, self._actor
         if learner is not None and learner.learner_id != policy.learner_id:
             raise ActingError(
                 f"policy: expected weights of the learner that is followed, "
                 f"{learner.learner_id!r}, got version {policy.snapshot.version} of "
-                f"{policy.learner_id!r}",
+                f"{policy.learner_id!r}"
             )
         if learner is not None and (
             actor is None or actor.network.architecture != learner.architecture
@@ -139,52 +136,80 @@ class Agent:
             self._actor, self._loaded = actor, None
         self._rule.receive(policy)
 
-    def _offer_early(self, learner: LearnerInfo) -> None:
-        for policy in self._early.pop(learner.learner_id, ()):
+    def _offer_kept(self, learner: LearnerInfo) -> None:
+        for policy in self._kept.pop(learner.learner_id, ()):
             self.offer(policy)
 
     def _keep(self, policy: PublishedPolicy) -> None:
-        """Weights of a learner that is not followed."""
-        kept = self._early.setdefault(policy.learner_id, deque(maxlen=EARLY_POLICIES))
+        kept = self._kept.setdefault(policy.learner_id, deque(maxlen=KEPT_POLICIES))
         kept.append(policy)
-        self._early.move_to_end(policy.learner_id)
-        while len(self._early) > EARLY_LEARNERS:
-            self._early.popitem(last=False)
+        self._kept.move_to_end(policy.learner_id)
+        while len(self._kept) > KEPT_LEARNERS:
+            self._kept.popitem(last=False)
+
+    def check_program(self, program: Program) -> None:
+        """Raise NetworkError or ProgramError if the weights cannot represent this program."""
+        if self._actor is not None:
+            network = self._actor.network
+            network.family.check(program, network.vocabulary)
+
+    def check_world(self, world: World) -> None:
+        """Raise ActingError if the weights expect other objects, or another arm."""
+        ours = self._actor.network.world if self._actor is not None else world
+        if ours.object_features != world.object_features:
+            raise ActingError(
+                f"policy: expected {ours.object_features} features of an object, "
+                f"got {world.object_features}"
+            )
+        if ours.joints != world.joints:
+            raise ActingError(
+                f"policy: expected an arm of {ours.joints} joints, got {world.joints}"
+            )
+
+    # One control step
 
     def observe(self, step: Step) -> Trajectory | None:
-        """Take in a step; the trajectory to be sent, if that completed one."""
-        self._step = None if step.ends_episode else step
+        """Take in a step. Returns the trajectory that it completed, to be sent, if any."""
+        self._step, self._ready = None if step.ends_episode else step, False
         return None
 
-    def answer(self) -> Answer:
-        """Whether the agent may act on the step observed last, and with which weights."""
-        return self._answer(0)
+    def required(self) -> PublishedPolicy | Wait:
+        """The weights that must act on the current step, or what to wait for."""
+        return Wait("a step to act on") if self._step is None else self._rule.required(0)
 
-    def load(self, policy: PublishedPolicy) -> None:
-        """Act with these weights from here on."""
-        if self._actor is None:
-            raise ActingError(
-                "weights: expected an offer of them before they are loaded", code="learning.step"
-            )
-        self._actor.load(policy.snapshot)
-        self._loaded = policy
-        self._rule.use(policy)
+    def prepare(self) -> Wait | None:
+        """Load the weights that must act on the current step.
+
+        Returns what to wait for, or None: `act` may be called now.
+        """
+        policy = self.required()
+        if isinstance(policy, Wait):
+            return policy
+        loaded = self._loaded
+        if loaded is not policy and (loaded is None or loaded.name != policy.name):
+            assert self._actor is not None  # `offer` made one before the rule got the weights
+            self._actor.load(policy.snapshot)
+            self._loaded = policy
+            self._rule.use(policy)
+        self._ready = True
+        return None
 
     def act(self) -> Float32:
-        """The action at the step observed last, [J] in [-1, 1]. ActingError unless it may act."""
-        answer, step, actor = self.answer(), self._step, self._actor
-        if step is None or actor is None or not isinstance(answer, Act):
+        """The action at the current step, [J] in [-1, 1]. ActingError unless prepared for it."""
+        step, actor = self._step, self._actor
+        if step is None or actor is None or not self._ready:
             raise ActingError(
-                f"action: expected the answer {Act()} before it, got {answer}", code="learning.step"
+                f"action: expected prepare() to return None before it, got {self.required()}",
+                code="learning.step",
             )
         action = self._action(actor, step)
         self._step = None
-        return self._send(action)
+        return self._command(action)
 
     def hold(self) -> Float32:
-        """Instead of `act`: the command that keeps the arm where it is, [J]; no experience.
+        """Instead of `act`: the command that keeps the arm where it is, [J]. It is no experience.
 
-        ActingError without a step to hold at.
+        ActingError without a step to answer.
         """
         if self._step is None:
             raise ActingError(
@@ -192,34 +217,57 @@ class Agent:
             )
         joints = len(self._step.observation.joint_position)
         self._step = None
-        return self._send(np.zeros(joints, np.float32))
-
-    def _send(self, action: Float32) -> Float32:
-        """Number a command, and remember it."""
-        self.sent = Executed(CommandKey(*self.key, next(self._numbers)), action)
-        return action
-
-    @property
-    def backend(self) -> str:
-        """What computes its actions: "fused" or "torch"; empty: it cannot act yet."""
-        return self._actor.backend if self._actor is not None else ""
+        return self._command(np.zeros(joints, np.float32))
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
-        """p of each object, as far as the weights in use have degrees; else empty."""
+        """p of each object under the weights in use; empty if their networks have no degrees."""
         return self._actor.relevance(observation, program) if self._actor is not None else ()
 
-    def _at_hand(self) -> PublishedPolicy | Wait:
-        return self._loaded or self._rule.required(0)
+    def _command(self, action: Float32) -> Float32:
+        """Number a command, and remember it."""
+        self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
+        return action
 
-    def _answer(self, sequence: int) -> Answer:
-        if self._step is None:
-            return Wait("a step to act on")
-        required = self._rule.required(sequence)
-        if isinstance(required, Wait):
-            return required
-        loaded = self._loaded
-        same = loaded is required or (loaded is not None and loaded.name == required.name)
-        return MAY_ACT if same else Load(required)
+    def _first_weights(self) -> PublishedPolicy | Wait:
+        return self._loaded or self._rule.required(0)
 
     def _action(self, actor: Actor, step: Step) -> Float32:
         return actor.act(step.observation, step.program)
+
+
+def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:
+    """Raise ActingError unless the learner is one for this arena, and asks for a known backend.
+
+    The algorithm does not matter here: architecture, exploration and inference say how to act.
+    """
+    for name in arena._fields:
+        _check_fact(learner, arena, name)
+    if learner.inference not in ("auto", "torch"):
+        raise ActingError(
+            f"learner_info.inference: expected 'auto' or 'torch', got {learner.inference!r}",
+            code="learner.request",
+        )
+
+
+def network_of(learner: LearnerInfo) -> NetworkConfig:
+    """The actor's network. ActingError if it cannot be built here."""
+    try:
+        network = actor_config(learner.architecture)
+    except ConfigError as error:
+        raise ActingError(f"learner_info.architecture: {error}", code="learner.request") from error
+    if network.world.digest != learner.world_digest:
+        raise ActingError(
+            f"learner_info.architecture: expected the world {learner.world_digest}, "
+            f"got {network.world.digest}",
+            code="learner.request",
+        )
+    return network
+
+
+def _check_fact(learner: LearnerInfo, arena: ArenaFacts, name: str) -> None:
+    expected, received = getattr(arena, name), getattr(learner, name)
+    if received != expected:
+        raise ActingError(
+            f"learner_info.{name}: expected {expected!r}, as this arena's, got {received!r}",
+            code="learner.request",
+        )

@@ -1,18 +1,17 @@
-"""An agent that learns: it explores, and sends trajectories, as its learner asks."""
+"""An agent that learns: it explores, and sends trajectories as its learner asks."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from pa_ros.acting.account import Account, FreeAccount
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.agent import Agent, Step
-from pa_ros.acting.answer import Act, Answer, Wait
+from pa_ros.acting.agent import Agent, ArenaFacts, Step, check_arena, network_of
+from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
-from pa_ros.acting.requests import ArenaFacts, check_arena, exploration_of, network_of
+from pa_ros.acting.send_window import FreeSendWindow, SendWindow, Wait
 from pa_ros.acting.trajectories import TrajectoryBuilder
-from pa_ros.core.errors import PaError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import AgentKey, Float32
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import PRODUCT
@@ -20,105 +19,110 @@ from pa_ros.world import Trajectory
 
 
 class LearningAgent(Agent):
-    """At each step `observe`, send the trajectory it returns, `load` what `answer` says, and `act`.
+    """At each step: `observe`, send the trajectory it returns, `prepare`, then `act`.
 
-    The order matters and is the same over the graph and in process: a trajectory that ends at an
-    observation is sent before the action at that observation is chosen. In evaluation episodes it
-    is greedy and silent.
+    The order matters and is the same over the graph and in one process: a trajectory that ends at
+    an observation is sent before the action at that observation is chosen. Evaluation episodes are
+    acted greedily and send nothing.
     """
 
     def __init__(self, key: AgentKey, seed: int, first_sequence: int = 0) -> None:
-        """`seed`: of the exploration noise. `first_sequence`: of the first trajectory."""
+        """`seed`: of the exploration noise. `first_sequence`: number of the first trajectory."""
         super().__init__(key, PRODUCT)
-        self.interrupted = 0  # runs of steps broken off: not as commanded, or for another learner
+        self.interrupted = 0  # trajectories cut short: not as commanded, or for another learner
         self.overtaken = 0  # times that someone else sent trajectories under this agent's name
         self._seed, self._first_sequence = seed, first_sequence
-        self._account: Account | None = None
+        self._window: SendWindow | None = None
         self._builder: TrajectoryBuilder | None = None
-        self._past: set[str] = set()  # learners that were followed
+        self._former: set[str] = set()  # ids of learners that were followed before
 
     @property
     def lost(self) -> int:
-        """Trajectories of this run that its learner has lost, and the agent no longer holds."""
-        return 0 if self._account is None else self._account.lost
+        """Trajectories of this run that the learner lost and the agent no longer holds."""
+        return 0 if self._window is None else self._window.lost
 
     @property
     def unaccounted(self) -> list[Trajectory]:
-        """What was sent and may have to be sent again."""
-        return [] if self._account is None else self._account.unaccounted
+        """Trajectories that were sent and may have to be sent again."""
+        return [] if self._window is None else self._window.unaccounted
 
     @property
     def stalled(self) -> bool:
-        """Whether its learner takes in nothing, though it acts on."""
-        return self._account is not None and self._account.stalled
+        """Whether the learner accepts nothing although the agent acts on without waiting."""
+        return self._window is not None and self._window.stalled
 
     def overdue(self, late: bool) -> list[Trajectory]:
-        """Asked once a resend period: what is to be sent again. `late`: no command was sent for as
-        long."""
-        return [] if self._account is None else self._account.overdue(late and self.waiting)
+        """What to send again; call once per resend period. `late`: no command was sent for one."""
+        return [] if self._window is None else self._window.overdue(late and self.waiting)
 
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
-        """Act for this learner in this arena, and for the one followed until now no more.
+        """Act for this learner in this arena, and no longer for the one followed until now.
 
-        Raises ActingError, and then does not act, if it cannot do as the learner asks.
+        Raises ActingError if it cannot do as the learner asks. Then it goes on with the learner it
+        already follows; if that one's request changed, it stops acting.
         """
-        current = None if self._account is None else self._account.learner
+        current = None if self._window is None else self._window.learner
         other = current is not None and current.learner_id != learner.learner_id
         try:
             check_arena(learner, arena)
-            if current is None or not _goes_on(current, learner):
+            if self._window is None or not _same_run(self._window.learner, learner):
                 self._begin(learner)
-            elif self._account is not None and other:
-                self._account.resume(learner)
+            else:
+                self._window.resume(learner)
         except PaError as error:
             if not other:
-                self.refusal = str(error)
+                self.rejection = str(error)
             raise
-        self.refusal = ""
+        self.rejection = ""
         if current is not None and other:
-            self._past.add(current.learner_id)
-        self._past.discard(learner.learner_id)
-        self._offer_early(learner)
+            self._former.add(current.learner_id)
+        self._former.discard(learner.learner_id)
+        self._offer_kept(learner)
 
     def offer(self, policy: PublishedPolicy) -> None:
-        """Weights have come. Raises ActingError if they cannot be used, or are not the learner's
-        that this agent follows."""
-        if self._account is None or policy.learner_id != self._account.learner.learner_id:
+        """Take in published weights.
+
+        Raises ActingError if they do not fit, or are of a learner that was followed before.
+        """
+        if self._window is None or policy.learner_id != self._window.learner.learner_id:
             self._keep(policy)
-            if policy.learner_id in self._past:
+            if policy.learner_id in self._former:
                 raise ActingError(
                     f"policy: expected one of the learner that is followed, got version "
-                    f"{policy.snapshot.version} of {policy.learner_id!r}, which was before",
+                    f"{policy.snapshot.version} of {policy.learner_id!r}, which was before"
                 )
-        else:
-            self._take(policy)
-            if self._account.overtaken:
-                self._live_again(self._account, policy)
+            return
+        self._receive(policy)
+        if self._window.overtaken:
+            self._restart(self._window, policy)
 
     def observe(self, step: Step) -> Trajectory | None:
         verdict = step.verdict
         truncated = verdict is not None and verdict.truncated
         super().observe(replace(step, ends_episode=step.ends_episode or truncated))
-        if self._builder is None or self._account is None or step.evaluation:
+        if self._builder is None or self._window is None or step.evaluation:
             return None
         if verdict is None:
             raise ActingError(
                 "step: expected a verdict, since this agent learns, got none", code="learning.step"
             )
-        goes_on = step.observation.step > 0 and not self._builder.at_boundary
-        if goes_on and (step.executed is None or step.executed != self.sent):
-            self._builder = self._break_off(self._account.learner)
+        # A transition is true only if the arm executed this agent's command unaltered.
+        pending = step.observation.step > 0 and not self._builder.at_boundary
+        if pending and (step.executed is None or step.executed != self.last_command):
+            self._builder = self._new_builder(self._window.learner)
         trajectory = self._builder.observe(step.observation, verdict, step.program)
-        return None if trajectory is None else self._account.send(trajectory)
+        return None if trajectory is None else self._window.add(trajectory)
 
-    def answer(self) -> Answer:
-        if self.refusal:
-            return Wait(f"another learner or arena: {self.refusal}")
+    def required(self) -> PublishedPolicy | Wait:
+        if self.rejection:
+            return Wait(f"another learner or arena: {self.rejection}")
         if self._builder is None:
             return Wait("a learner to announce itself")
-        if self.waiting and not self._builder.at_boundary:
-            return Act()
-        return self._answer(self._builder.sequence)
+        if self._step is None:
+            return Wait("a step to act on")
+        if not self._builder.at_boundary and self._loaded is not None:
+            return self._loaded  # weights change only between trajectories
+        return self._rule.required(self._builder.sequence)
 
     def _action(self, actor: Actor, step: Step) -> Float32:
         if step.evaluation or self._builder is None:
@@ -128,28 +132,28 @@ class LearningAgent(Agent):
         return action
 
     def _begin(self, learner: LearnerInfo) -> None:
-        """Another run: an account of its own, with numbers that go on, and nothing carried over."""
+        """Begin with another run: a new window, continued numbers, and nothing carried over."""
         network, period = network_of(learner), learner.control_period
-        actions = network.world.actions
-        noise = ExplorationNoise(exploration_of(learner), period, self._seed, actions)
-        actor = Actor(network, learner.inference, noise, self.logic)
-        self._actor, self._loaded = actor, None
-        builder, step = self._break_off(learner), self._step
-        rule = FreeAccount if learner.free else Account
-        self._account = self._rule = rule(self.key, builder.sequence, learner)
+        noise = ExplorationNoise(
+            _exploration_of(learner), period, self._seed, network.world.actions
+        )
+        self._actor, self._loaded = Actor(network, learner.inference, noise, self.logic), None
+        builder, step = self._new_builder(learner), self._step
+        window = FreeSendWindow if learner.free else SendWindow
+        self._window = self._rule = window(self.key, builder.sequence, learner)
         if step is not None and step.verdict is not None and not step.evaluation:
             builder.observe(step.observation, step.verdict, step.program)
 
-    def _live_again(self, account: Account, policy: PublishedPolicy) -> None:
-        """Go on as another incarnation, whose account is its own: the learner takes what this one
-        sends for what it already has."""
+    def _restart(self, window: SendWindow, policy: PublishedPolicy) -> None:
+        """Continue as a new incarnation: someone else has used this agent's name and numbers, so
+        the learner would take what this agent sends for duplicates."""
         self.overtaken += 1
         self.key = AgentKey(self.key.agent_id, self.key.incarnation + 1)
-        self._begin(account.learner)
-        self._take(policy)
+        self._begin(window.learner)
+        self._receive(policy)
 
-    def _break_off(self, learner: LearnerInfo) -> TrajectoryBuilder:
-        """Begin a trajectory at the next step, whatever was collected."""
+    def _new_builder(self, learner: LearnerInfo) -> TrajectoryBuilder:
+        """Begin a trajectory at the next step and drop what was collected."""
         before = self._builder
         if before is not None and not before.at_boundary:
             self.interrupted += 1
@@ -163,8 +167,15 @@ class LearningAgent(Agent):
         return self._builder
 
 
-def _goes_on(current: LearnerInfo, learner: LearnerInfo) -> bool:
-    """Whether it is the same run, and asks the same."""
-    of_the_start = ("learner_id", "first_version", "stamp_ns", "software_version")
-    same = {name: getattr(learner, name) for name in of_the_start}
+def _exploration_of(learner: LearnerInfo) -> ExplorationConfig:
+    try:
+        return ExplorationConfig.from_json(learner.exploration)
+    except ConfigError as error:
+        raise ActingError(f"learner_info.exploration: {error}", code="learner.request") from error
+
+
+def _same_run(current: LearnerInfo, learner: LearnerInfo) -> bool:
+    """Whether a learner continues the current run and asks the same of its agents."""
+    of_this_start = ("learner_id", "first_version", "stamp_ns", "software_version")
+    same = {name: getattr(learner, name) for name in of_this_start}
     return replace(current, **same) == learner

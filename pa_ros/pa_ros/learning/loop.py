@@ -18,10 +18,8 @@ import numpy as np
 from pydantic import Field
 
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.agent import Step
-from pa_ros.acting.answer import Act, Load
+from pa_ros.acting.agent import ArenaFacts, Step
 from pa_ros.acting.learning_agent import LearningAgent
-from pa_ros.acting.requests import ArenaFacts
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import AgentKey, Float64, Observation, Verdict
 from pa_ros.core.published import PublishedPolicy
@@ -272,7 +270,7 @@ class _Run:
         rewards: list[float] = []
         while True:
             program = self._environment.program
-            step = Step(observation, program, verdict, executed=self._agent.sent)
+            step = Step(observation, program, verdict, executed=self._agent.last_command)
             trajectory = self._agent.observe(step)
             if trajectory is not None:
                 self._transport.send(trajectory)
@@ -288,11 +286,8 @@ class _Run:
             self._watcher.episode(self._frames, len(rewards), float(np.mean(rewards)))
 
     def _until_it_may_act(self) -> None:
-        while not isinstance(answer := self._agent.answer(), Act):
-            if isinstance(answer, Load):
-                self._agent.load(answer.policy)
-            else:
-                self._agent.offer(self._transport.receive())
+        while self._agent.prepare() is not None:
+            self._agent.offer(self._transport.receive())
 
     def _report(self) -> None:
         self._transport.drain()

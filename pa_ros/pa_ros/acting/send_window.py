@@ -1,91 +1,106 @@
-"""Which weights may act: the rules of docs/DESIGN.md, "The synchronous protocol", for an agent."""
+"""Which weights may act, and which trajectories an agent may have to send again.
+
+These are the rules of docs/DESIGN.md, "The synchronous protocol", on the agent's side.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from pa_ros.acting.answer import Wait
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.world import Trajectory
 
-KEPT = 64  # trajectories that a free agent keeps for a learner that takes in nothing
-RESENT = 4  # of these at a time
+FREE_WINDOW = 64  # trajectories that a free agent keeps while its learner accepts none
+RESENT_AT_ONCE = 4  # of these, sent again in each resend period
 
 
-class Newest:
-    """The rule of a greedy agent: the newest weights, whoever published them."""
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """The agent may not act yet."""
+
+    reason: str  # what it waits for
+
+
+class NewestPolicy:
+    """The rule of a greedy agent: the newest weights act, whoever published them."""
 
     def __init__(self) -> None:
-        self._policies: list[PublishedPolicy] = []
+        self._policy: PublishedPolicy | None = None
 
     def receive(self, policy: PublishedPolicy) -> None:
-        """Weights have come."""
-        self._policies = [policy]
+        """Take in newly published weights."""
+        self._policy = policy
 
     def required(self, sequence: int) -> PublishedPolicy | Wait:
-        """The weights that must act now, or what must be waited for."""
-        return self._policies[0] if self._policies else Wait("weights: none have come")
+        """The weights that must act now, or what to wait for."""
+        return self._policy or Wait("weights: none have arrived")
 
     def use(self, policy: PublishedPolicy) -> None:
         """These weights act from now on."""
 
 
-class Account:
-    """The rule of a learning agent, and its account with one learner's run.
+class SendWindow:
+    """The rule of a learning agent, for one learner's run.
 
     Trajectory m is acted by the first weights that account for all trajectories before
-    m − policy_lag. The first ones, for which that says nothing, are acted as if the versions up to
-    the learner's start had been this agent's own: so a run that was resumed goes on as if unbroken.
+    m − policy_lag. For the first trajectories that rule names no weights; they are acted as if this
+    agent had made every version up to the learner's start, so a resumed run continues as if it had
+    never stopped.
 
-    What was sent is kept until weights account for it. What the learner has lost beyond that
-    (it was killed, and resumed from before) is given up: trajectories say from where on they are
-    held, so that neither side waits for it.
+    Sent trajectories are kept until weights account for them. If the learner lost some that are no
+    longer kept (it was killed, and resumed from an earlier checkpoint), they are given up: each
+    trajectory says from which number on its agent still holds them, so neither side waits.
     """
 
-    def __init__(self, agent: AgentKey, begins: int, learner: LearnerInfo) -> None:
-        """`begins`: the sequence number of the first trajectory for this run."""
+    def __init__(self, agent: AgentKey, first_sequence: int, learner: LearnerInfo) -> None:
+        """`first_sequence`: number of the first trajectory for this run."""
         self.learner = learner
         self.lost = 0  # trajectories given up
         self.overtaken = False  # the learner has trajectories of this agent that it never sent
         self._agent = agent
-        self._begins = self._next = self._given_up = begins
+        self._first = self._next = self._given_up = first_sequence
         self._started_at = learner.first_version
         self._sent: list[Trajectory] = []  # not accounted for yet
-        self._policies: list[PublishedPolicy] = []  # that may still have to act, oldest first
+        self._policies: list[PublishedPolicy] = []  # those that may still have to act, oldest first
 
     @property
     def unaccounted(self) -> list[Trajectory]:
-        """What was sent and may have to be sent again, as it is to be sent."""
+        """Trajectories that may have to be sent again, ready to be sent."""
         return [self._as_held(trajectory) for trajectory in self._sent]
 
-    def send(self, trajectory: Trajectory) -> Trajectory:
-        """Keep the next trajectory until it is accounted for; as it is to be sent."""
+    @property
+    def stalled(self) -> bool:
+        """Whether the learner accepts nothing although the agent acts on without waiting."""
+        return False
+
+    def add(self, trajectory: Trajectory) -> Trajectory:
+        """Keep the next trajectory until it is accounted for. Returns it ready to be sent."""
         self._sent.append(trajectory)
         self._next = trajectory.sequence + 1
         return self._as_held(trajectory)
 
     def resume(self, learner: LearnerInfo) -> None:
-        """The run goes on with another learner, which knows nothing after its first version."""
+        """Continue the run with another learner, which knows nothing after its first version."""
         self.learner = learner
         last = learner.first_version
         self._policies = [one for one in self._policies if one.snapshot.version <= last]
 
     def receive(self, policy: PublishedPolicy) -> None:
-        """Weights of this learner have come; of one version the latest counts."""
+        """Take in weights that this learner published; a repeated version replaces the earlier."""
         version = policy.snapshot.version
         others = [one for one in self._policies if one.snapshot.version != version]
         if others and version < others[0].snapshot.version:
-            return  # from before its start: newer ones are in use
+            return  # published before the learner's start: newer ones are in use
         self._policies = sorted([*others, policy], key=lambda one: one.snapshot.version)
         if version >= self.learner.first_version:
             self._settle(policy)
-        self._drop_idle()
+        self._drop_unneeded()
 
     def required(self, sequence: int) -> PublishedPolicy | Wait:
-        """The weights that must act on a trajectory, or what must be waited for."""
+        """The weights that must act on a trajectory, or what to wait for."""
         lag = self.learner.policy_lag
-        oldest = self._started_at - max(0, lag - (sequence - self._begins))
+        oldest = self._started_at - max(0, lag - (sequence - self._first))
         for policy in self._policies:
             if policy.snapshot.version >= oldest and self._accounted(policy) >= sequence - lag:
                 return policy
@@ -101,14 +116,11 @@ class Account:
         self._policies = later or [policy]
 
     def overdue(self, waited: bool) -> list[Trajectory]:
-        """Asked once a resend period: what is to be sent again. `waited`: that long, for weights
-        that account for it; perhaps nobody heard it."""
-        return self.unaccounted if waited else []
+        """What to send again; call once per resend period.
 
-    @property
-    def stalled(self) -> bool:
-        """Whether the learner takes in nothing, though nobody waits for it."""
-        return False
+        `waited`: the agent waited that long for weights, so perhaps nobody received what it sent.
+        """
+        return self.unaccounted if waited else []
 
     @property
     def _held_from(self) -> int:
@@ -118,12 +130,15 @@ class Account:
         return replace(trajectory, held_from=self._held_from)
 
     def _accounted(self, policy: PublishedPolicy) -> int:
-        """All trajectories before this one are waited for no more, once these weights are here."""
+        """Once these weights are here, no trajectory before this number is waited for."""
         return max(policy.accounted.get(self._agent, 0), self._given_up)
 
-    def _drop_idle(self) -> None:
-        """Weights that others before them, accounting for as much, will always act in place of: an
-        agent whose arm stands, beside others that learn, would keep every version."""
+    def _drop_unneeded(self) -> None:
+        """Drop weights that can never be required.
+
+        Of versions that account for equally many trajectories only the first ever acts. An agent
+        whose arm is paused beside others that learn would otherwise keep every version.
+        """
         kept = self._policies[:1]
         for one in self._policies[1:]:
             early = kept[-1].snapshot.version < self._started_at
@@ -132,6 +147,7 @@ class Account:
         self._policies = kept
 
     def _settle(self, newest: PublishedPolicy) -> None:
+        """Forget trajectories that these weights account for, and give up those that are lost."""
         accounted = self._accounted(newest)
         self.overtaken = accounted > self._next
         self._sent = [one for one in self._sent if one.sequence >= accounted]
@@ -141,26 +157,26 @@ class Account:
             self.use(newest)
 
 
-class FreeAccount(Account):
-    """The account of an agent that never waits: the newest weights act, however old.
+class FreeSendWindow(SendWindow):
+    """The rule of an agent that never waits: the newest weights act, however old they are.
 
-    What the learner has not taken in is kept, the newest KEPT of it, and offered again a few at a
-    time while the learner's account stands still; what goes beyond that is lost, and counted.
+    It keeps the newest FREE_WINDOW trajectories that the learner has not accepted, and offers them
+    again, a few at a time, while the learner makes no progress. Older ones are lost and counted.
     """
 
-    def __init__(self, agent: AgentKey, begins: int, learner: LearnerInfo) -> None:
-        super().__init__(agent, begins, learner)
-        self._first_asked = -1  # the first not accounted for when it was asked last
+    def __init__(self, agent: AgentKey, first_sequence: int, learner: LearnerInfo) -> None:
+        super().__init__(agent, first_sequence, learner)
+        self._oldest_before = -1  # oldest unaccounted trajectory, one resend period ago
         self._stalled = False
 
     @property
     def stalled(self) -> bool:
         return self._stalled
 
-    def send(self, trajectory: Trajectory) -> Trajectory:
+    def add(self, trajectory: Trajectory) -> Trajectory:
         self._sent.append(trajectory)
         self._next = trajectory.sequence + 1
-        if len(self._sent) > KEPT:
+        if len(self._sent) > FREE_WINDOW:
             del self._sent[0]
             self.lost += 1
             self._given_up = self._held_from
@@ -180,7 +196,7 @@ class FreeAccount(Account):
         return self._policies[0] if self._policies else Wait("the learner's first weights")
 
     def overdue(self, waited: bool) -> list[Trajectory]:
-        first = self._held_from if self._sent else -1
-        self._stalled = first >= 0 and first == self._first_asked
-        self._first_asked = first
-        return self.unaccounted[:RESENT] if self._stalled else []
+        oldest = self._held_from if self._sent else -1
+        self._stalled = oldest >= 0 and oldest == self._oldest_before
+        self._oldest_before = oldest
+        return self.unaccounted[:RESENT_AT_ONCE] if self._stalled else []

@@ -1,0 +1,213 @@
+"""The synchronous protocol as an agent keeps it: which weights act, what is sent again."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from helpers.learners import LEARNER, ME, again, published
+from helpers.worlds import random_trajectory
+from pa_ros.acting.send_window import (
+    FREE_WINDOW,
+    RESENT_AT_ONCE,
+    FreeSendWindow,
+    NewestPolicy,
+    SendWindow,
+    Wait,
+)
+from pa_ros.core.published import NO_LAG, LearnerInfo, PublishedPolicy
+from pa_ros.world import Trajectory
+
+
+def window_of(learner: LearnerInfo = LEARNER, first_sequence: int = 0) -> SendWindow:
+    return SendWindow(ME, first_sequence, learner)
+
+
+def trajectory(sequence: int) -> Trajectory:
+    rng = np.random.default_rng(sequence)
+    return random_trajectory(rng, agent_id="me", incarnation=5, sequence=sequence)
+
+
+def version(window: SendWindow, sequence: int) -> int | None:
+    """That must act on a trajectory; None: it is waited for."""
+    required = window.required(sequence)
+    return None if isinstance(required, Wait) else required.snapshot.version
+
+
+def held(window: SendWindow) -> list[tuple[int, int]]:
+    """(sequence, held from) of what may be sent again."""
+    return [(one.sequence, one.held_from) for one in window.unaccounted]
+
+
+@pytest.mark.parametrize("lag", [0, 1, 3])
+def test_of_one_agent_trajectory_m_is_acted_by_version_m_minus_lag(lag) -> None:
+    window = window_of(replace(LEARNER, policy_lag=lag))
+    window.receive(published(0))
+    for m in range(10):
+        assert version(window, m) == max(0, m - lag)
+        window.add(trajectory(m))
+        window.receive(published(m + 1, mine=m + 1))
+
+
+def test_weights_that_do_not_account_for_enough_are_waited_past() -> None:
+    window = window_of()
+    window.receive(published(0))
+    assert [version(window, m) for m in range(4)] == [0, 0, None, None]
+    waits = window.required(3)
+    assert waits == Wait("weights that account for trajectories before 2, of version 0 or later")
+    assert window.required(3) == waits  # asking changes nothing
+    assert version(window, 0) == 0
+
+
+def test_with_other_agents_versions_grow_faster_and_nobody_waits_for_ever() -> None:
+    window = window_of()
+    for number, yours, mine in ((0, 0, 0), (1, 1, 0), (2, 2, 0), (3, 2, 1)):
+        window.receive(published(number, mine, yours))
+    assert [version(window, m) for m in (1, 2, 3)] == [0, 3, None]
+
+
+def test_an_agent_that_stands_beside_others_that_learn_keeps_few_of_their_versions() -> None:
+    window, seen = window_of(), list[weakref.ref[PublishedPolicy]]()
+    for number in range(50):
+        policy = published(number, mine=number // 25, yours=number)
+        seen.append(weakref.ref(policy))
+        window.receive(policy)
+    del policy
+    assert [number for number, one in enumerate(seen) if one() is not None] == [0, 25]
+    assert [version(window, m) for m in (1, 2, 3)] == [0, 25, None]
+
+
+def test_a_refused_trajectory_is_accounted_for_without_another_version() -> None:
+    window = window_of(replace(LEARNER, policy_lag=0))
+    window.add(trajectory(0))
+    window.receive(published(0))
+    assert version(window, 1) is None and held(window) == [(0, 0)]
+    window.receive(published(0, mine=1))
+    assert version(window, 1) == 0 and held(window) == []
+
+
+def test_older_weights_never_act_again() -> None:
+    window = window_of(replace(LEARNER, policy_lag=5))
+    for number in range(3):
+        window.receive(published(number))
+    required = window.required(0)
+    assert not isinstance(required, Wait) and required.snapshot.version == 0
+    window.use(published(2))
+    window.receive(published(1))
+    assert version(window, 0) == 2
+
+
+def test_what_is_not_accounted_for_is_kept_and_says_from_where_on() -> None:
+    window = window_of(replace(LEARNER, policy_lag=3))
+    sent = [window.add(trajectory(m)) for m in range(3)]
+    assert [(one.sequence, one.held_from) for one in sent] == [(0, 0), (1, 0), (2, 0)]
+    window.receive(published(1, mine=1))
+    assert held(window) == [(1, 1), (2, 1)]
+    assert window.lost == 0
+
+
+def test_after_a_clean_stop_what_was_in_flight_is_sent_again() -> None:
+    """The resumed learner publishes the version before its newest, too: it has not gone back."""
+    window = window_of()
+    for m in range(8):
+        window.receive(published(m, mine=m))
+        window.add(trajectory(m))
+    window.use(published(7, mine=7))
+    window.receive(published(7, mine=7))
+    window.add(trajectory(8))
+    resumed = again(LEARNER, version=7)
+    window.resume(resumed)
+    window.receive(published(6, learner=resumed))
+    assert held(window) == [(7, 7), (8, 7)] and version(window, 9) is None
+    window.receive(published(7, mine=7, learner=resumed))
+    assert held(window) == [(7, 7), (8, 7)] and version(window, 9) is None
+    window.receive(published(8, mine=8, learner=resumed))
+    assert held(window) == [(8, 8)] and version(window, 9) == 8
+    assert window.lost == 0
+
+
+def test_what_a_killed_learner_lost_is_given_up_and_the_rest_sent_again() -> None:
+    window = window_of()
+    for m in range(9):
+        window.receive(published(m, mine=m))
+        window.add(trajectory(m))
+    resumed = again(LEARNER, version=4)  # of an old checkpoint: 4 to 7 are gone
+    window.resume(resumed)
+    assert version(window, 9) is None
+    window.receive(published(3, learner=resumed))
+    window.receive(published(4, mine=4, learner=resumed))
+    assert window.lost == 4 and held(window) == [(8, 8)]
+    assert version(window, 9) == 4  # it accounts for all that will ever come before 8
+    window.receive(published(5, mine=9, learner=resumed))
+    assert version(window, 10) == 5 and window.lost == 4
+
+
+def test_a_resumed_run_goes_on_for_a_new_agent_as_if_unbroken() -> None:
+    for lag, expected in ((0, [7, None]), (1, [6, 7, None]), (2, [5, 6, 7, None])):
+        window = window_of(replace(LEARNER, policy_lag=lag, first_version=7))
+        for number in range(7 - lag, 8):
+            window.receive(published(number))
+        assert [version(window, m) for m in range(lag + 2)] == expected
+
+
+def test_another_run_begins_at_the_agents_own_number() -> None:
+    window = window_of(replace(LEARNER, run_id="another"), first_sequence=399)
+    window.receive(published(0))
+    assert [version(window, m) for m in (399, 400, 401)] == [0, 0, None]
+    assert [window.add(trajectory(m)).held_from for m in (399, 400)] == [399, 399]
+    window.receive(published(1, mine=400))
+    assert version(window, 401) == 1 and window.lost == 0
+
+
+def test_a_greedy_agents_rule_is_the_newest() -> None:
+    rule = NewestPolicy()
+    assert isinstance(rule.required(0), Wait)
+    for number in (4, 9, 2):
+        rule.receive(published(number))
+        required = rule.required(0)
+        assert not isinstance(required, Wait) and required.snapshot.version == number
+
+
+def free(version: int = 0) -> FreeSendWindow:
+    window = FreeSendWindow(ME, 0, replace(LEARNER, policy_lag=NO_LAG))
+    window.receive(published(version))
+    return window
+
+
+def test_a_free_agent_acts_with_the_newest_weights_and_never_waits_for_its_learner() -> None:
+    assert isinstance(FreeSendWindow(ME, 0, LEARNER).required(0), Wait)  # before any have come
+    window = free()
+    for m in range(10):  # nothing of it is taken in
+        assert version(window, m) == 0
+        window.add(trajectory(m))
+    window.receive(published(7, mine=3))
+    window.receive(published(6, mine=2))  # late: newer ones are here
+    assert version(window, 10) == 7 and held(window)[0] == (3, 3)
+
+
+def test_a_free_agent_follows_a_learner_that_goes_on_from_before() -> None:
+    window, resumed = free(version=9), again(LEARNER, version=4)
+    window.resume(resumed)
+    assert version(window, 0) == 9  # it acts on meanwhile
+    window.receive(published(4, learner=resumed))
+    assert version(window, 0) == 4
+
+
+def test_what_a_free_agents_learner_does_not_take_in_is_sent_again_and_in_the_end_lost() -> None:
+    window = free()
+    for m in range(FREE_WINDOW):
+        window.add(trajectory(m))
+    assert window.overdue(False) == [] and not window.stalled  # not for a period yet
+    assert [one.sequence for one in window.overdue(False)] == list(
+        range(RESENT_AT_ONCE)
+    ) and window.stalled
+    window.receive(published(1, mine=1))
+    assert window.overdue(False) == [] and not window.stalled  # it goes on
+    for m in range(FREE_WINDOW, FREE_WINDOW + 5):
+        window.add(trajectory(m))
+    assert window.lost == 4 and held(window)[0] == (5, 5) and len(held(window)) == FREE_WINDOW
+    window.receive(published(2, mine=2))  # an account from before the loss
+    assert window.lost == 4 and held(window)[0] == (5, 5)
