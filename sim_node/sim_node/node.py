@@ -1,11 +1,15 @@
-"""The arena as a ROS node: each callback decodes, makes one core call, encodes, publishes."""
+"""The arena as a ROS node.
+
+In lockstep `_on_command` runs one control step: it decodes the command, checks that it answers the
+current step, advances the arena and publishes the step it led to. In real time a timer does.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 import uuid
-from collections.abc import Iterable
+from collections.abc import Callable
 
 from pa_ros.arena import DivergedError
 from pa_ros.core.experience import AgentKey
@@ -35,16 +39,18 @@ from pa_ros.wire.step import (
     encode_observation,
     encode_verdict,
 )
-from sim_node.components import Components
+from sim_node.commands import Watchdog, check_answer
 from sim_node.config import SimConfig
-from sim_node.description import describe, origin
-from sim_node.errors import InactiveError, LockstepError, NotPausedError, PausedError
-from sim_node.session import Frame, Ordered, Session
-from sim_node.watchdog import Watchdog
+from sim_node.entities import Entities
+from sim_node.errors import SimError
+from sim_node.services import ArenaServices
+from sim_node.session import ActiveProgram, Frame, Session
+from sim_node.simulator import SimulatorServices
+from sim_node.viewers import CameraView, Samples, Views
 
 
 class SimNode(ManagedNode):
-    """One arena. In lockstep a command moves it on; in real time a timer does."""
+    """One arena. In lockstep each command advances it by one step; in real time a timer does."""
 
     config: SimConfig
 
@@ -59,44 +65,46 @@ class SimNode(ManagedNode):
         self._pace = Pace()
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
-        self._announced: Ordered | None = None
-        self._sent = StepMessages()
-        self._sent_at = -math.inf
-        self._listened = False
-        self._rate = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
-        self._core_s = 0.0  # spent in the arena itself
-        self._make_publishers()
-        self._make_subscriptions()
-        self.session.begin()  # sent as soon as someone listens
-        self._components = Components(self, self, self.refusals)
+        self._announced: ActiveProgram | None = None
+        self._messages = StepMessages()  # filled again at each step
+        self._published_at = -math.inf
+        self._had_subscribers = False
+        self._reported = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
+        self._core_s = 0.0  # time spent in the arena itself
+        self._create_publishers()
+        self._create_subscriptions()
+        self.session.begin()  # published once somebody subscribes
+        self._create_services()
         self.get_logger().info(
             f"arena {self.session.arena_id}: design {self.config.design}, arm "
             f"{self.config.arm}, {self.config.preset}, {self.config.mode}, programs "
             f"from {self.config.program_source}"
         )
-        period = self.session.arena.control_period_s / self.config.real_time_factor
+        period_s = self.session.arena.control_period_s / self.config.real_time_factor
         if self._real_time:
-            self._ticker = steady_timer(self, period, self._tick)
+            self._ticker = steady_timer(self, period_s, self._tick)
         else:
-            steady_timer(self, self.config.resend_period_s / 4, self._send_again)
+            steady_timer(self, self.config.resend_period_s / 4, self._publish_again)
 
     def activate(self) -> None:
-        """Time goes on where it stood, without the command that was obeyed then."""
+        """Resume where the arena stopped, without the command that moved the arm then."""
         self.watchdog.forget()
-        self._begin_sending()
+        self._publish_first_step()
 
     def cleanup(self) -> None:
-        self._components.close()
+        if self._camera is not None:
+            self._camera.close()
 
     def alone(self) -> tuple[topics.Topic, str]:
         return topics.ARENA_INFO, self.session.arena_id
 
     def check_active(self) -> None:
-        """Raise InactiveError unless the arena is active."""
+        """Raise SimError unless the arena is active."""
         if not self.active:
-            raise InactiveError(f"expected an active arena, got one that is {self.state}")
+            text = f"expected an active arena, got one that is {self.state}"
+            raise SimError(text, code="arena.inactive")
 
-    def _make_publishers(self) -> None:
+    def _create_publishers(self) -> None:
         self._features = topics.OBJECT_FEATURES.publisher(self)
         self._joints = topics.JOINT_STATES.publisher(self)
         self._verdict = topics.VERDICT.publisher(self)
@@ -104,19 +112,29 @@ class SimNode(ManagedNode):
         self._program = topics.PROGRAM.publisher(self)
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._info = self._authority.publisher(topics.ARENA_INFO)
-        about = describe(self.session)
+        about = self.session.describe()
         self._joint_names = about.joint_names
         self._info.publish(encode_arena_info(about))
         self._provenance = topics.PROVENANCE.publisher(self)
-        account = origin(self.session, self.get_fully_qualified_name())
-        self._provenance.publish(encode_provenance(account))
+        origin = self.session.origin(self.get_fully_qualified_name())
+        self._provenance.publish(encode_provenance(origin))
 
-    def _make_subscriptions(self) -> None:
+    def _create_subscriptions(self) -> None:
         command = topics.JOINT_COMMANDS
         on_command = self._authority.checked(command, self._on_command)
         command.subscribe(self, self.refusals.guard(command.name, on_command))
         program = topics.PROGRAM
         program.subscribe(self, self.refusals.guard(program.name, self._on_program))
+
+    def _create_services(self) -> None:
+        """Services, and what people look at. Raises RenderError for a camera without OpenGL."""
+        ArenaServices(self, self, self.refusals)
+        entities = Entities(self.session)
+        SimulatorServices(self, self, entities, self.refusals)
+        with_camera = self.config.camera.rate_hz > 0
+        self._camera = CameraView(self, self, self.refusals) if with_camera else None
+        Views(self, self, entities, self._camera)
+        Samples(self, self, self._joint_names)
 
     # One control step
 
@@ -125,114 +143,127 @@ class SimNode(ManagedNode):
         self._commanders.note(AgentKey(command.agent_id, command.incarnation))
         if self.paused or not self.active:
             self.check_active()
-            raise PausedError("joint_commands: expected none while the arena is paused")
+            text = "joint_commands: expected none while the arena is paused"
+            raise SimError(text, code="arena.paused")
         if self._real_time:
             self.watchdog.offer(command)
-            return
-        self.session.check(command)
-        self._run(self.session.apply(command))
+        else:
+            check_answer(self.session, command)
+            self._step(lambda: self.session.apply(command))
 
     def _tick(self) -> None:
         if self.active and not self.paused:
-            self._run(self.watchdog.tick())
+            self._step(self.watchdog.tick)
 
-    def _run(self, frames: Iterable[Frame]) -> None:
+    def _step(self, advance: Callable[[], Frame]) -> None:
+        """Advance the arena by one control period and publish the step that it led to."""
         started = time.perf_counter()
         try:
-            for frame in frames:
-                self._core_s += time.perf_counter() - started
-                self._send(frame)
-                started = time.perf_counter()
+            frame = advance()
         except DivergedError as error:
             self.refusals.refuse("physics", error)
-            self._send(self.session.begin())
+            self._publish(self.session.begin())
+            return
+        advanced = time.perf_counter()
+        self._publish(frame)
+        # The reward is computed after publishing, while the agent already decides.
+        published = time.perf_counter()
+        ended = self.session.finish_step()
+        self._core_s += advanced - started + time.perf_counter() - published
+        if ended:
+            self._publish(self.session.frame)
 
-    def _send(self, frame: Frame) -> None:
-        """The observation first: a greedy agent decides while the rest is still being sent."""
+    def _publish(self, frame: Frame) -> None:
         self._announce()
-        observation = frame.observation
-        arena_id, evaluation = self.session.arena_id, frame.evaluation
-        context = StepContext(arena_id, evaluation, frame.executed, frame.program)
-        sent = self._sent
-        features, joints = encode_observation(observation, self._joint_names, context, sent)
-        self._joints.publish(joints)
-        self._features.publish(features)
-        if self._verdict.get_subscription_count():  # greedy agents need none
-            self._verdict.publish(encode_verdict(frame.verdict, evaluation, arena_id, sent.verdict))
+        session, messages, observation = self.session, self._messages, frame.observation
+        context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
+        encode_observation(observation, self._joint_names, context, messages)
+        self._joints.publish(messages.joints)
+        # An agent that only executes decides on this message, so the others come after it.
+        self._features.publish(messages.features)
+        if self._verdict.get_subscription_count():
+            evaluation = frame.evaluation
+            encode_verdict(frame.verdict, evaluation, session.arena_id, messages.verdict)
+            self._verdict.publish(messages.verdict)
         if self._clock_topic.get_subscription_count():
-            self._clock_topic.publish(encode_clock(observation.stamp_ns, sent.clock))
-        self._sent_at = time.monotonic()
+            self._clock_topic.publish(encode_clock(observation.stamp_ns, messages.clock))
+        self._published_at = time.monotonic()
 
-    def _send_again(self) -> None:
-        """Nobody answered: perhaps nobody was there yet."""
-        late = time.monotonic() - self._sent_at > self.config.resend_period_s
-        listened, self._listened = self._listened, self._features.get_subscription_count() > 0
-        stands = self.paused or not self.active
-        if late and listened and not stands:  # a turn later, when all topics are connected
-            self._send(self.session.frame)
+    def _publish_again(self) -> None:
+        """Repeat a step that nobody answers: the agent may have started after it (lockstep).
+
+        Waits one round after the first subscription, until the agent has all its subscriptions.
+        """
+        late = time.monotonic() - self._published_at > self.config.resend_period_s
+        had_subscribers = self._had_subscribers
+        self._had_subscribers = self._features.get_subscription_count() > 0
+        if late and had_subscribers and self.active and not self.paused:
+            self._publish(self.session.frame)
+
+    def _publish_first_step(self) -> None:
+        """In real time the first step is published whether or not somebody subscribes."""
+        if self._real_time and not self.paused and self._published_at == -math.inf:
+            self._publish(self.session.frame)
 
     # Programs
 
     def _announce(self) -> None:
+        """Publish the active program if the arena drew it and has not published it yet."""
         program = self.session.program
-        if program is not self._announced and program is not None:
-            if self.session.program_ids.is_own(program.program_id):
-                request = ProgramRequest(program.program_id, program.text)
-                self._program.publish(encode_program(request))
-                ours = ProgramStatus(
-                    request.program_id,
-                    self.get_fully_qualified_name(),
-                    True,
-                    canonical=request.text,
-                    stamp_ns=self.session.frame.observation.stamp_ns,
-                )
-                self._status.publish(encode_program_status(ours))  # latched, for who is late
+        if program is self._announced:
+            return
         self._announced = program
+        if program is not None and self.session.program_ids.is_own(program.program_id):
+            request = ProgramRequest(program.program_id, program.text)
+            self._program.publish(encode_program(request))
+            name = self.get_fully_qualified_name()
+            stamp_ns = self.session.frame.observation.stamp_ns
+            status = ProgramStatus(
+                program.program_id, name, True, canonical=program.text, stamp_ns=stamp_ns
+            )
+            self._status.publish(encode_program_status(status))
 
     def _on_program(self, message: Message) -> None:
         request = decode_program(message)
-        if self.session.program_ids.is_echo(request.program_id, request.text):
+        if self.session.program_ids.is_echo(request):
             return
         self.check_active()
         self._pace.check()
-        self._announce()  # what the standing frame is under, before it is replaced
-        idle = self.session.program is None
+        self._announce()  # the program of the current step, before it is replaced
+        waiting = self.session.program is None
         stamp_ns = self.session.frame.observation.stamp_ns
-        judgement = judge(
-            request, self.get_fully_qualified_name(), stamp_ns, self.session.submit, self.refusals
-        )
-        self._status.publish(encode_program_status(judgement))
-        if idle and judgement.accepted:
-            self._send(self.session.frame)
+        name = self.get_fully_qualified_name()
+        status = judge(request, name, stamp_ns, self.session.submit, self.refusals)
+        self._status.publish(encode_program_status(status))
+        if waiting and status.accepted:
+            self._publish(self.session.frame)
 
-    # Services
+    # What the services do
 
     def begin(self, request: ResetRequest) -> None:
-        """As `Session.begin`."""
-        self._send(self.session.begin(request))
+        """Begin an episode; raises what `Session.begin` raises."""
+        self._publish(self.session.begin(request))
 
     def hold(self, steps: int) -> None:
-        """Let control periods pass while the arm holds still. NotPausedError."""
+        """Run control periods of a paused arena while the arm holds still. SimError if running."""
         if not self.paused:
-            raise NotPausedError("step: expected a paused arena, got a running one")
+            text = "step: expected a paused arena, got a running one"
+            raise SimError(text, code="arena.not_paused")
         for _ in range(steps):
-            self._run(self.session.advance(self.session.hold))
+            self._step(lambda: self.session.advance(self.session.hold))
 
     def pause(self, paused: bool) -> None:
-        """Stop time, or let it go on."""
+        """Stop or resume simulation time."""
         self.paused = paused
-        self._begin_sending()
-
-    def _begin_sending(self) -> None:
-        """In real time the first step is sent whoever listens."""
-        if self._real_time and not self.paused and self._sent_at == -math.inf:
-            self._send(self.session.frame)
+        self._publish_first_step()
 
     def set_speed(self, factor: float) -> None:
-        """Simulation time per wall time from now on. LockstepError."""
+        """Set simulation time per wall time. Raises SimError in lockstep."""
         if not self._real_time:
-            raise LockstepError("speed: expected mode real_time, got lockstep")
-        self.destroy_timer(self._ticker)  # one that is under way would end its old period first
+            text = "speed: expected mode real_time, got lockstep"
+            raise SimError(text, code="arena.lockstep")
+        # A timer whose period is changed would first complete the old period.
+        self.destroy_timer(self._ticker)
         period_s = self.session.arena.control_period_s / factor
         self._ticker = steady_timer(self, period_s, self._tick)
 
@@ -246,38 +277,38 @@ class SimNode(ManagedNode):
     # Health
 
     def collect(self) -> tuple[int, str, dict[str, str]]:
-        now, steps = time.monotonic(), self.session.steps
-        since, steps_then, core_then = self._rate
-        self._rate = (now, steps, self._core_s)
+        session, current = self.session, self.session.frame
+        now, steps = time.monotonic(), session.steps
+        since, steps_then, core_then = self._reported
+        self._reported = (now, steps, self._core_s)
         rate = (steps - steps_then) / max(now - since, 1e-9)
-        stands = self.session.frame
         values = {
             "mode": self.config.mode,
-            "episode": str(stands.observation.episode),
-            "step": str(stands.observation.step),
-            "evaluation": str(stands.evaluation).lower(),
+            "episode": str(current.observation.episode),
+            "step": str(current.observation.step),
+            "evaluation": str(current.evaluation).lower(),
             "steps": str(steps),
             "steps_per_s": f"{rate:.1f}",
             "core_us": f"{(self._core_s - core_then) * 1e6 / max(steps - steps_then, 1):.1f}",
-            "real_time_factor": f"{rate * self.session.arena.control_period_s:.3f}",
-            "clamped": str(self.session.clamped),
+            "real_time_factor": f"{rate * session.arena.control_period_s:.3f}",
+            "clamped": str(session.clamped),
             "holds": str(self.watchdog.holds),
             "paused": str(self.paused).lower(),
         }
-        if self._components.camera is not None:
-            values["camera.pictures"] = str(self._components.camera.pictures)
-        for evaluation, rewards in self.session.rewards.items():
+        if self._camera is not None:
+            values["camera.pictures"] = str(self._camera.pictures)
+        for evaluation, rewards in session.rewards.items():
             name = "eval" if evaluation else "train"
             if rewards:
                 values[f"{name}.reward_per_step"] = f"{sum(rewards) / len(rewards):.4f}"
                 values[f"{name}.episodes"] = str(len(rewards))
-        return *self._state(rate), values
+        return *self._status_line(rate), values
 
-    def _state(self, rate: float) -> tuple[int, str]:
-        """Level and message: what the arena is doing, or waits for, at so many steps a second."""
-        clock = self.resolve_topic_name(topics.CLOCK.name)  # as it is remapped
+    def _status_line(self, rate: float) -> tuple[int, str]:
+        """Level and message for /diagnostics; `rate` is in steps per second."""
+        clock = self.resolve_topic_name(topics.CLOCK.name)  # after remapping
         if self.count_publishers(clock) > 1:
-            return WARN, f"another publishes {clock}, too: time jumps for who reads it"
+            return WARN, f"another node publishes {clock}, too: its readers see time jump"
         if self.paused:
             return OK, f"paused: waits for the service {topics.PAUSE[0]}"
         if self.session.program is None:

@@ -23,7 +23,7 @@ from pa_ros.wire.services import (
 from sim_node.session import Session
 
 
-class Steered(Protocol):
+class ArenaControl(Protocol):
     """What the node does for its services."""
 
     session: Session
@@ -31,19 +31,19 @@ class Steered(Protocol):
     active: bool
 
     def check_active(self) -> None:
-        """Raise InactiveError unless the arena is active."""
+        """Raise SimError unless the arena is active."""
 
     def begin(self, request: ResetRequest) -> None:
         """Begin an episode."""
 
     def hold(self, steps: int) -> None:
-        """Let so many control periods pass while the arm holds still. NotPausedError."""
+        """Let so many control periods pass while the arm holds still. SimError."""
 
     def pause(self, paused: bool) -> None:
         """Stop time, or let it go on."""
 
     def set_speed(self, factor: float) -> None:
-        """Simulation time per wall time from now on. LockstepError."""
+        """Simulation time per wall time from now on. SimError."""
 
     @property
     def speed(self) -> float:
@@ -53,7 +53,7 @@ class Steered(Protocol):
 class ArenaServices:
     """Offers them on a node, in its namespace."""
 
-    def __init__(self, node: Node, arena: Steered, refusals: Refusals) -> None:
+    def __init__(self, node: Node, arena: ArenaControl, refusals: Refusals) -> None:
         self._arena, self._refusals = arena, refusals
         services: list[tuple[tuple[str, Any], Callable[[Message], None]]] = [
             (topics.RESET, lambda m: arena.begin(decode_reset(m))),

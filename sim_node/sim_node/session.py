@@ -1,67 +1,71 @@
-"""Episodes and programs of one arena on the graph, without ROS."""
+"""Episodes and programs of one arena, without ROS."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections import OrderedDict, deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf
 
 import numpy as np
 
-from pa_ros.arena import Episode, EpisodeError, ReachTask, generate
+from pa_ros.arena import Episode, EpisodeError, ReachTask, generate, training_programs
 from pa_ros.core.experience import Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
+from pa_ros.provenance import origins
+from pa_ros.wire.arena import ArenaDescription, Mode
+from pa_ros.wire.diagnostics import Origin
+from pa_ros.wire.errors import WireError
 from pa_ros.wire.program import ProgramRequest, program_id_of
 from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
 from sim_node.config import LAST_EPISODE, SimConfig
-from sim_node.errors import NoProgramError, StaleCommandError
-from sim_node.program_ids import ProgramIds
 
-RECENT = 20  # episodes that the reported means are over
+RECENT_EPISODES = 20  # the reported mean rewards are over this many
+REMEMBERED_PROGRAMS = 4096
 
 
-@dataclass(frozen=True)
+@dataclass
 class Frame:
-    """One control step as it goes on the wire."""
+    """One control step as it is published."""
 
     observation: Observation
-    judge: Callable[[], Verdict]  # called before anything else happens in the arena
     evaluation: bool
-    executed: Executed | None  # the command that, exactly, led here; None: no one's
-    program: str  # that the observation's program id stands for; empty: none
+    executed: Executed | None  # the command that, unaltered, led here; None: no command did
+    program: str  # text of the active program; empty: none is active
+    judge: Callable[[], Verdict]  # must be called before anything else happens in the arena
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Determined when it is asked for: agents that learn nothing need not wait for it."""
+        """Computed on first use, because an agent that only executes needn't wait for it."""
         return self.judge()
 
 
 @dataclass(frozen=True)
-class Ordered:
-    """A program that was asked for, by the id under which it is announced."""
+class ActiveProgram:
+    """A program and the id under which it was announced."""
 
     program_id: str
     program: Program
 
     @cached_property
     def text(self) -> str:
-        """Canonical."""
+        """The canonical text."""
         return str(self.program)
 
 
 class Session:
-    """What runs next, under which program, and how it went. `frame` is where the arena stands.
+    """Which episode runs next, under which program, and with which rewards.
 
-    Training and evaluation episodes are numbered apart, so that evaluating changes nothing else.
+    `frame` is the current step. Training and evaluation episodes are numbered apart, so that
+    evaluating doesn't change what is trained on.
     """
 
     frame: Frame
-    program: Ordered | None  # in force
+    program: ActiveProgram | None  # None: the arm waits for one
 
     def __init__(self, config: SimConfig, arena_id: str) -> None:
         self.config = config
@@ -69,29 +73,66 @@ class Session:
         self.arena = config.arena_config()
         reward = reward_from(config.reward)
         self.task = ReachTask(self.arena, config.design_of(), config.seed, reward=reward)
-        self.speed_limits = np.array(self.arena.joint_speed_limits)
-        self.steps = 0  # control periods taken
-        self.disturbed = False  # someone has moved blocks since the step that stands
-        self.clamped = 0  # commands that were outside [-1, 1]
-        self.rewards = {kind: deque[float](maxlen=RECENT) for kind in (False, True)}
-        every = config.eval_every_episodes
+        self.program_ids = ProgramIds(arena_id)
+        self.speed_limits = np.array(self.arena.joint_speed_limits)  # [J] rad/s
+        self.hold: Float64 = np.zeros(self.arena.joints)  # the command that stops the arm, rad/s
+        self.steps = 0  # control periods so far
+        self.clamped = 0  # commands outside [-1, 1] so far
+        self.disturbed = False  # someone moved blocks after the current step was published
+        self.rewards = {kind: deque[float](maxlen=RECENT_EPISODES) for kind in (False, True)}
+        self._episode_rewards: list[float] = []
         self._condition_of = lru_cache(config.condition_of)
+        every = config.eval_every_episodes
         self._next = {False: config.first_episode, True: config.first_episode // (every or 1)}
         self._evaluation_due = False
-        self._user: Ordered | None = None  # the newest program that someone sent
-        self.program_ids = ProgramIds(arena_id)
-        self._episode_rewards: list[float] = []
+        self._requested: ActiveProgram | None = None  # the newest program that a person sent
 
-    @property
-    def hold(self) -> Float64:
-        """The command that keeps the arm where it is, [J] rad/s."""
-        return np.zeros(self.arena.joints)
+    # Steps
+
+    def apply(self, command: Command) -> Frame:
+        """Act for one control period as commanded; see `advance`."""
+        largest = max(map(abs, command.action.tolist()))
+        action = command.action
+        if largest > 1.0:
+            self.clamped += 1
+            action = np.clip(action, -1.0, 1.0)
+        # Experience must show the action that the agent chose at this very step. In real time a
+        # command may be held over from an earlier step, and then no command counts as executed.
+        chosen_here = command.stamp_ns == self.frame.observation.stamp_ns
+        unaltered = largest <= 1.0 and bool(command.agent_id) and chosen_here
+        executed = Executed(command.key, action) if unaltered else None
+        return self.advance(action.astype(np.float64) * self.speed_limits, executed)
+
+    def advance(self, velocity: Float64, executed: Executed | None = None) -> Frame:
+        """Act for one control period with joint velocities in rad/s, [J]; the step it led to.
+
+        Call `finish_step` after it. Raises DivergedError; the episode is then void.
+        """
+        observation = self.task.advance(velocity)
+        if self.disturbed:
+            executed, self.disturbed = None, False
+        self.steps += 1
+        judge = self.task.judge
+        evaluation = self.frame.evaluation
+        self._show(observation, lambda: self._masked(judge(observation)), evaluation, executed)
+        return self.frame
+
+    def finish_step(self) -> bool:
+        """Count the step's reward; whether the episode ended, and the next one began with it."""
+        verdict, evaluation = self.frame.verdict, self.frame.evaluation
+        self._episode_rewards.append(verdict.reward)
+        if verdict.truncated:
+            self.rewards[evaluation].append(float(np.mean(self._episode_rewards)))
+            self.begin()
+        return verdict.truncated
+
+    # Episodes
 
     def begin(self, request: ResetRequest | None = None) -> Frame:
-        """Begin the next episode, or the one asked for. A refusal changes nothing.
+        """Begin the next episode, or the requested one. A rejected request changes nothing.
 
-        Raises ProgramError if the request's program cannot be executed in that scene,
-        EpisodeError if there is no such scene.
+        Raises ProgramError if the requested program can't be executed in that scene, WireError if
+        its id already means another program, EpisodeError if there is no such episode.
         """
         request = request or ResetRequest(evaluation=self._evaluation_due)
         evaluation = request.evaluation
@@ -99,130 +140,163 @@ class Session:
         if request.episode is not None and index > LAST_EPISODE:
             raise EpisodeError(f"episode: expected a number up to {LAST_EPISODE}, got {index}")
         episode = self.scene(evaluation, index)
-        program = self._program_of(episode, evaluation, request.program)
+        program = self._first_program(episode, evaluation, request.program)
         self.task.reset_to(episode)
         self._next[evaluation] = index + 1
         every = self.config.eval_every_episodes
         self._evaluation_due = not evaluation and every > 0 and (index + 1) % every == 0
         self._episode_rewards = []
-        self._stand(program, evaluation)
+        self._show_current_step(program, evaluation)
         return self.frame
 
     def scene(self, evaluation: bool, index: int) -> Episode:
-        """How an episode begins: its blocks, where they are, and the generator's program."""
-        condition = self.config.eval_condition if evaluation else self.config.condition
-        drawn_from = self._condition_of(condition)
-        return generate(self.arena, self.task.design, drawn_from, self.config.seed, index)
+        """How an episode begins: its blocks, their places, and the generator's program."""
+        name = self.config.eval_condition if evaluation else self.config.condition
+        condition = self._condition_of(name)
+        return generate(self.arena, self.task.design, condition, self.config.seed, index)
+
+    # Programs
 
     def submit(self, request: ProgramRequest) -> str:
-        """Put someone's program in force from the next step on; its canonical text.
+        """Activate a person's program from the next step on; its canonical text.
 
-        Where none was in force, the step that stands is the first one under it. Raises, with
-        nothing changed, ProgramError if it is not a program or names no block here, and
-        WireError if its id has another meaning.
+        Where no program was active, the current step is the first one under it. Raises, with
+        nothing changed, ProgramError for text that isn't a program or names no block here, and
+        WireError if its id already means another program.
         """
-        assert self.task.episode is not None
         program = self._checked(request, self.task.episode)
         self.program_ids.bind(program.program_id, program.text)
-        self._user = program
+        self._requested = program
         if self.program is None:
-            self._stand(program, self.frame.evaluation)
+            self._show_current_step(program, self.frame.evaluation)
         else:
             self.program = program
             self.task.set_program(program.program, program.program_id)
         return program.text
 
-    def check(self, command: Command) -> None:
-        """Raise StaleCommandError unless it answers the step that stands, NoProgramError if
-        there is nothing to answer."""
-        if self.program is None:
-            raise NoProgramError("joint_commands: expected a program first, got none")
-        stands = self.frame.observation
-        expected = (stands.episode, stands.step, stands.stamp_ns)
-        received = (command.episode, command.step, command.stamp_ns)
-        if received != expected:
-            raise StaleCommandError(
-                f"joint_commands: expected (episode, step, stamp) {expected}, got {received}"
-            )
+    def _first_program(
+        self, episode: Episode, evaluation: bool, requested: str
+    ) -> ActiveProgram | None:
+        """The program that an episode begins with; None where the arm waits for one."""
+        if requested:
+            program = self._checked(ProgramRequest(program_id_of(requested), requested), episode)
+            self.program_ids.bind(program.program_id, program.text)
+            self._requested = program
+            return program
+        if self.config.program_source == "generator":
+            kind = "eval" if evaluation else "train"
+            own = ActiveProgram(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
+            self.program_ids.remember(own.program_id, own.text)
+            return own
+        if self._requested is not None and _names_a_block(self._requested.program, episode):
+            return self._requested
+        return None
 
-    def apply(self, command: Command) -> Iterator[Frame]:
-        """Act for one control period as commanded, clamped to [-1, 1]; see `advance`."""
-        exact = max(map(abs, command.action.tolist())) <= 1.0
-        action = command.action if exact else np.clip(command.action, -1.0, 1.0)
-        self.clamped += not exact
-        stands = self.frame.observation
-        answered = exact and bool(command.agent_id) and command.stamp_ns == stands.stamp_ns
-        executed = Executed(command.key, action) if answered else None
-        return self.advance(action.astype(np.float64) * self.speed_limits, executed)
+    def _checked(self, request: ProgramRequest, episode: Episode) -> ActiveProgram:
+        program = parse(request.text, self.task.design.vocabulary)
+        require_target(program, [block.kind.words for block in episode.blocks], None)
+        return ActiveProgram(request.program_id, program)
 
-    def advance(self, velocity: Float64, executed: Executed | None = None) -> Iterator[Frame]:
-        """Act for one control period, rad/s; yield the step it led to and, if that was the
-        episode's last, the next episode's first. Raises DivergedError, the episode then void."""
-        evaluation = self.frame.evaluation
-        observation = self.task.advance(velocity)
-        if self.disturbed:  # not the command alone led here
-            executed, self.disturbed = None, False
-        self.steps += 1
-        self._frame(
-            observation, lambda: self._masked(self.task.judge(observation)), evaluation, executed
-        )
-        yield self.frame
-        verdict = self.frame.verdict
-        self._episode_rewards.append(verdict.reward)
-        if verdict.truncated:
-            self.rewards[evaluation].append(float(np.mean(self._episode_rewards)))
-            yield self.begin()
+    # The current step
 
-    def _stand(self, program: Ordered | None, evaluation: bool) -> None:
-        """Make the task's present step the frame, under a program."""
-        assert self.task.episode is not None
+    def _show_current_step(self, program: ActiveProgram | None, evaluation: bool) -> None:
+        """Make the task's current step the frame, under a program."""
         self.program = program
         executed = program.program if program else self.task.episode.program
         program_id = program.program_id if program else None
         observation, verdict = self.task.set_program(executed, program_id)
-        verdict = self._masked(verdict)  # now: another program may come while the step stands
-        self._frame(observation, lambda: verdict, evaluation, None)
+        # The verdict is fixed now, because the program may change before the next step.
+        verdict = self._masked(verdict)
+        self._show(observation, lambda: verdict, evaluation, None)
 
-    def _frame(
+    def _show(
         self,
         observation: Observation,
         judge: Callable[[], Verdict],
         evaluation: bool,
         executed: Executed | None,
     ) -> None:
+        if self.program is None:
+            observation = replace(observation, program_id="")
         text = self.program.text if self.program else ""
-        shown = observation if self.program else replace(observation, program_id="")
-        self.frame = Frame(shown, judge, evaluation, executed, text)
+        self.frame = Frame(observation, evaluation, executed, text, judge)
 
     def _masked(self, verdict: Verdict) -> Verdict:
-        """Without a program in force there is nothing to satisfy."""
+        """Without an active program nothing is satisfied."""
         if self.program is not None:
             return verdict
         reward = float(self.task.scoring.reward(False, inf))
         return replace(verdict, program_id="", reward=reward, satisfied=False, distance=inf)
 
-    def _program_of(self, episode: Episode, evaluation: bool, wanted: str) -> Ordered | None:
-        """The program that an episode begins with."""
-        if wanted:
-            asked = self._checked(ProgramRequest(program_id_of(wanted), wanted), episode)
-            self.program_ids.bind(asked.program_id, asked.text)
-            self._user = asked
-            return asked
-        if self.config.program_source == "generator":
-            kind = "eval" if evaluation else "train"
-            own = Ordered(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
-            self.program_ids.announce(own.program_id, own.text)
-            return own
-        try:
-            return self._user and self._naming(self._user, episode)
-        except ProgramError:  # accepted in another scene; here it names nothing
-            return None
+    # What the arena says about itself
 
-    def _checked(self, request: ProgramRequest, episode: Episode) -> Ordered:
-        program = parse(request.text, self.task.design.vocabulary)
-        return self._naming(Ordered(request.program_id, program), episode)
+    def describe(self) -> ArenaDescription:
+        """The arena's description, which is published once."""
+        design, config = self.task.design, self.config
+        mode = Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME
+        programs, reward = training_programs(design), self.task.scoring.reward
+        about = origins.describe(
+            self.arena, design, config.seed, programs, self.arena_id, mode, reward
+        )
+        # A condition may have more blocks than the design, or fewer.
+        blocks = len(self.scene(False, config.first_episode).blocks)
+        return replace(about, block_count=blocks)
 
-    def _naming(self, ordered: Ordered, episode: Episode) -> Ordered:
-        """The same; ProgramError if it names no block of the episode."""
-        require_target(ordered.program, [block.kind.words for block in episode.blocks], None)
-        return ordered
+    def origin(self, node: str) -> Origin:
+        """Software, settings and world of this arena, for recordings; `node` is its full name."""
+        return origins.origin(
+            node,
+            self.arena_id,
+            self.config.seed,
+            parameters=self.config.flat(),
+            design=self.task.design.name,
+            arm=self.arena.arm,
+            preset=self.arena.preset,
+            world=self.task.world,
+        )
+
+
+class ProgramIds:
+    """Canonical texts by program id, the newest REMEMBERED_PROGRAMS. An id never changes its text.
+
+    Ids that begin with the arena's own prefix are those of the programs that the arena draws.
+    """
+
+    def __init__(self, arena_id: str) -> None:
+        self._prefix = f"{arena_id}/"
+        self._texts: OrderedDict[str, str] = OrderedDict()
+
+    def is_own(self, program_id: str) -> bool:
+        """Whether an id belongs to a program that the arena has drawn."""
+        return program_id.startswith(self._prefix)
+
+    def is_echo(self, request: ProgramRequest) -> bool:
+        """Whether this is the arena's own announcement, which it receives like everyone."""
+        own = self.is_own(request.program_id)
+        return own and self._texts.get(request.program_id) == request.text
+
+    def bind(self, program_id: str, text: str) -> None:
+        """Give an id to a person's program. Raises WireError if the id isn't free for it."""
+        if self.is_own(program_id):
+            expected = f"one that does not begin with {self._prefix!r} (the arena's own programs)"
+            raise WireError("program_id", expected, repr(program_id), code="program.id_taken")
+        known = self._texts.get(program_id, text)
+        if known != text:
+            expected = f"another id than {program_id!r}, which means {known}"
+            raise WireError("program_id", expected, f"{text} with that id", code="program.id_taken")
+        self.remember(program_id, text)
+
+    def remember(self, program_id: str, text: str) -> None:
+        """Keep the text of an id."""
+        self._texts[program_id] = text
+        self._texts.move_to_end(program_id)
+        while len(self._texts) > REMEMBERED_PROGRAMS:
+            self._texts.popitem(last=False)
+
+
+def _names_a_block(program: Program, episode: Episode) -> bool:
+    try:
+        require_target(program, [block.kind.words for block in episode.blocks], None)
+    except ProgramError:
+        return False
+    return True

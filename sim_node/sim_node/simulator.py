@@ -38,7 +38,7 @@ from pa_ros.wire.simulator import (
 )
 from sim_node.entities import Entities, label
 from sim_node.errors import SimulatorError
-from sim_node.services import Steered
+from sim_node.services import ArenaControl
 from sim_node.stepping import SteppingAction
 
 ABOUT = "time never goes back; moved blocks are seen from the next step on; docs/simulator.md"
@@ -50,7 +50,9 @@ Answer = Callable[[Message, Any], Any]
 class SimulatorServices:
     """Offers the services on a node, in its namespace."""
 
-    def __init__(self, node: Node, arena: Steered, entities: Entities, refusals: Refusals) -> None:
+    def __init__(
+        self, node: Node, arena: ArenaControl, entities: Entities, refusals: Refusals
+    ) -> None:
         self._arena, self._entities, self._refusals = arena, entities, refusals
         self._stopped_at = -1  # stamp at which it was stopped and reset; -1: it was not
         invalid = {"set_entity_state": INVALID_POSE, "spawn_entity": SpawnCode.INVALID_POSE}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.node import Node
 
@@ -18,24 +18,15 @@ from pa_ros.wire.simulator import (
     encode_steps_result,
 )
 from sim_node.errors import SimulatorError
+from sim_node.services import ArenaControl
 
 TURN_S = 0.001  # wall time between two steps, in which the node serves others
-
-
-class Held(Protocol):
-    """An arena that can be let go step by step."""
-
-    def check_active(self) -> None:
-        """Raise InactiveError unless the arena is active."""
-
-    def hold(self, steps: int) -> None:
-        """Let control periods pass while the arm holds still. NotPausedError."""
 
 
 class SteppingAction:
     """One goal at a time; a second one is aborted."""
 
-    def __init__(self, node: Node, arena: Held, refusals: Refusals) -> None:
+    def __init__(self, node: Node, arena: ArenaControl, refusals: Refusals) -> None:
         self._node, self._arena, self._refusals = node, arena, refusals
         self._goal: Goal | None = None
         self._steps = self._done = 0

@@ -13,8 +13,8 @@ from helpers.graph import graph
 from helpers.pictures import opengl, pixel_of
 from pa_ros.ros import topics
 from pa_ros.wire.fields import header_stamp
-from sim_node.camera import FRAME
 from sim_node.node import SimNode
+from sim_node.viewers import CAMERA_FRAME
 
 ARENA = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__program_source": "topic"}
 ARENA |= {"sim_node__mode": "real_time"}
@@ -37,17 +37,17 @@ def test_blocks_are_found_in_the_picture_by_camera_info_and_transforms():
 
         def posed() -> bool:
             known.update({m.child_frame_id: m for m in probe.heard["transforms"]})
-            return FRAME in known and "red_cube" in known
+            return CAMERA_FRAME in known and "red_cube" in known
 
         assert probe.until(posed)
         image, info = (probe.last(topic) for topic in PAIR)
         assert (image.encoding, image.step, len(image.data)) == ("rgb8", 960, 960 * 240)
-        assert image.header.frame_id == info.header.frame_id == FRAME
+        assert image.header.frame_id == info.header.frame_id == CAMERA_FRAME
         assert (info.width, info.height) == (image.width, image.height) == (320, 240)
         assert (info.distortion_model, list(info.d)) == ("plumb_bob", [0.0] * 5)
         np.testing.assert_array_equal(info.p.reshape(3, 4)[:, :3], info.k.reshape(3, 3))
-        turn = known[FRAME].transform.rotation
-        eye = np.array(place_of(known[FRAME])), [turn.x, turn.y, turn.z, turn.w]
+        turn = known[CAMERA_FRAME].transform.rotation
+        eye = np.array(place_of(known[CAMERA_FRAME])), [turn.x, turn.y, turn.z, turn.w]
         picture = np.frombuffer(image.data, np.uint8).reshape(240, 320, 3)
         blocks = [m for m in probe.last(markers).markers if m.ns == "blocks"]
         names = [m.text for m in probe.last(markers).markers if m.ns == "labels"]
@@ -68,7 +68,7 @@ def test_without_being_asked_for_there_is_no_camera():
         names = {publisher.topic_name for publisher in probe.nodes[0].publishers}
         assert not names & {f"/{topic.name}" for topic in PAIR}
         assert probe.until(lambda: probe.count(topics.TRANSFORMS) >= 5)
-        assert FRAME not in {m.child_frame_id for m in probe.heard["transforms"]}
+        assert CAMERA_FRAME not in {m.child_frame_id for m in probe.heard["transforms"]}
 
 
 @pytest.mark.graph

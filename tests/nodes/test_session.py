@@ -18,9 +18,17 @@ from pa_ros.wire.errors import WireError
 from pa_ros.wire.program import ProgramRequest, program_id_of
 from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
+from sim_node.commands import check_answer
 from sim_node.config import SimConfig
-from sim_node.errors import NoProgramError, StaleCommandError
-from sim_node.session import Session
+from sim_node.errors import SimError
+from sim_node.session import Frame, Session
+
+
+def step(session: Session) -> Frame:
+    """Run one control period while the arm holds still; the step it led to."""
+    frame = session.advance(session.hold)
+    session.finish_step()
+    return frame
 
 
 def run_episodes(session: Session, count: int) -> list[tuple[bool, int, str]]:
@@ -31,7 +39,7 @@ def run_episodes(session: Session, count: int) -> list[tuple[bool, int, str]]:
         frame = session.frame
         found.append((frame.evaluation, frame.observation.episode, frame.observation.program_id))
         for _ in range(session.arena.episode_steps):
-            list(session.advance(session.hold))
+            step(session)
     return found
 
 
@@ -64,8 +72,8 @@ def test_a_persons_program_lasts_until_the_generators_next_episode():
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
     assert session.submit(ProgramRequest("mine", "NEAR(HAND,RED)")) == "NEAR(HAND, RED)"
-    frames = [frame for _ in range(3) for frame in session.advance(session.hold)]
-    ids = [frame.observation.program_id for frame in frames]
+    ids = [step(session).observation.program_id for _ in range(3)]
+    ids.append(session.frame.observation.program_id)
     assert ids == ["mine", "mine", "mine", "x/train/1"]
 
 
@@ -80,7 +88,7 @@ def test_where_programs_come_by_topic_the_scene_stays_and_the_program_too():
     with pytest.raises(ProgramError):
         session.submit(ProgramRequest("no", "NEAR(HAND, AND(RED, BLUE))"))
     for _ in range(150):
-        (frame,) = session.advance(session.hold)
+        frame = step(session)
     assert (frame.observation.episode, frame.observation.step) == (0, 150)
     assert frame.observation.program_id == "mine"
     session.begin(ResetRequest(episode=8))
@@ -94,7 +102,7 @@ def test_a_refused_reset_changes_nothing():
     with pytest.raises(ProgramError):
         session.begin(ResetRequest(3, "NEAR(HAND, AND(RED, BLUE))"))
     assert session.frame is before and session.task.episode.index == 0
-    (frame,) = session.advance(session.hold)
+    frame = step(session)
     assert (frame.observation.episode, frame.observation.step) == (0, 1)
 
 
@@ -128,7 +136,7 @@ def test_a_frame_tells_the_program_that_it_is_under():
     assert drawn == str(session.task.program)
     session.submit(ProgramRequest("mine", "NEAR(HAND,RED)"))
     assert session.frame.program == drawn  # the step that stands, when it is sent again
-    (frame,) = session.advance(session.hold)
+    frame = step(session)
     assert (frame.observation.program_id, frame.program) == ("mine", "NEAR(HAND, RED)")
     without = Session(SimConfig(program_source="topic"), "x")
     assert without.begin().program == ""
@@ -194,12 +202,12 @@ def answer_to(session: Session, share: float = 0.5, **fields: Any) -> Command:
 def test_a_command_is_a_share_of_the_speed_limits_and_counted():
     session = Session(SimConfig(), "x")
     session.begin()
-    (frame,) = session.apply(answer_to(session, 0.5))
+    frame = session.apply(answer_to(session, 0.5))
     limit = session.speed_limits[0]
     assert frame.observation.joint_velocity[0] == pytest.approx(0.5 * limit, rel=0.05)
     assert (session.steps, session.clamped) == (1, 0)
     assert frame.executed == Executed(CommandKey("me", 3, 7), answer_to(session, 0.5).action)
-    (frame,) = session.apply(answer_to(session, -1.5))
+    frame = session.apply(answer_to(session, -1.5))
     assert frame.observation.joint_velocity[0] == pytest.approx(-limit, rel=0.05)
     assert (session.steps, session.clamped, frame.executed) == (2, 1, None)
 
@@ -208,13 +216,13 @@ def test_a_command_is_a_share_of_the_speed_limits_and_counted():
 def test_in_lockstep_only_the_step_that_stands_is_answered(wrong):
     session = Session(SimConfig(), "x")
     session.begin()
-    session.check(answer_to(session))
-    with pytest.raises(StaleCommandError):
-        session.check(answer_to(session, **wrong))
+    check_answer(session, answer_to(session))
+    with pytest.raises(SimError, match="expected \\(episode"):
+        check_answer(session, answer_to(session, **wrong))
     without = Session(SimConfig(program_source="topic"), "x")
     without.begin()
-    with pytest.raises(NoProgramError):
-        without.check(answer_to(without))
+    with pytest.raises(SimError, match="program first"):
+        check_answer(without, answer_to(without))
 
 
 def test_a_step_that_stands_is_judged_under_its_own_program():
@@ -235,5 +243,5 @@ def test_an_episodes_score_leaves_the_resets_reward_out(monkeypatch):
     judge = session.task.judge
     monkeypatch.setattr(session.task, "judge", lambda seen: replace(judge(seen), reward=1.0))
     for _ in range(3):
-        list(session.advance(session.hold))
+        step(session)
     assert list(session.rewards[False]) == [1.0]  # four rewards, one of them a reset's -1: 0.5

@@ -280,7 +280,7 @@ def test_moved_blocks_are_no_consequence_of_a_command():
         fields = {**kept, "state__pose__position__y": 0.6}
         assert code(probe, topics.SET_ENTITY_STATE, **fields) == OK
         assert session.disturbed
-        list(session.advance(session.hold, "me"))
+        session.advance(session.hold, "me")
         assert not session.disturbed
 
 
@@ -326,6 +326,6 @@ def test_an_arena_says_so_if_another_publishes_its_clock(name):
         assert probe.nodes[0].count_publishers(full) == 1
         assert probe.until(lambda: probe.message("sim_node").startswith("waits for a program"))
         intruder = topics.CLOCK.publisher(probe)
-        said = f"another publishes {full}, too"
+        said = f"another node publishes {full}, too"
         assert probe.until(lambda: said in probe.message("sim_node"))
         probe.destroy_publisher(intruder)

@@ -99,12 +99,11 @@ class Simulation:
         mujoco.mj_forward(self.model, self.data)
 
     def advance(self, joint_velocity: Float64) -> None:
-        """Command joint velocities, rad/s [J], for one control period; clamped to the limits.
+        """Command joint velocities, rad/s [J], for one control period.
 
-        Raises CommandError (and moves nothing) if mis-sized or not finite.
+        They must be finite and within the limits: `checked`, or the node's own check, sees to it.
         """
-        command = self.checked(joint_velocity)
-        self._control[:] = np.minimum(np.maximum(command, -self._limits), self._limits)
+        self._control[:] = joint_velocity
         mujoco.mj_step(self.model, self.data, self._substeps)
         if self._warnings.any():  # MuJoCo itself goes on, from the start if all blew up
             self._placed = False
@@ -113,7 +112,10 @@ class Simulation:
         mujoco.mj_kinematics(self.model, self.data)  # poses of the new positions
 
     def checked(self, joint_velocity: Float64) -> Float64:
-        """The command as float64 [J], or CommandError; EpisodeError before the first `place`."""
+        """The command as float64 [J], clamped to the speed limits.
+
+        Raises CommandError if it is mis-sized or not finite, EpisodeError before the first `place`.
+        """
         if not self._placed:
             raise EpisodeError("expected an episode to be placed before the first command")
         try:
@@ -127,7 +129,8 @@ class Simulation:
             )
         if not np.isfinite(command).all():
             raise CommandError(f"joint command: expected finite rad/s, got {command.tolist()}")
-        return command
+        clamped: Float64 = np.clip(command, -self._limits, self._limits)
+        return clamped
 
     def objects(self) -> Float32:
         """Ω without the arm: [N, F], hand first, in the hand's frame."""

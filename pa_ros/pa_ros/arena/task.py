@@ -118,13 +118,16 @@ class ReachTask:
         Raises CommandError for a command that is mis-sized or not finite, EpisodeError before
         the first reset and after the time limit; either way nothing moves.
         """
-        observation = self.advance(joint_velocity)
+        if self.episode and self._step >= self.config.episode_steps:
+            raise EpisodeError(f"the episode was truncated at step {self._step}: expected a reset")
+        observation = self.advance(self.simulation.checked(joint_velocity))
         return observation, self.judge(observation)
 
     def advance(self, joint_velocity: Float64) -> Observation:
-        """As `step`, without the verdict, which is to be asked for before anything else happens."""
-        if self.episode and self._step >= self.config.episode_steps:
-            raise EpisodeError(f"the episode was truncated at step {self._step}: expected a reset")
+        """Act with joint velocities that are known to be finite and within the limits.
+
+        The verdict isn't computed: call `judge` before anything else happens in the arena.
+        """
         self.simulation.advance(joint_velocity)
         self._step += 1
         self._stamp_ns += self._period_ns

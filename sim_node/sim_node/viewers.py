@@ -1,0 +1,143 @@
+"""What people look at, published only while somebody subscribes, and outside the control steps.
+
+The arm's description, poses and markers for RViz; samples of the current step for tools that need
+not see every step; pictures of a camera.
+"""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+
+from rclpy.node import Node
+
+from pa_ros.arena.camera import Camera, intrinsics, optical_pose
+from pa_ros.arena.errors import RenderError
+from pa_ros.arena.urdf import urdf
+from pa_ros.core.body import Body
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire.step import StepContext, encode_observation, encode_verdict
+from pa_ros.wire.views import (
+    encode_camera_info,
+    encode_image,
+    encode_markers,
+    encode_text,
+    encode_transform,
+)
+from sim_node.entities import Entities, solids
+from sim_node.services import ArenaControl
+
+VIEWS_S = 0.1  # wall time between two sets of poses and markers
+SAMPLES_S = 0.25  # wall time between two samples
+CAMERA_FRAME = "camera_optical_frame"
+CAMERA_POLL_S = 0.02  # wall time between two looks at the simulation's clock
+# Wall time between two pictures while simulation time stops, because blocks may have been moved.
+CAMERA_STILL_S = 1.0
+
+
+class CameraView:
+    """Pictures from a camera over the table, rendered in a thread.
+
+    The arena never waits for a picture. While one is being rendered, later ones are skipped.
+    """
+
+    pose: Body  # of the optical frame
+
+    def __init__(self, node: Node, arena: ArenaControl, refusals: Refusals) -> None:
+        """Call after an episode has begun. Raises RenderError where there is no OpenGL."""
+        self._arena, self._refusals = arena, refusals
+        session = self._session = arena.session
+        self._config = session.config.camera
+        model, config = session.task.simulation.model, self._config
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="camera")
+        shape = config.view, config.width, config.height
+        self._camera = self._thread.submit(Camera, model, *shape).result()
+        self._matrix, self.pose = intrinsics(model, *shape), optical_pose(model, config.view)
+        self._image = topics.CAMERA_IMAGE.publisher(node)
+        self._info = topics.CAMERA_INFO.publisher(node)
+        self._rendering: Future[None] | None = None
+        self._last = (-1, -CAMERA_STILL_S)  # period of simulation time, wall time of a picture
+        self.pictures = 0
+        steady_timer(node, CAMERA_POLL_S, self._poll)
+
+    def close(self) -> None:
+        """Free the camera; call before the node is destroyed."""
+        self._thread.submit(self._camera.close)
+        self._thread.shutdown()
+
+    def _poll(self) -> None:
+        watched = self._image.get_subscription_count() or self._info.get_subscription_count()
+        busy = self._rendering is not None and not self._rendering.done()
+        if busy or not watched or not self._arena.active:
+            return
+        stamp_ns = self._session.frame.observation.stamp_ns
+        period, now = int(stamp_ns * self._config.rate_hz / 1e9), time.monotonic()
+        if period == self._last[0] and now - self._last[1] < CAMERA_STILL_S:
+            return
+        self._last = period, now
+        if self._rendering is not None and (error := self._rendering.exception()) is not None:
+            lost = RenderError(f"expected a picture, got {type(error).__name__}: {error}")
+            self._refusals.refuse("camera", lost)
+        self._camera.look(self._session.task.simulation)
+        self._rendering = self._thread.submit(self._publish, stamp_ns)
+
+    def _publish(self, stamp_ns: int) -> None:
+        size = self._config.width, self._config.height
+        self._image.publish(encode_image(self._camera.picture(), CAMERA_FRAME, stamp_ns))
+        self._info.publish(encode_camera_info(self._matrix, *size, CAMERA_FRAME, stamp_ns))
+        self.pictures += 1
+
+
+class Views:
+    """The arm's URDF, the poses of hand, blocks and camera, and the blocks as markers."""
+
+    def __init__(
+        self, node: Node, arena: ArenaControl, entities: Entities, camera: CameraView | None
+    ) -> None:
+        """Call after an episode has begun."""
+        self._arena, self._session = arena, arena.session
+        self._entities, self._camera = entities, camera
+        self._transforms = topics.TRANSFORMS.publisher(node)
+        self._markers = topics.MARKERS.publisher(node)
+        self._shown = 0  # markers in the last message
+        limits, model = self._session.arena.joint_speed_limits, self._session.task.simulation.model
+        self._description = topics.ROBOT_DESCRIPTION.publisher(node)
+        self._description.publish(encode_text(urdf(model, self._session.arena.arm, limits)))
+        steady_timer(node, VIEWS_S, self._show)
+
+    def _show(self) -> None:
+        if not self._arena.active:
+            return
+        stamp_ns = self._session.frame.observation.stamp_ns
+        if self._transforms.get_subscription_count():
+            shown = {entity.name: entity.body for entity in self._entities.matching()}
+            if self._camera is not None:
+                shown[CAMERA_FRAME] = self._camera.pose
+            for name, body in shown.items():
+                self._transforms.publish(encode_transform(name, body, stamp_ns))
+        if self._markers.get_subscription_count():
+            blocks = solids(self._session.task.simulation.model, self._entities.matching()[1:])
+            self._markers.publish(encode_markers(blocks, stamp_ns, self._shown))
+            self._shown = len(blocks)
+
+
+class Samples:
+    """The current step, four times a second however fast the arena is."""
+
+    def __init__(self, node: Node, arena: ArenaControl, joint_names: tuple[str, ...]) -> None:
+        self._arena, self._joint_names = arena, joint_names
+        self._publishers = {part: topic.publisher(node) for part, topic in topics.SAMPLES.items()}
+        steady_timer(node, SAMPLES_S, self._show)
+
+    def _show(self) -> None:
+        watched = any(one.get_subscription_count() for one in self._publishers.values())
+        if not watched or not self._arena.active:
+            return
+        session, frame = self._arena.session, self._arena.session.frame
+        context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
+        features, joints = encode_observation(frame.observation, self._joint_names, context)
+        verdict = encode_verdict(frame.verdict, frame.evaluation, session.arena_id)
+        for part, message in (("joints", joints), ("features", features), ("verdict", verdict)):
+            self._publishers[part].publish(message)
