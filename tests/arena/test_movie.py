@@ -70,7 +70,7 @@ def test_a_file_that_cannot_be_written_is_refused_in_a_line(tmp_path, kind):
 
 
 def test_the_shipped_agent_is_filmed_and_reaches_what_it_is_told(tmp_path, capsys, monkeypatch):
-    said = captions(monkeypatch, "pa_ros.tools.demo.film.captioned")
+    said = captions(monkeypatch, "pa_ros.tools.film.captioned")
     out = tmp_path / "film.gif"
     assert main(["film", "--out", str(out), "--seed", "0", "--side", "64"]) == 0
     assert capsys.readouterr().out == f"{len(said)} pictures in {out}; not reached: none\n"

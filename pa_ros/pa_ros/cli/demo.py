@@ -1,4 +1,4 @@
-"""`pa_ros demo` (`make run`): a shipped agent executes programs; then one learns from scratch."""
+"""`pa_ros demo` (`make run`): a shipped agent executes programs; then another learns to."""
 
 from __future__ import annotations
 
@@ -10,77 +10,233 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any, ClassVar
 
-from pa_ros.arena import ArenaChoice, design_named, preset_named
+import numpy as np
+from pydantic import Field
+
+from pa_ros.acting.execution import HOLD_S, WINDOW_S
+from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs
 from pa_ros.cli.options import add_settings, folder_to_write, settings_from
 from pa_ros.console.address import TOKEN, free_port, sending
-from pa_ros.core.errors import PaError
-from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
-from pa_ros.tools.demo.config import DemoConfig
-from pa_ros.tools.demo.phases import demonstrate
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.settings import Settings
+from pa_ros.evaluation.pictures.drawing import draw_detectors, learning_curve
+from pa_ros.evaluation.scoring.evaluate import reference_scores
+from pa_ros.evaluation.scoring.rewards import rewards
+from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
+from pa_ros.learning.folder import checkpoint_of
+from pa_ros.ros.topics import VERDICT
+from pa_ros.tools.arena_client import ArenaClient
+from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_domain
+from pa_ros.tools.film import FEWER, FULL, demo_programs, find_scene
+from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import load_parameters, merged, packaged
 from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
+from pa_ros.tools.record import Recorder
+from pa_ros.tools.send import ProgramSender
+from pa_ros.wire.services import ResetRequest
+from pa_ros.wire.step import decode_verdict, is_evaluation
 
+SHIPPED, LEARNED, PRESET = "3-D", "2-L", "fast"  # designs, and the arm
+SCENE_SEED = 1_000_000  # added to the seed: no scene of the executions was trained in
+NEEDED = 5  # programs of the six that must be executed, the held-out one among them
+SPEED = 2.0  # times real time, during executions
+REFERENCE_EPISODES = 50
+READY_S, ANSWER_S = 60.0, 30.0  # s, for nodes to start and to answer
+ROW = "{:<12} {:<56} {:<7} {:<7} {:<10} {}"
 EXIT_FAILED = 1
+
+
+class DemoConfig(Settings):
+    """How the demonstration learns."""
+
+    SECTION: ClassVar[str] = "demo"
+
+    seed: int = Field(0, ge=0, description="of learning; the scenes of executions have another")
+    minutes: float = Field(20.0, gt=0, description="give up learning after these")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros demo`."""
-    add_settings(parser, ArenaChoice, "design", "arm", "preset")
     add_settings(parser, DemoConfig, "seed", "minutes")
     parser.add_argument(
-        "--no-shipped",
-        dest="shipped",
-        action="store_false",
-        help="begin with learning: leave out the shipped agent's programs",
+        "--no-shipped", dest="shipped", action="store_false", help="start with learning"
     )
     parser.add_argument(
         "--no-console", dest="console", action="store_false",
-        help="don't serve the page of `pa_ros console` meanwhile, which is done where its extra is",
+        help="do not serve the page of `pa_ros console`",
     )  # fmt: skip
     parser.add_argument(
-        "--out", dest="folder", type=folder_to_write, metavar="DIR",
-        help=f"{DemoConfig.leaf('folder').description} (runs/demo-<time>)",
+        "--out", type=folder_to_write, metavar="DIR",
+        help="a new or empty folder for all results (runs/demo-<time>)",
     )  # fmt: skip
-    parser.add_argument(
-        "--domain-id", type=int, metavar="N", help="ROS domain (default: an unused one)"
-    )
     parser.epilog = (
-        "exit status: 0 if the held-out program and at least five of the six were executed by "
-        "each agent, 1 if not, 130 if interrupted"
+        "exit status: 0 if each agent executed the held-out program and at least five of the six, "
+        "1 if not, 130 if interrupted"
     )
 
 
 def run(options: argparse.Namespace) -> int:
-    """Demonstrate; the exit status."""
-    folder = options.folder or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
-    design, arena = design_named(options.design), preset_named(options.preset, options.arm)
-    config = settings_from(options, DemoConfig, design=design, arena=arena, folder=folder)
-    print(f"ROS domain {use_domain(options.domain_id)}; everything is left in {folder}/\n")
-    with signals_noted() as interrupted, _page(options.console, folder):
-        try:
-            return 0 if demonstrate(config, options.shipped, interrupted) else EXIT_FAILED
-        except KeyboardInterrupt:
-            print("interrupted; every process was stopped")
-            return EXIT_INTERRUPTED
-        except PaError as error:
-            print(f"pa_ros demo: {error}", file=sys.stderr)
-            return EXIT_FAILED
+    """Execute, learn, execute. Results are left in one folder; Ctrl-C stops every process."""
+    config = settings_from(options, DemoConfig)
+    folder = options.out or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"--out: expected a new or empty folder, got {folder}")
+    print(f"ROS domain {use_domain(None)}; results: {folder}/\n")
+    try:
+        with _page(options.console, folder):
+            good = not options.shipped or _show_shipped(folder, config)
+            good = _learn(folder, config) and _execute_learned(folder, config) and good
+    except PaError as error:
+        print(f"pa_ros demo: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    except KeyboardInterrupt:
+        print("Interrupted. All processes were stopped.")
+        raise
+    finally:
+        print(f"Results are in {folder}/.")
+    return 0 if good else EXIT_FAILED
+
+
+def _show_shipped(folder: Path, config: DemoConfig) -> bool:
+    design = design_named(SHIPPED)
+    print(f"First, an agent that comes with the package (design {SHIPPED}) executes programs.")
+    print(f"It was trained on {_targets(design)}.\n")
+    return execute(folder / "shipped", design, f"shipped:{SHIPPED}", config.seed + SCENE_SEED)
+
+
+def _execute_learned(folder: Path, config: DemoConfig) -> bool:
+    print("\nThe agent that has just learned executes programs.\n")
+    checkpoint = str(checkpoint_of(folder).resolve())
+    return execute(folder, design_named(LEARNED), checkpoint, config.seed + SCENE_SEED)
+
+
+def execute(folder: Path, design: Design, checkpoint: str, seed: int, speed: float = SPEED) -> bool:
+    """Send six programs to an arena and an agent, one scene each; whether enough were executed.
+
+    Prints a table. Records the graph into `folder`/programs.
+    """
+    arena = {"design": design.name, "preset": PRESET, "seed": seed, "real_time_factor": speed,
+             "condition": FULL, "eval_condition": FEWER}  # fmt: skip
+    changes: dict[str, dict[str, Any]] = {
+        "sim_node": arena,
+        "agent_node": {"checkpoint": checkpoint},
+    }
+    parameters = merged(load_parameters(packaged("execute_3d")), changes)
+    log, executed, figures = folder / "log" / "execute", [], GraphFigures()
+    with (
+        client_node("demo") as node,
+        Recorder(folder / "programs", node),
+        Supervisor(log) as supervisor,
+    ):
+        watch_diagnostics(node, figures)
+        start_nodes(supervisor, parameters, log)
+
+        def ready() -> bool:
+            version = figures.value("agent_node", "policy_version")
+            running = figures.value("sim_node", "episode") is not None
+            return running and version is not None and version >= 0
+
+        if not watch(node, supervisor, lambda: None, ready, READY_S):
+            raise PaError(f"expected arena and agent to work within {READY_S:g} s")
+        services, sender = ArenaClient(node), ProgramSender(node)
+        print(f"Each program has {WINDOW_S:g} s. Satisfied: {HOLD_S:g} s near the target.\n")
+        print(ROW.format("", "program", "from", "to", "satisfied", "after"))
+        for program in demo_programs(design):
+            scene = find_scene(preset_named(PRESET), design, seed, program)
+            # While the program is on its way time stands still, so that it starts in this scene.
+            services.pause(True, ANSWER_S)
+            evaluation = scene.condition == FEWER
+            services.reset(ResetRequest(scene.episode.index, evaluation=evaluation), ANSWER_S)
+            for status in sender.send(program.text, ANSWER_S).refused:
+                raise PaError(f"{status.node}: {status.reason}")
+            services.pause(False, ANSWER_S)
+            found = sender.wait(ANSWER_S + 2.0 * WINDOW_S / speed)
+            executed += [program.kind] if found.satisfied else []
+            after = "" if found.reached_s is None else f"{found.reached_s:.1f} s"
+            cells = f"{scene.distance:.2f} m", f"{found.distance:.2f} m"
+            verdict = "yes" if found.satisfied else "NO"
+            print(ROW.format(program.kind, program.text, *cells, verdict, after), flush=True)
+    print(f"\n{len(executed)} of {len(demo_programs(design))} programs executed.")
+    return "held out" in executed and len(executed) >= NEEDED
+
+
+def _learn(folder: Path, config: DemoConfig) -> bool:
+    """Learn from random weights until the zero-shot target is reached; whether it was.
+
+    Leaves the checkpoint, the learning curve and a picture of the detectors.
+    """
+    design, arena = design_named(LEARNED), preset_named(PRESET)
+    held_out = ", ".join(kind.conjunction for kind in design.held_out)
+    print(f"\nAn agent learns design {LEARNED} from random weights, faster than real time.")
+    print(f"It is trained on {_targets(design)};\nnever on {held_out} (zero-shot).")
+    task = ReachTask(arena, design, config.seed)
+    random, script = (
+        float(np.mean(rewards(reference_scores(task, name, FULL, REFERENCE_EPISODES))))
+        for name in ("random", "scripted")
+    )
+    print(f"Score 0 is random motion ({random:+.2f} per step), 1 is a script ({script:+.2f}).\n")
+    changes: dict[str, dict[str, Any]] = {
+        "sim_node": {"design": LEARNED, "preset": PRESET, "seed": config.seed},
+        "agent_node": {"seed": config.seed},
+        "learner_node": {"seed": config.seed, "out": str(folder.resolve())},
+    }
+    parameters = merged(load_parameters(packaged("train_2l")), changes)
+    target = HeldOutTarget(random=random, scripted=script)
+    tally, figures = EpisodeTally(), GraphFigures()
+    started, log = time.monotonic(), folder / "log" / "learn"
+    with client_node("demo") as node, Supervisor(log) as supervisor:
+        watch_diagnostics(node, figures)
+        VERDICT.subscribe(node, lambda m: tally.observe(decode_verdict(m), is_evaluation(m)))
+        start_nodes(supervisor, parameters, log)
+
+        def rows() -> list[tuple[str, str]]:
+            score, success = target.score(tally)
+            return [("zero-shot score", f"{score:.2f} (done at {target.normalized})"),
+                    ("zero-shot success", f"{success:.0%} (done at {target.success:.0%})"),
+                    *figures.rows()]  # fmt: skip
+
+        def line() -> str:
+            return f"zero-shot score {target.score(tally)[0]:.2f}  {figures.line()}"
+
+        with Display("Learning (Ctrl-C stops everything)", rows, line) as display:
+            reached = watch(
+                node, supervisor, display.refresh, lambda: target.reached(tally),
+                60.0 * config.minutes,
+            )  # fmt: skip
+        supervisor.stop()
+    took = f"{time.monotonic() - started:.0f} s and {tally.frames} control steps"
+    verdict = "reached" if reached else "NOT reached"
+    print(f"\nZero-shot score {target.score(tally)[0]:.2f}: target {verdict} after {took}.")
+    title = f"design {LEARNED}, seed {config.seed}, over the graph"
+    if tally.episodes:
+        learning_curve(folder / "learning-curve.png", *tally.curve(), title, (random, script))
+    program = demo_programs(design)[1]
+    scene = find_scene(arena, design, config.seed + SCENE_SEED, program)
+    seen, _ = task.reset_to(scene.episode)
+    draw_detectors(folder / "detectors.png", checkpoint_of(folder), task, seen, program.text)
+    return reached
+
+
+def _targets(design: Design) -> str:
+    return ", ".join(str(program.target) for program in training_programs(design))
 
 
 @contextmanager
 def _page(wanted: bool, folder: Path) -> Iterator[None]:
-    """A console beside all phases, in a process that ends with this one; where it is installed."""
-    if not wanted:
-        yield
+    """A console in another process, if it is wanted and installed; prints its address."""
+    if wanted and all(find_spec(name) for name in ("viser", "mjviser")):
+        port, token = free_port(), secrets.token_urlsafe(16)
+        # The token is no argument: every user of this machine can read commands.
+        with Supervisor(folder / "log", {TOKEN: token}) as supervisor:
+            command = [sys.executable, "-m", "pa_ros", "console", "--port", f"{port}"]
+            supervisor.start("console", command)
+            print(f"Page in the browser: {sending(port, token)}\n", flush=True)
+            yield
         return
-    if any(find_spec(name) is None for name in ("viser", "mjviser")):
-        print("no page to look at: `make install-console` brings what it needs\n")
-        yield
-        return
-    port, token = free_port(), secrets.token_urlsafe(16)
-    command = [sys.executable, "-m", "pa_ros", "console", "--port", f"{port}"]
-    with Supervisor(folder / "log", {TOKEN: token}) as supervisor:
-        supervisor.start("console", command)
-        print(f"the page to look at, in a moment: {sending(port, token)}\n", flush=True)
-        yield
+    if wanted:
+        print("No page in the browser: it needs `make install-console`.\n")
+    yield

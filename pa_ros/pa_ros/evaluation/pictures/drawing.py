@@ -19,7 +19,12 @@ from PIL import Image
 
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.designs import Kind
-from pa_ros.core.errors import ConfigError
+from pa_ros.arena.task import ReachTask
+from pa_ros.core.experience import Observation
+from pa_ros.language import MIN_MAX, parse, relevance
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.inference import TorchActor
 
 
 def learning_curve(
@@ -54,34 +59,30 @@ def learning_curve(
     save(figure, path)
 
 
-def phi_picture(
-    path: Path,
-    blocks: Sequence[tuple[Kind, float, float]],
-    hand: tuple[float, float],
-    phi: NDArray[np.floating],
-    relevance: NDArray[np.floating],
-    words: Sequence[str],
-    program: str,
+def draw_detectors(
+    path: Path, checkpoint: Path, task: ReachTask, observation: Observation, program: str
 ) -> None:
-    """Arena from above beside Φ transposed and p.
+    """The arena from above, beside what a learned actor's detectors see in this observation.
 
-    `blocks`: (kind, x, y) in metres, table frame; `hand`: x, y; `phi` [V, N] with the
-    hand as object 0 and the blocks in the order given; `relevance` p [N]; `words`: the V rows.
-    Raises ConfigError if these sizes don't fit each other.
+    The table shows Φ transposed and p of the program for every object.
     """
-    expected = (len(words), len(blocks) + 1)
-    if phi.shape != expected or relevance.shape != expected[1:]:
-        raise ConfigError(
-            f"phi picture: expected Φ {expected} and p {expected[1:]}, "
-            f"got {phi.shape} and {relevance.shape}"
-        )
+    snapshot = load_policy(checkpoint)
+    network = actor_config(snapshot.architecture)
+    parsed = parse(program, network.vocabulary)
+    phi = TorchActor(network, snapshot.tensors, MIN_MAX).properties(
+        observation.objects, network.world.arm(observation)
+    )
+    p = relevance(parsed, phi.tolist(), network.vocabulary.row, observation.hand_index, MIN_MAX)
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(10, 4), layout="constrained", width_ratios=(1, 1.6)
     )
-    _top_view(left, blocks, hand)
-    heat_map(right, [kind for kind, _, _ in blocks], phi, relevance, words)
+    hand, *places = task.simulation.positions[:, :2].tolist()
+    kinds = [block.kind for block in task.episode.blocks]
+    blocks = [(kind, x, y) for kind, (x, y) in zip(kinds, places, strict=True)]
+    _top_view(left, blocks, (hand[0], hand[1]))
+    heat_map(right, kinds, phi, np.array(p), network.vocabulary.words)
     right.set_title("learned detectors Φᵀ and relevant objects p")
-    figure.suptitle(program, family="monospace", fontsize=10)
+    figure.suptitle(str(parsed), family="monospace", fontsize=10)
     save(figure, path)
 
 

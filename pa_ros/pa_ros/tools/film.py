@@ -1,0 +1,140 @@
+"""Six programs that show what an agent learned, scenes for them, and a film of their execution."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask, condition_named, generate
+from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
+from pa_ros.arena.render import draw
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.language import parse, satisfying
+from pa_ros.world.relations import RELATIONS
+
+# Conditions of the scenes: as in training; and with fewer blocks, only one of each color.
+FULL, FEWER = "eval", "only-color"
+SCENES_SEARCHED = 1000
+# The hand starts at least this many thresholds of the relation away, so that the arm must move.
+FARTHER = 2.0
+EVERY = 2  # control steps per picture of a film
+HELD = 8  # steps that a reached target is shown for
+LONGEST = 60  # steps of a program
+
+
+@dataclass(frozen=True)
+class DemoProgram:
+    """A program to execute, and what is new about it."""
+
+    kind: str
+    text: str
+    targets: int = 1  # blocks of the scene that it names
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An episode in which a program can show something."""
+
+    condition: str  # FULL or FEWER
+    episode: Episode
+    distance: float  # the relation's measure of the nearest named block, at the start
+
+
+def demo_programs(design: Design) -> list[DemoProgram]:
+    """Six programs of the design's first relation: one trained, five never trained.
+
+    Raises ConfigError if the design holds nothing out.
+    """
+    if not design.held_out:
+        raise ConfigError(f"demo: expected a design with held-out targets, got {design.name}")
+    known, new = design.train[0], design.held_out[0]
+    first, last = [*design.values][0], [*design.values][-1]
+    other = next(kind for kind in design.train if kind[last] == known[last] and kind != known)
+    trained, held_out = known.conjunction, new.conjunction
+    relation = design.vocabulary.relations[0]
+    without = f"AND({', '.join([f'NOT({known[first]})', *[*other.values()][1:]])})"
+    return [
+        DemoProgram("trained", f"{relation}(HAND, {trained})"),
+        DemoProgram("held out", f"{relation}(HAND, {held_out})"),
+        DemoProgram(f"{first} alone", f"{relation}(HAND, {known[first]})"),
+        DemoProgram(f"{last} alone", f"{relation}(HAND, {new[last]})"),
+        DemoProgram("NOT", f"{relation}(HAND, {without})"),
+        DemoProgram("OR of two", f"{relation}(HAND, OR({trained}, {held_out}))", targets=2),
+    ]
+
+
+def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProgram) -> Scene:
+    """The first scene of a seed in which a program can show something.
+
+    It names exactly as many blocks as it should, none of them nearer than FARTHER. Scenes as in
+    training come first; where they cannot do (2 x 2 blocks and a color alone), one with fewer
+    blocks. Raises ConfigError if no scene fits.
+    """
+    task = ReachTask(config, design, seed)
+    parsed = parse(program.text, design.vocabulary)
+    farther = FARTHER * task.scoring.threshold(parsed.relation)
+    for condition in (FULL, FEWER):
+        drawn_from = condition_named(condition, design)
+        for index in range(SCENES_SEARCHED):
+            episode = generate(config, design, drawn_from, seed, index)
+            kinds = [block.kind.words for block in episode.blocks]
+            if sum(satisfying(parsed, kinds, None)) != program.targets:
+                continue
+            task.reset_to(episode)
+            _, verdict = task.set_program(parsed)
+            if verdict.distance >= farther:
+                return Scene(condition, episode, verdict.distance)
+    raise ConfigError(
+        f"demo: no scene of design {design.name} in which {program.text} names "
+        f"{program.targets} block(s) at least {farther:g} {RELATIONS[parsed.relation].unit} away"
+    )
+
+
+def film_execution(
+    agent: TrainedAgent, path: Path, seed: int, side_px: int, rendered: bool, fast: float = 1.0
+) -> tuple[int, list[str]]:
+    """Write a film of the six programs, one scene each.
+
+    Returns its number of pictures, and the programs that were not reached. `fast`: speed, in times
+    the arena's. Raises ConfigError for an unknown kind of file or a design that holds nothing out,
+    RenderError for a file that cannot be written, or for `rendered` without OpenGL.
+    """
+    check_movie(path)
+    period_s = EVERY * agent.arena.control_period_ns / 1e9 / fast
+    missed: list[str] = []
+    pictures = _pictures(agent, seed, side_px, rendered, missed)
+    return write_movie(path, pictures, period_s), missed
+
+
+def _pictures(
+    agent: TrainedAgent, seed: int, side_px: int, rendered: bool, missed: list[str]
+) -> Iterator[Picture]:
+    task = ReachTask(agent.arena, agent.design, seed)
+    for program in demo_programs(agent.design):
+        scene = find_scene(agent.arena, agent.design, seed, program)
+        task.reset_to(scene.episode)
+        reached = False
+        for caption, satisfied in _executed(agent, task, program):
+            yield captioned(draw(task, side_px, rendered), (program.text, caption))
+            reached = satisfied
+        if not reached:
+            missed.append(program.text)
+
+
+def _executed(
+    agent: TrainedAgent, task: ReachTask, program: DemoProgram
+) -> Iterator[tuple[str, bool]]:
+    """Execute a program; at each picture's step its caption, and whether the target is reached."""
+    parsed = parse(program.text, agent.design.vocabulary)
+    observation, verdict = task.set_program(parsed)
+    policy, held, unit = agent.policy, 0, RELATIONS[parsed.relation].unit
+    for step in range(LONGEST + 1):
+        held = held + 1 if verdict.satisfied else 0
+        if step % EVERY == 0 or held == HELD:
+            state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
+            yield f"{program.kind}   step {step}   {state}", verdict.satisfied
+        if held == HELD:
+            return
+        observation, verdict = task.step(policy(observation, parsed))
