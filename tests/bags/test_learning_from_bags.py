@@ -1,19 +1,17 @@
-"""A recorded run can be made again to the last bit, and what was altered is found and named."""
+"""A recorded run is repeated to the last bit, and whatever was altered is found and named."""
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from helpers.recordings import rewritten, train
-from pa_ros.bags.contents import topic
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.experience import Experience
+from pa_ros.bags.format import UNREADABLE, topic
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
 from pa_ros.bags.writer import BagWriter
@@ -33,8 +31,15 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def checkpoint_file(root: Path, name: str) -> bytes:
-    return (find_checkpoint(root / "checkpoint") / name).read_bytes()
+def learned_state(root: Path) -> list[bytes]:
+    """Both networks, their targets, Adam's moments, and the replay buffer."""
+    checkpoint = find_checkpoint(root / "checkpoint")
+    names = ("engine.safetensors", "replay.safetensors")
+    return [(checkpoint / name).read_bytes() for name in names]
+
+
+def learn(out: Path, *arguments: str | Path) -> int:
+    return main(["train", "--out", str(out), "--from-bag", *map(str, arguments)])
 
 
 def verified(bag: Path):
@@ -44,16 +49,22 @@ def verified(bag: Path):
 
 def test_recording_changes_nothing(recorded, tmp_path):
     assert train(tmp_path, frames=FRAMES) == 0
-    for name in ("engine.safetensors", "replay.safetensors"):
-        assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
+    assert learned_state(tmp_path) == learned_state(recorded)
 
 
 def test_learning_from_the_bag_ends_in_the_live_learners_checkpoint(recorded, tmp_path, capsys):
-    """All of it: both networks, their targets, Adam's moments, the replay memory."""
-    assert main(["train", "--from-bag", str(recorded / "bag"), "--out", str(tmp_path)]) == 0
+    assert learn(tmp_path, recorded / "bag") == 0
     assert "5 trajectories, 500 transitions, 500 updates" in capsys.readouterr().out
-    for name in ("engine.safetensors", "replay.safetensors"):
-        assert checkpoint_file(tmp_path, name) == checkpoint_file(recorded, name)
+    assert learned_state(tmp_path) == learned_state(recorded)
+
+
+def test_verify_finds_every_version_and_transition_equal(recorded, capsys):
+    assert main(["verify", str(recorded / "bag")]) == 0
+    out = capsys.readouterr().out
+    assert "6 versions of the weights are equal" in out and out.rstrip().endswith("EQUAL")
+    assert "compared with a fresh arena: 500 transitions" in out
+    hashes = [line.split()[-1] for line in out.splitlines() if line.startswith("newest weights")]
+    assert len(hashes) == 2 and len(set(hashes)) == 1 and len(hashes[0]) == 64
 
 
 PAID = '{"name":"sparse","otherwise":-1.0,"satisfied":%s}'
@@ -63,40 +74,20 @@ PAID = '{"name":"sparse","otherwise":-1.0,"satisfied":%s}'
     ("--algorithm=td3", "dpg"), ("--design=3-D", "2-L"), ("--protocol=paper", "ours"),
     (f"--reward={PAID % 2.0}", PAID % 1.0), ("--network=canonical", "programmable"),
 ])  # fmt: skip
-def test_what_the_recording_says_is_not_asked_for_in_vain(recorded, tmp_path, option, own, capsys):
-    out = tmp_path / "out"
-    assert main(["train", "--from-bag", str(recorded / "bag"), "--out", str(out), option]) == 2
+def test_an_option_that_contradicts_the_recording_is_rejected(
+    recorded, tmp_path, option, own, capsys
+):
+    assert learn(tmp_path / "out", recorded / "bag", option) == 2
     name, _, other = option[2:].partition("=")
     said = capsys.readouterr().err
     assert f"expected the recording's own {name}, which" in said
     assert f"{name} {own}, got {name} {other}" in said
-    assert not out.exists() or not [path for path in out.iterdir() if path.name != ".lock"]
-
-
-def test_verify_finds_every_version_equal(recorded, capsys):
-    assert main(["verify", str(recorded / "bag")]) == 0
-    out = capsys.readouterr().out
-    assert "6 versions of the weights are equal" in out and out.rstrip().endswith("EQUAL")
-    assert "held against a fresh arena: 500 transitions" in out
-    hashes = [line.split()[-1] for line in out.splitlines() if line.startswith("newest weights")]
-    assert len(hashes) == 2 and len(set(hashes)) == 1 and len(hashes[0]) == 64
-
-
-def test_verify_of_a_bag_with_parts_unseen_is_incomplete(recorded, tmp_path, capsys):
-    copy = tmp_path / "bag"
-    shutil.copytree(recorded / "bag", copy)
-    about = copy / "metadata.yaml"
-    content = yaml.safe_load(about.read_text())
-    note = "bag.mcap: 1 damaged chunks were passed over"
-    content["rosbag2_bagfile_information"]["custom_data"]["pa_ros.repaired"] = note
-    about.write_text(yaml.safe_dump(content))
-    assert main(["verify", str(copy)]) == 1
-    out = capsys.readouterr().out
-    assert f"INCOMPLETE: parts of the bag were damaged and not seen: {note}" in out
-    assert "\nEQUAL" not in out
+    assert not (tmp_path / "out").exists()
 
 
 def altered(field: str, sequence: int, index: int, change):
+    """Changes one number of one trajectory."""
+
     def alter(topic, message):
         if topic == "/trajectories" and message.sequence == sequence:
             values = getattr(message, field).copy()
@@ -108,71 +99,39 @@ def altered(field: str, sequence: int, index: int, change):
 
 
 @pytest.mark.parametrize(
-    ("field", "index", "change", "transition"),
+    ("field", "index", "change"),
     [
-        ("rewards", 42, lambda reward: -reward, 42),
-        ("actions", 42 * 6 + 3, lambda action: np.float32(-0.5) * action + np.float32(0.1), 42),
-        ("arm", 43 * 18, lambda value: np.nextafter(value, np.float32(2)), 42),
-        ("objects", 43 * 5 * 16 + 17, lambda value: np.nextafter(value, np.float32(2)), 42),
+        ("rewards", 42, lambda reward: -reward),
+        ("actions", 42 * 6 + 3, lambda action: np.float32(-0.5) * action + np.float32(0.1)),
+        ("arm", 43 * 18, lambda value: np.nextafter(value, np.float32(2))),
+        ("objects", 43 * 5 * 16 + 17, lambda value: np.nextafter(value, np.float32(2))),
     ],
 )
 def test_one_altered_transition_is_found_and_named(
-    recorded, tmp_path, capsys, field, index, change, transition
+    recorded, tmp_path, capsys, field, index, change
 ):
-    alter = altered(field, 2, index, change)
-    copy = rewritten(recorded / "bag", tmp_path / "copy", alter)
+    copy = rewritten(recorded / "bag", tmp_path / "copy", altered(field, 2, index, change))
     assert main(["verify", str(copy)]) == 1
     out = capsys.readouterr().out
-    assert f"transition {transition} of trajectory 2 of agent (episode 2, step 42)" in out
-    assert "1 trajectories are not what the arena gives" in out and "\nEQUAL" not in out
+    assert "transition 42 of trajectory 2 of agent (episode 2, step 42)" in out
+    assert "1 trajectories differ from what the arena gives" in out and "\nEQUAL" not in out
 
 
-def test_what_no_arena_was_asked_about_is_not_called_equal(recorded, tmp_path, capsys):
-    """Under all-goals relabeling the weights don't tell of altered rewards."""
-
-    def begin_later(topic, message):
-        if topic != "/trajectories" or message.sequence not in (1, 2):
-            return [message]
-        return [replace(message, first_step=1, rewards=-message.rewards)]
-
-    copy = rewritten(recorded / "bag", tmp_path / "copy", begin_later)
-    assert main(["verify", str(copy)]) == 1
-    out = capsys.readouterr().out
-    assert "INCOMPLETE: 200 transitions of episodes whose beginning is not recorded" in out
-    assert "held against a fresh arena: 300 transitions" in out
-    assert "\nEQUAL" not in out and "DIFFERENT" not in out
-    assert main(["verify", "--no-arena", str(copy)]) == 0
-
-
-def test_the_rest_of_an_episode_that_the_arena_denied_is_not_said_to_lack_its_beginning(
-    tmp_path, capsys
-):
-    short = "--set=learner.schedule.trajectory_steps=25"
-    assert train(tmp_path, "--record", tmp_path / "bag", short, frames=200) == 0
-    alter = altered("rewards", 1, 12, lambda reward: -reward)
-    copy = rewritten(tmp_path / "bag", tmp_path / "copy", alter)
-    assert main(["verify", str(copy)]) == 1
-    out = capsys.readouterr().out
-    assert "1 trajectories are not what the arena gives" in out and "INCOMPLETE" not in out
-
-
-ALONE = ("--set=learner.relabeling.rule=none", "--set=learner.relabeling.programs_per_transition=1")
-
-
-def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(recorded, tmp_path):
+def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(tmp_path):
     """Without relabeling, which asks the verifier instead of the recorded reward."""
-    run = tmp_path / "run"
-    assert train(run, "--record", run / "bag", *ALONE, frames=FRAMES) == 0
+    alone = ("--set=learner.relabeling.rule=none",
+             "--set=learner.relabeling.programs_per_transition=1")  # fmt: skip
+    assert train(tmp_path, "--record", tmp_path / "bag", *alone, frames=FRAMES) == 0
     alter = altered("rewards", 2, 42, lambda reward: -reward)
-    found = verified(rewritten(run / "bag", tmp_path / "copy", alter))
+    found = verified(rewritten(tmp_path / "bag", tmp_path / "copy", alter))
     version = found.compared  # versions 0 to n - 1 are equal, so n is the first that is not
     assert version in (3, 4, 5)
     first, last = 100 * (version - 1) + 1, 100 * version
     assert found.difference == f"version {version} (updates {first} to {last})"
-    assert found.recorded != found.remade
+    assert found.recorded != found.computed
 
 
-def test_weights_that_their_own_checksum_belies_are_refused(recorded, tmp_path, capsys):
+def test_weights_with_a_wrong_checksum_are_rejected(recorded, tmp_path, capsys):
     def damage(topic, message):
         if topic == "/policy_weights" and message.version == 3:
             message.payload = message.payload.copy()
@@ -184,37 +143,102 @@ def test_weights_that_their_own_checksum_belies_are_refused(recorded, tmp_path, 
     assert "checksum" in capsys.readouterr().err
 
 
-def test_a_trajectory_that_is_missing_is_named(recorded, tmp_path, capsys):
-    def drop(topic, message):
-        return [] if topic == "/trajectories" and message.sequence == 3 else [message]
+def late_beginning(topic, message):
+    """Takes away the first step of two episodes, and turns their rewards."""
+    if topic != "/trajectories" or message.sequence not in (1, 2):
+        return [message]
+    return [replace(message, first_step=1, rewards=-message.rewards)]
 
-    copy = rewritten(recorded / "bag", tmp_path / "copy", drop)
+
+def another_arena(topic, message):
+    """A second arena's description, so that the agent's own is not known."""
+    other = [replace(message, arena_id="other")] if topic == "/arena_info" else []
+    return [message, *other]
+
+
+def without_trajectory(number: int):
+    def drop(topic, message):
+        return [] if topic == "/trajectories" and message.sequence == number else [message]
+
+    return drop
+
+
+def without_weights(before: int):
+    """Weights are recorded from a version on."""
+
+    def drop(topic, message):
+        return [] if topic == "/policy_weights" and message.version < before else [message]
+
+    return drop
+
+
+def late_without_the_first(topic, message):
+    return without_weights(4)(topic, message) and without_trajectory(0)(topic, message)
+
+
+INCOMPLETE = {
+    "no weights": (without_weights(9), "the bag contains no weights"),
+    "a missing trajectory": (
+        without_trajectory(3), "trajectory 3 of agent, which led to version 4, is not in the bag"
+    ),
+    "a recording that began too late": (
+        late_without_the_first, "what led to versions 1 to 1 is not in the bag"
+    ),
+    "episodes without a beginning": (
+        late_beginning, "200 transitions could not be compared with an arena"
+    ),
+    "two arenas": (another_arena, "expected the description of the one arena of 'agent', got 2"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "said"), INCOMPLETE.values(), ids=INCOMPLETE)
+def test_a_verification_that_did_not_compare_everything_says_so(
+    recorded, tmp_path, capsys, change, said
+):
+    copy = rewritten(recorded / "bag", tmp_path / "copy", change)
     assert main(["verify", str(copy)]) == 1
     out = capsys.readouterr().out
-    assert "INCOMPLETE: trajectory 3 of agent, which led to version 4, is not in the bag" in out
-    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 1
+    assert f"INCOMPLETE: {said}" in out and "\nEQUAL" not in out and "DIFFERENT" not in out
+    if "--no-arena" in out:
+        assert main(["verify", "--no-arena", str(copy)]) == 0
+
+
+def test_damaged_parts_make_a_verification_incomplete(recorded, tmp_path, capsys):
+    copy = rewritten(recorded / "bag", tmp_path / "copy", lambda _, message: [message])
+    about = copy / "metadata.yaml"
+    note = "bag.mcap: 1 damaged chunks were left out"
+    about.write_text(
+        about.read_text().replace("custom_data: null", f"custom_data: {{{UNREADABLE}: '{note}'}}")
+    )
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert f"INCOMPLETE: damaged parts of the bag could not be read: {note}" in out
+    assert learn(tmp_path / "out", copy) == 1
+    assert f"INCOMPLETE: damaged parts of the recording could not be read: {note}" in (
+        capsys.readouterr().out
+    )
+
+
+def test_a_missing_trajectory_is_counted_when_learning(recorded, tmp_path, capsys):
+    copy = rewritten(recorded / "bag", tmp_path / "copy", without_trajectory(3))
+    assert learn(tmp_path / "out", copy) == 1
     assert "1 trajectories were learned from but are not in the bag" in capsys.readouterr().out
 
 
-def test_what_the_recorded_learner_never_took_is_left_out(recorded, tmp_path, capsys):
-    """A trajectory that was sent when the learner had stopped, or that it had refused."""
-
+def test_a_trajectory_that_the_learner_did_not_use_is_left_out(recorded, tmp_path, capsys):
     def add(topic, message):
         if topic != "/trajectories" or message.sequence != 4:
             return [message]
         return [message, replace(message, sequence=5, episode=5)]
 
     copy = rewritten(recorded / "bag", tmp_path / "copy", add)
-    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
-    out = capsys.readouterr().out
-    assert "1 trajectories are in the bag, but its learner had not taken them in" in out
-    assert "5 trajectories, 500 transitions, 500 updates" in out
-    for name in ("engine.safetensors", "replay.safetensors"):
-        assert checkpoint_file(tmp_path / "out", name) == checkpoint_file(recorded, name)
+    assert learn(tmp_path / "out", copy) == 0
+    assert "1 trajectories are in the bag, but its learner" in capsys.readouterr().out
+    assert learned_state(tmp_path / "out") == learned_state(recorded)
 
 
-def test_order_is_the_learners_whatever_the_order_of_the_recording(recorded, tmp_path):
-    """Weights may be heard before the trajectory that they come from, and trajectories twice."""
+def test_the_order_is_the_learners_whatever_the_order_of_the_recording(recorded, tmp_path):
+    """Weights may be received before the trajectory they learned from, and trajectories twice."""
     kept = []
 
     def shuffle(topic, message):
@@ -227,79 +251,98 @@ def test_order_is_the_learners_whatever_the_order_of_the_recording(recorded, tmp
     assert found.equal and found.compared == 6
 
 
-def test_without_weights_and_provenance_there_is_learning_but_no_verifying(
-    recorded, tmp_path, capsys
+def test_weights_that_were_not_recorded_at_first_are_proved_by_the_first_that_were(
+    recorded, tmp_path
 ):
-    def strip(topic, message):
-        return [message] if topic == "/trajectories" else []
+    copy = rewritten(recorded / "bag", tmp_path / "copy", without_weights(4))
+    found = verified(copy)
+    assert found.equal and found.compared == 2
+    assert learn(tmp_path / "out", copy) == 0
+    assert learned_state(tmp_path / "out") == learned_state(recorded)
 
-    copy = rewritten(recorded / "bag", tmp_path / "copy", strip)
+
+def test_an_unknown_order_of_several_agents_is_not_called_different(recorded, tmp_path, capsys):
+    def of_two(topic, message):
+        if topic == "/trajectories" and message.sequence % 2:
+            return [replace(message, agent_id="other")]
+        return without_weights(4)(topic, message)
+
+    copy = rewritten(recorded / "bag", tmp_path / "copy", of_two)
+    assert main(["verify", str(copy)]) == 1
+    out = capsys.readouterr().out
+    assert "INCOMPLETE: the first 4 versions of the weights were not recorded" in out
+    assert learn(tmp_path / "out", copy) == 1
+    assert "4 versions are from before the recording" in capsys.readouterr().out
+
+
+def test_transitions_alone_can_be_learned_from_but_not_verified(recorded, tmp_path, capsys):
+    copy = rewritten(
+        recorded / "bag", tmp_path / "copy",
+        lambda topic, message: [message] if topic == "/trajectories" else [],
+    )  # fmt: skip
     assert main(["verify", str(copy)]) == 2
-    assert "nothing says how this run was made" in capsys.readouterr().err
-    out = ["--out", str(tmp_path / "out"), "--set=network.hidden=16"]
-    assert main(["train", "--from-bag", str(copy), *out]) == 0
+    assert "it is not known how this run was made" in capsys.readouterr().err
+    assert learn(tmp_path / "out", copy, "--set=network.hidden=16") == 0
     assert "5 trajectories, 500 transitions" in capsys.readouterr().out
 
 
-def test_many_bags_at_another_rate(recorded, tmp_path, capsys):
-    """The second run's agent has the same name and the same numbers, and is another."""
+def test_agents_of_different_bags_are_kept_apart(recorded, tmp_path, capsys):
+    """The second run's agent has the same name and the same numbers."""
     assert train(tmp_path / "b", "--record", tmp_path / "b/bag", "--seed", "6", frames=200) == 0
-    bags = [str(recorded / "bag"), str(tmp_path / "b/bag"), str(recorded / "bag")]
-    out = ["--out", str(tmp_path / "out"), "--set", "learner.updates.per_frame=0.5"]
-    assert main(["train", "--from-bag", *bags, *out]) == 0
+    bags = [recorded / "bag", tmp_path / "b/bag", recorded / "bag"]
+    assert learn(tmp_path / "out", *bags, "--set", "learner.updates.per_frame=0.5") == 0
     assert "7 trajectories, 700 transitions, 350 updates" in capsys.readouterr().out
 
 
-def test_a_bag_of_another_world_is_refused_before_anything_is_learned(recorded, tmp_path, capsys):
+def test_a_bag_of_another_world_is_rejected_before_anything_is_learned(recorded, tmp_path, capsys):
     other = tmp_path / "b" / "bag"
     assert train(tmp_path / "b", "--record", other, "--design", "3-D", frames=100) == 0
-    out = tmp_path / "out"
-    assert main(["train", "--out", str(out), "--from-bag", str(recorded / "bag"), str(other)]) == 2
-    error = capsys.readouterr().err
-    assert f"bag: {other}: expected a recording of the world" in error
-    assert not out.exists()
+    assert learn(tmp_path / "out", recorded / "bag", other) == 2
+    assert f"bag: {other}: expected a recording of the world" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert learn(tmp_path / "out", other, "--design=3-D") == 0  # which the recording says, too
 
 
-def test_a_resumed_run_is_not_verified(recorded, tmp_path, capsys):
+def test_a_resumed_run_is_not_verified(tmp_path, capsys):
     assert train(tmp_path, frames=100) == 0
     assert train(tmp_path, "--resume", "--record", tmp_path / "bag", frames=200) == 0
     assert main(["verify", str(tmp_path / "bag")]) == 2
     assert "got one resumed at version 1" in capsys.readouterr().err
 
 
-def test_weights_are_recorded_less_often_than_every_frame_and_all_is_verified(tmp_path):
+def test_a_run_with_few_recorded_versions_is_verified_completely(tmp_path):
     arguments = ["--set=learner.schedule.trajectory_steps=1", "--set=learner.schedule.policy_lag=0"]
     assert train(tmp_path, "--record", tmp_path / "bag", *arguments, frames=200) == 0
     with Bag(tmp_path / "bag") as bag:
-        assert bag.counts == {
-            "/provenance": 1, "/arena_info": 1, "/learner_info": 1, "/trajectories": 200,
-            "/policy_weights": 3,
-        }  # fmt: skip
+        assert bag.counts["/trajectories"] == 200 and bag.counts["/policy_weights"] == 3
     found = verified(tmp_path / "bag")
-    assert found.equal and (found.compared, found.version, found.reenacted) == (3, 200, 200)
+    assert found.equal and (found.compared, found.version, found.checked) == (3, 200, 200)
 
 
-def test_a_run_outlives_a_full_disk(tmp_path, monkeypatch):
-    def refuse(self, *_):
+def test_a_run_continues_when_the_disk_of_its_recording_is_full(tmp_path, monkeypatch):
+    def full(self, *_):
         raise BagFullError("no space left")
 
-    monkeypatch.setattr("pa_ros.bags.writer.BagWriter.flush", refuse)
+    monkeypatch.setattr("pa_ros.bags.writer.BagWriter.flush", full)
     monkeypatch.setattr("pa_ros.bags.run_log.FLUSH_S", 0.0)
     assert train(tmp_path, "--record", tmp_path / "bag", frames=300) == 1
-    assert len(checkpoint_file(tmp_path, "engine.safetensors")) > 1000
-    with Bag(tmp_path / "bag") as bag:
-        assert bag.counts["/trajectories"] == 1
+    assert len(learned_state(tmp_path)[0]) > 1000
 
 
-@pytest.mark.parametrize("refused", [["--set=learner.engine.device=xla"], ["--resume"], []])
-def test_a_run_that_is_refused_leaves_no_bag(recorded, tmp_path, refused):
-    out = tmp_path / "out" if refused else recorded  # which is used
-    assert train(out, "--record", tmp_path / "bag", *refused) == 2
+@pytest.mark.parametrize("wrong", [["--set=learner.engine.device=xla"], ["--resume"], []])
+def test_a_rejected_run_leaves_no_bag(recorded, tmp_path, wrong):
+    out = tmp_path / "out" if wrong else recorded  # which contains a run
+    assert train(out, "--record", tmp_path / "bag", *wrong) == 2
     assert not [*tmp_path.iterdir()]
 
 
-def test_one_of_several_arenas_is_chosen_by_its_namespace(recorded, tmp_path, capsys):
-    """Two arenas in one recording: which one is meant must be said."""
+def test_an_existing_bag_is_rejected_before_training(recorded, tmp_path, capsys):
+    assert train(tmp_path / "run", "--record", recorded / "bag") == 2
+    assert "already exists" in capsys.readouterr().err
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_namespace_selects_one_of_several_arenas(recorded, tmp_path, capsys):
     store = installed_types()
     with Bag(recorded / "bag") as source, BagWriter(tmp_path / "both") as target:
         for where in ("/one", "/two"):
@@ -311,85 +354,5 @@ def test_one_of_several_arenas_is_chosen_by_its_namespace(recorded, tmp_path, ca
     assert main(["verify", str(tmp_path / "both")]) == 2
     assert "choose with --namespace" in capsys.readouterr().err
     assert main(["verify", str(tmp_path / "both"), "--namespace", "two"]) == 0
-    out = ["--out", str(tmp_path / "out"), "--namespace", "/one"]
-    assert main(["train", "--from-bag", str(tmp_path / "both"), *out]) == 0
-    assert checkpoint_file(tmp_path / "out", "engine.safetensors") == checkpoint_file(
-        recorded, "engine.safetensors"
-    )
-
-
-def begun_late(first: int, several: bool = False, lacking: int = -1):
-    """A recorder that heard no weights before a version; of `several` agents, if told so."""
-
-    def change(topic, message):
-        if several and topic == "/trajectories" and message.sequence % 2:
-            return [replace(message, agent_id="other")]
-        if topic == "/policy_weights" and message.version < first:
-            return []
-        return [] if topic == "/trajectories" and message.sequence == lacking else [message]
-
-    return change
-
-
-def test_first_versions_that_were_not_heard_are_proved_by_the_first_that_was(
-    recorded, tmp_path, capsys
-):
-    copy = rewritten(recorded / "bag", tmp_path / "copy", begun_late(4))
-    assert main(["verify", str(copy)]) == 0
-    assert "2 versions of the weights are equal" in capsys.readouterr().out
-    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 0
-    for name in ("engine.safetensors", "replay.safetensors"):
-        assert checkpoint_file(tmp_path / "out", name) == checkpoint_file(recorded, name)
-
-
-def test_of_a_recording_that_began_too_late_it_is_said(recorded, tmp_path, capsys):
-    copy = rewritten(recorded / "bag", tmp_path / "late", begun_late(4, lacking=0))
-    assert main(["verify", str(copy)]) == 1
-    out = capsys.readouterr().out
-    assert "INCOMPLETE: what led to versions 1 to 1 is not in the bag" in out
-    assert "DIFFERENT" not in out and "\nEQUAL" not in out
-
-
-def test_an_order_that_is_not_known_is_not_called_different(recorded, tmp_path, capsys):
-    kept = []
-
-    def swapped(topic, message):
-        """The second trajectory is recorded before the first, and is of another agent."""
-        found = begun_late(4, several=True)(topic, message)
-        if topic == "/policy_weights":
-            for one in found:
-                one.consumed = [
-                    replace(one.consumed[0], sequence=4),
-                    replace(one.consumed[0], sequence=3, agent_id="other"),
-                ]
-                one.latest = [] if one.version == 4 else one.latest
-        if topic != "/trajectories" or message.sequence > 1:
-            return found
-        kept[:0] = found
-        return kept if len(kept) == 2 else []
-
-    copy = rewritten(recorded / "bag", tmp_path / "copy", swapped)
-    assert main(["verify", "--no-arena", str(copy)]) == 1
-    out = capsys.readouterr().out
-    assert "INCOMPLETE: the first 4 versions of the weights were not heard" in out
-    assert "DIFFERENT" not in out
-    assert main(["train", "--from-bag", str(copy), "--out", str(tmp_path / "out")]) == 1
-    assert "4 versions are from before the recording" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("arenas", [0, 2])
-def test_transitions_that_no_one_arena_can_be_asked_about_are_said(
-    recorded, tmp_path, capsys, arenas
-):
-    def change(topic, message):
-        if topic != "/arena_info":
-            return [message]
-        return [replace(message, arena_id=f"{message.arena_id}{n}") for n in range(arenas)]
-
-    copy = rewritten(recorded / "bag", tmp_path / "copy", change)
-    if arenas:
-        assert main(["verify", str(copy)]) == 1
-        assert "expected one arena's description to hold trans" in capsys.readouterr().out
-        assert main(["verify", "--no-arena", str(copy)]) == 0
-    else:  # nor is it known what was rewarded
-        assert main(["verify", str(copy)]) == 2
+    assert learn(tmp_path / "out", tmp_path / "both", "--namespace", "/one") == 0
+    assert learned_state(tmp_path / "out") == learned_state(recorded)

@@ -1,45 +1,36 @@
-"""Bags that were cut off or damaged: repair keeps what is whole, and says what is not."""
+"""Bags that were cut off or damaged, and full disks: what is whole is kept, the rest is named."""
 
 from __future__ import annotations
 
+import errno
+import os
+import shlex
 import shutil
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from helpers.recordings import identifiers, storage_file, written
-from pa_ros.bags.contents import RESERVE
-from pa_ros.bags.errors import BagInUseError, DamagedBagError, UnfinishedBagError
+from helpers.recordings import START, identifiers, payload, storage_file, train, written
+from pa_ros.bags.errors import BagError, BagFullError
+from pa_ros.bags.format import RESERVE
 from pa_ros.bags.reader import Bag
-from pa_ros.bags.repair import _FINISH, repair
+from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main
-
-
-def test_repair_puts_part_10_after_part_2(tmp_path):
-    written(tmp_path / "bag", 12, split_s=1.0)
-    metadata = tmp_path / "bag" / "metadata.yaml"
-    before = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
-    metadata.unlink()
-    assert repair(tmp_path / "bag").files == 12
-    after = yaml.safe_load(metadata.read_text())["rosbag2_bagfile_information"]
-    assert after["relative_file_paths"] == before["relative_file_paths"]
-    assert after["relative_file_paths"][10] == "bag_10.mcap"
-    assert identifiers(tmp_path / "bag") == list(range(12))
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
-    bag = tmp_path / "bag"
+    bag = tmp_path / "it's a bag"
     killed = written(tmp_path / "live", 7, close=False, storage=storage)
     shutil.copytree(tmp_path / "live", bag)
     killed.close()
-    with pytest.raises(UnfinishedBagError, match="record --repair"):
-        Bag(bag)
-    assert main(["record", "--repair", str(bag)]) == 0
+    assert main(["bag", "info", str(bag)]) == 2
+    command = shlex.split(capsys.readouterr().err.split("`")[1])
+    assert command == ["pa_ros", "record", "--repair", str(bag)]
+    assert main(command[1:]) == 0
     assert not (bag / RESERVE).exists()
     assert "7 messages in 1 file(s) can be read" in capsys.readouterr().out
     assert identifiers(bag) == list(range(7))
@@ -48,33 +39,24 @@ def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_recording_that_goes_on_is_not_taken_for_a_killed_one(tmp_path, storage, capsys):
+def test_a_running_recording_is_neither_read_nor_repaired(tmp_path, storage, capsys):
     bag = tmp_path / "bag"
     with written(bag, 7, close=False, storage=storage):
         before = {path.name: path.read_bytes() for path in bag.iterdir()}
-        with pytest.raises(BagInUseError, match="still being recorded"):
+        with pytest.raises(BagError, match="still recording"):
             Bag(bag)
         assert main(["record", "--repair", str(bag)]) == 2
-        assert "still being recorded" in capsys.readouterr().err
+        assert "still recording" in capsys.readouterr().err
         assert {path.name: path.read_bytes() for path in bag.iterdir()} == before
-    assert identifiers(bag) == list(range(7))
     assert repair(bag).messages == 7
 
 
-def test_a_bag_is_repaired_by_one_at_a_time(whole, tmp_path, monkeypatch):
-    (tmp_path / "bag.mcap").write_bytes(whole[1][:-30])
-    refused = []
-
-    def another(path):
-        with pytest.raises(BagInUseError) as found:
-            repair(tmp_path)
-        refused.append(found.value)
-        return []
-
-    monkeypatch.setitem(_FINISH, ".mcap", another)
-    with pytest.raises(DamagedBagError):
-        repair(tmp_path)
-    assert len(refused) == 1
+@pytest.mark.parametrize("name", ["bag", "run_9"])
+def test_repaired_files_are_in_the_order_of_their_messages(tmp_path, name):
+    written(tmp_path / name, 12, split_s=1.0)
+    (tmp_path / name / "metadata.yaml").unlink()
+    assert repair(tmp_path / name).files == 12
+    assert identifiers(tmp_path / name) == list(range(12))
 
 
 @settings(max_examples=40, deadline=None)
@@ -85,8 +67,8 @@ def test_wherever_a_file_is_cut_repair_keeps_what_is_complete(tmp_path_factory, 
     (folder / "bag.mcap").write_bytes(content[:cut])
     try:
         done = repair(folder)
-    except DamagedBagError:
-        assert cut < 35  # not even the format's own first record
+    except BagError:
+        assert cut < 8  # not even the format's first bytes
         return
     found = identifiers(folder)
     assert found == list(range(len(found))) and len(found) == done.messages
@@ -94,50 +76,94 @@ def test_wherever_a_file_is_cut_repair_keeps_what_is_complete(tmp_path_factory, 
         assert done.messages == 12
     with (folder / "bag.mcap").open("rb") as stream:
         read = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-        assert [int(message.program_id) for *_, message in read] == found
+        assert [int(one.decoded_message.program_id) for one in read] == found
 
 
-def test_a_damaged_chunk_is_passed_over_and_said(whole, tmp_path, capsys):
+def test_a_damaged_chunk_is_left_out_and_named(whole, tmp_path, capsys):
     folder, content = tmp_path / "bag", bytearray(whole[1])
     folder.mkdir()
     content[content.index(b"X" * 200, content.index(b"X" * 200) + 300) + 50] ^= 1
     (folder / "bag.mcap").write_bytes(content)
-    done = repair(folder)
-    assert done.notes == ("bag.mcap: 1 damaged chunks were passed over",)
+    assert repair(folder).notes == ("bag.mcap: 1 damaged chunks were left out",)
     assert len(identifiers(folder)) == 11
+    assert (folder / "bag.mcap.original").read_bytes() == content
     assert main(["bag", "info", str(folder)]) == 1
-    assert "NOT SEEN: bag.mcap: 1 damaged chunks" in capsys.readouterr().out
+    assert "INCOMPLETE: bag.mcap: 1 damaged chunks" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("killed", [False, True])
-@pytest.mark.parametrize("where", ["message", "definition"])
-def test_a_hit_first_chunk_costs_its_own_messages_alone(whole, tmp_path, killed, where):
-    """Though it is where the file says what its topics are."""
-    folder, content = tmp_path / "bag", bytearray(whole[1])
-    folder.mkdir()
-    text = b"X" * 200 if where == "message" else b"string text"
-    content[content.index(text) + 3] ^= 1
-    if killed:
-        del content[-30:]
-    (folder / "bag.mcap").write_bytes(content)
-    done = repair(folder)
-    assert "bag.mcap: 1 damaged chunks were passed over" in done.notes
-    assert identifiers(folder) == list(range(1, 12))
-    assert (folder / "bag.mcap.original").read_bytes() == content
-    again = (folder / "bag.mcap").read_bytes()
-    repair(folder)
-    assert (folder / "bag.mcap").read_bytes() == again
-    assert (folder / "bag.mcap.original").read_bytes() == content
+def test_an_unreadable_file_is_left_out_and_named(tmp_path, capsys):
+    written(tmp_path / "bag", 4, split_s=2.0)
+    (tmp_path / "bag" / "bag_1.mcap").write_bytes(b"")
+    assert repair(tmp_path / "bag").messages == 2
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 1
+    assert "INCOMPLETE: bag_1.mcap was left out" in capsys.readouterr().out
 
 
-def test_a_repair_without_room_for_a_copy_changes_nothing(whole, tmp_path, monkeypatch):
+def test_a_repair_without_space_for_a_copy_changes_nothing(whole, tmp_path, monkeypatch):
     (tmp_path / "bag.mcap").write_bytes(whole[1][:-30])
 
     def full(*_):
-        raise OSError(28, "No space left on device")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("pa_ros.bags.tail.os.fsync", full)
-    with pytest.raises(DamagedBagError, match="needs room for a copy"):
+    monkeypatch.setattr("pa_ros.bags.repair.os.fsync", full)
+    with pytest.raises(BagFullError, match="needs space for a copy"):
         repair(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["bag.mcap"]
     assert (tmp_path / "bag.mcap").read_bytes() == whole[1][:-30]
+
+
+def test_a_full_disk_closes_the_bag_with_everything_it_received(tmp_path, monkeypatch):
+    """The space set aside at the start holds the last chunk and the index."""
+    bag = written(tmp_path / "bag", 3, close=False)
+    write = os.write
+
+    def full(descriptor, content):
+        if (tmp_path / "bag" / RESERVE).exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(descriptor, content)
+
+    monkeypatch.setattr("pa_ros.bags.storage.os.write", full)
+    bag.write("/program", payload(3), START + 10**10)
+    with pytest.raises(BagFullError, match="No space left.*closed with everything it received"):
+        bag.flush()
+    with pytest.raises(BagFullError):
+        bag.write("/program", payload(4), START + 10**10)
+    assert identifiers(tmp_path / "bag") == [0, 1, 2, 3]
+
+
+def test_a_disk_that_takes_nothing_more_leaves_a_bag_to_repair(tmp_path, monkeypatch):
+    bag = written(tmp_path / "bag", 3, close=False)
+
+    def full(*_):
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pa_ros.bags.storage.os.write", full)
+        bag.write("/program", payload(3), START + 10**10)
+        with pytest.raises(BagFullError, match="could not be closed: `pa_ros record --repair"):
+            bag.flush()
+    repair(tmp_path / "bag")
+    assert identifiers(tmp_path / "bag") == [0, 1, 2]
+
+
+def test_a_bag_that_was_moved_while_it_was_recorded_can_be_repaired(tmp_path):
+    bag = written(tmp_path / "bag", 3, close=False, split_s=3.0)
+    (tmp_path / "bag").rename(tmp_path / "there")
+    with pytest.raises(BagFullError, match="No such file"):
+        bag.write("/program", payload(3), START + 10**10)
+    repair(tmp_path / "there")
+    assert identifiers(tmp_path / "there") == [0, 1, 2]
+
+
+def test_half_a_recorded_run_is_described_after_repair(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pa_ros.bags.run_log.FLUSH_S", 0.0)
+    assert train(tmp_path, "--record", tmp_path / "bag", frames=300) == 0
+    bag = storage_file(tmp_path / "bag")
+    bag.write_bytes(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
+    assert main(["verify", str(tmp_path / "bag")]) == 2
+    error = capsys.readouterr().err
+    assert "record --repair" in error and "Traceback" not in error
+    assert main(["record", "--repair", str(tmp_path / "bag")]) == 0
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    out = capsys.readouterr().out
+    assert "repaired after its recorder was killed" in out and "of transitions, no gaps" in out

@@ -10,8 +10,8 @@ from pathlib import Path
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.experience import TRAJECTORIES
 from pa_ros.bags.reader import Bag
-from pa_ros.bags.reenact import Reenactment
 from pa_ros.bags.repair import repair
+from pa_ros.bags.verify import ArenaReplay
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.wire.arena import ArenaDescription
@@ -31,7 +31,7 @@ def mis_joined(
 
     A recording that was killed is repaired first.
     """
-    reenactment, denied = Reenactment(arena), list[tuple[str, float]]()
+    reenactment, denied = ArenaReplay(arena), list[tuple[str, float]]()
     for trajectory, stamp_s in _trajectories(bags, arena.world):
         if trajectory.agent_id in ours:
             name = reenactment.check(trajectory)
@@ -59,7 +59,7 @@ def _once(bag: Bag, world: World, known: set[TrajectoryKey]) -> Iterable[tuple[T
     decode = partial(decode_trajectory, world=world)
     for recorded in bag.messages([bag.topic_of(TRAJECTORIES)]):
         try:
-            trajectory = bag.through(recorded, decode)
+            trajectory = decode(bag.deserialize(recorded))
         except BagError:
             raise
         except PaError:

@@ -17,7 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
 from pa_ros.arena.rearranging import bodies, rearrange
-from pa_ros.bags.contents import reliable_qos, topic
+from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.cli.main import main

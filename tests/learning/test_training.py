@@ -18,7 +18,7 @@ from helpers.worlds import NETWORK, PROGRAMS, SCORING, SETTINGS, WORLD, PointWor
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
-from pa_ros.bags.claim import Claim
+from pa_ros.bags.format import FolderLock
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT
 from pa_ros.learning import loop
@@ -189,7 +189,7 @@ def test_where_no_file_has_locks_a_run_goes_on_without(tmp_path, monkeypatch) ->
     run(tmp_path, 20)
     with pytest.raises(FolderTakenError):
         run(tmp_path, 20)
-    with Claim(tmp_path):
+    with FolderLock(tmp_path):
         pass
 
 

@@ -60,7 +60,7 @@ def test_two_arenas_in_step_learn_the_same_bits_again_and_their_bag_is_verified(
         experience = Experience(opened)
         found = verify(experience)
     assert found.equal, found
-    assert found.compared >= ROUNDS and found.reenacted >= found.frames
+    assert found.compared >= ROUNDS and found.checked >= found.frames
     again = published(tmp_path / "again")
     assert all(version % 2 == 0 for version in again)  # a round is two trajectories
     common = again.keys() & experience.published.keys()

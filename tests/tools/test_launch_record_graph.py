@@ -40,7 +40,7 @@ def test_a_graphs_run_is_verified_from_its_first_step(bag):
         found = verify(Experience(opened))
     assert found.equal, found
     assert found.compared == found.version + 1 > 3
-    assert found.reenacted >= found.frames > 300
+    assert found.checked >= found.frames > 300
 
 
 def test_every_process_says_what_it_is(bag):

@@ -15,8 +15,8 @@ from rosbags.typesys import get_types_from_msg
 
 from helpers.recordings import SMALL, decoded, train, written
 from helpers.waiting import DEADLINE_S, wait_for
-from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.experience import Experience
+from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main

@@ -10,13 +10,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.bags.errors import ForeignBagError
-from pa_ros.bags.experience import ARENA_INFO, TRAJECTORIES, recorded_world
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.experience import TRAJECTORIES, arenas_of, recorded_world
 from pa_ros.bags.reader import Bag
-from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.wire import Message
-from pa_ros.wire.arena import decode_arena_info
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.learning import decode_trajectory
 from pa_ros.wire.program import decode_program, decode_program_status
@@ -38,12 +36,12 @@ COMMAND: Final = "msgs_schema/msg/JointCommand"
 PROGRAM: Final = "msgs_schema/msg/Program"
 PROGRAM_STATUS: Final = "msgs_schema/msg/ProgramStatus"
 STEP_TYPES: Final = (FEATURES, JOINT_STATES, VERDICT, COMMAND, PROGRAM, PROGRAM_STATUS)
-_SETTLED: Final = 20  # rows of the next episode after which nothing of the one before still comes
+_COMPLETE_AFTER: Final = 20  # rows of the next episode: by then all of the one before has arrived
 
 
 @dataclass
 class Row:
-    """One control step; NaN, or of the joints nothing, where the recording says nothing."""
+    """One control step. What the recording does not contain is NaN or empty."""
 
     step: int
     stamp_ns: int  # simulation time; -1: not recorded
@@ -60,7 +58,7 @@ class Row:
 
     @property
     def looks(self) -> bytes:
-        """What tells scenes of other objects apart: their features but for the poses."""
+        """The objects' features without their poses: equal for scenes of the same objects."""
         return np.ascontiguousarray(self.objects[:, len(POSE) :]).tobytes()
 
 
@@ -74,7 +72,7 @@ class RecordedEpisode:
 
     @property
     def rewards(self) -> Float64:
-        """Rewards of the steps taken: those of all rows but the first, where recorded."""
+        """Recorded rewards of the steps taken: all rows but the first."""
         values = np.array([row.reward for row in self.rows if row.step > 0])
         return values[~np.isnan(values)] if len(values) else values
 
@@ -85,7 +83,7 @@ class RecordedEpisode:
         return steps[-1] - steps[0] + 1 - len(set(steps)) if steps else 0
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Rows as arrays by name, the first axis being the row; see docs/bags.md for units."""
+        """Return the rows as arrays by name; the first axis is the row. Units: docs/bags.md."""
         rows = self.rows
         stamps = [row.stamp_ns / 1e9 if row.stamp_ns >= 0 else np.nan for row in rows]
         return {
@@ -103,7 +101,7 @@ class RecordedEpisode:
 
 
 def _padded(rows: Sequence[Float32]) -> Float32:
-    """Objects of each row as one array, [T, N, F] with the largest N; NaN where a row has fewer."""
+    """Return the objects as [T, N, F] with the largest N; NaN where a row has fewer objects."""
     padded = np.full((len(rows), max(map(len, rows)), rows[0].shape[1]), np.nan, np.float32)
     for into, row in zip(padded, rows, strict=True):
         into[: len(row)] = row
@@ -111,54 +109,49 @@ def _padded(rows: Sequence[Float32]) -> Float32:
 
 
 def _stacked(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Rows as one array, [T, J]; NaN for those that are empty."""
+    """Return rows as one array [T, J]; NaN for rows that are empty."""
     width = max(map(len, rows))
     return np.stack([row if len(row) else np.full(width, np.nan, row.dtype) for row in rows])
 
 
 def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode]:
-    """Episodes in the order of the recording; from transitions if the steps are not recorded.
+    """Return the episodes in recorded order; from transitions if the steps are not recorded.
 
-    Raises ForeignBagError if the bag has neither.
+    Raises BagError (code bag.foreign) if the bag has neither.
     """
     if FEATURES in bag.types.values():
         return _from_steps(bag, namespace)
     if TRAJECTORIES in bag.types.values():
         return _from_transitions(bag, namespace)
-    raise ForeignBagError(
+    raise BagError(
         f"bag: {bag.path}: expected topics of type {FEATURES} or {TRAJECTORIES}, got "
-        f"{', '.join(sorted(set(bag.types.values()))) or 'no topics'}"
+        f"{', '.join(sorted(set(bag.types.values()))) or 'no topics'}",
+        code="bag.foreign",
     )
 
 
 def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     open_: dict[str, RecordedEpisode] = {}  # by agent
-    world = recorded_world(bag, namespace)
-    decode = partial(decode_trajectory, world=world)
-    for recorded in bag.messages([bag.topic_of(TRAJECTORIES, namespace)]):
-        trajectory = bag.through(recorded, decode)
+    decode = partial(decode_trajectory, world=recorded_world(bag, namespace))
+    for trajectory in bag.decoded([bag.topic_of(TRAJECTORIES, namespace)], decode):
         episode = open_.get(trajectory.agent_id)
-        if episode is None or not _continues(episode, trajectory):
+        continues = (
+            episode is not None
+            and episode.number == trajectory.episode
+            and episode.rows[-1].step == trajectory.first_step
+        )
+        if episode is None or not continues:
             if episode is not None:
                 yield episode
-            episode = open_[trajectory.agent_id] = RecordedEpisode(trajectory.episode, False)
-        _extend(episode, trajectory)
+            episode = RecordedEpisode(trajectory.episode, False, [_row(trajectory, 0)])
+            open_[trajectory.agent_id] = episode
+        for t in range(len(trajectory)):
+            before = episode.rows[-1]
+            before.action, before.policy_version = trajectory.actions[t], trajectory.policy_version
+            following = _row(trajectory, t + 1)
+            following.reward = float(trajectory.rewards[t])
+            episode.rows.append(following)
     yield from open_.values()
-
-
-def _continues(episode: RecordedEpisode, trajectory: Trajectory) -> bool:
-    return episode.number == trajectory.episode and episode.rows[-1].step == trajectory.first_step
-
-
-def _extend(episode: RecordedEpisode, trajectory: Trajectory) -> None:
-    if not episode.rows:
-        episode.rows.append(_row(trajectory, 0))
-    for t in range(len(trajectory)):
-        before = episode.rows[-1]
-        before.action, before.policy_version = trajectory.actions[t], trajectory.policy_version
-        following = _row(trajectory, t + 1)
-        following.reward = float(trajectory.rewards[t])
-        episode.rows.append(following)
 
 
 def _row(trajectory: Trajectory, t: int) -> Row:
@@ -176,32 +169,34 @@ def _row(trajectory: Trajectory, t: int) -> Row:
 
 
 def _from_steps(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
-    """Parts of a step come in any order; whatever comes of a step before its features waits."""
-    builder = _Builder(_joint_names(bag, namespace))
-    wanted = [bag.topic_of(t, namespace) for t in STEP_TYPES if t in bag.types.values()]
-    for recorded in bag.messages(wanted):
-        bag.through(recorded, partial(builder.take, recorded.type_name))
-        yield from builder.finished(_SETTLED)
+    arenas = arenas_of(bag, namespace)
+    builder = _Builder(arenas[0].joint_names if arenas else ())
+    topics = [bag.topic_of(t, namespace) for t in STEP_TYPES if t in bag.types.values()]
+    for recorded in bag.messages(topics):
+        builder.take(recorded.type_name, bag.deserialize(recorded))
+        yield from builder.finished(_COMPLETE_AFTER)
     yield from builder.finished(0)
 
 
 class _Builder:
+    """Joins the messages of each control step by their stamp; they may arrive in any order."""
+
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         self._joint_names = joint_names
         self._texts: dict[str, str] = {}  # of programs, by id
         self._open: list[RecordedEpisode] = []  # the newest last
-        self._rows: dict[int, Row] = {}  # of the open ones, by stamp
-        self._early: dict[int, list[tuple[str, Message]]] = {}
+        self._rows: dict[int, Row] = {}  # of the open episodes, by stamp
+        self._early: dict[int, list[tuple[str, Message]]] = {}  # arrived before their features
 
     def take(self, type_name: str, message: Message) -> None:
         if type_name == PROGRAM:
             request = decode_program(message)
             self._texts[request.program_id] = request.text
             return
-        if type_name == PROGRAM_STATUS:  # a recorder that came late has the program from here
-            judgement = decode_program_status(message)
-            if judgement.accepted:
-                self._texts.setdefault(judgement.program_id, judgement.canonical)
+        if type_name == PROGRAM_STATUS:  # names the program if the recorder started after it
+            status = decode_program_status(message)
+            if status.accepted:
+                self._texts.setdefault(status.program_id, status.canonical)
             return
         stamp_ns = header_stamp(message)
         if type_name == FEATURES:
@@ -212,13 +207,13 @@ class _Builder:
             self._fill(self._rows[stamp_ns], type_name, message)
         else:
             self._early.setdefault(stamp_ns, []).append((type_name, message))
-            while len(self._early) > 10 * _SETTLED:
+            while len(self._early) > 10 * _COMPLETE_AFTER:  # their features are not recorded
                 self._early.pop(next(iter(self._early)))
 
-    def finished(self, settled: int) -> Iterator[RecordedEpisode]:
-        """Episodes that are over; with 0, all that are left."""
+    def finished(self, rows_after: int) -> Iterator[RecordedEpisode]:
+        """Yield the episodes whose successor has so many rows; with 0, all that are left."""
         while self._open and (
-            not settled or len(self._open) > 1 and len(self._open[1].rows) >= settled
+            not rows_after or len(self._open) > 1 and len(self._open[1].rows) >= rows_after
         ):
             episode = self._open.pop(0)
             for row in episode.rows:
@@ -228,13 +223,15 @@ class _Builder:
 
     def _begin_row(self, stamp_ns: int, message: Message) -> None:
         if stamp_ns in self._rows:
-            return  # sent again, because nobody answered
-        newest = self._open[-1] if self._open else None
+            return  # the arena repeated an observation that nobody answered
         mark = decode_step_mark(message)
-        of = (mark.episode, mark.evaluation)
-        again = newest is None or (newest.number, newest.evaluation) != of
-        if newest is None or again or mark.step <= newest.rows[-1].step:
-            newest = RecordedEpisode(*of)
+        newest = self._open[-1] if self._open else None
+        same = newest is not None and (newest.number, newest.evaluation) == (
+            mark.episode,
+            mark.evaluation,
+        )
+        if newest is None or not same or mark.step <= newest.rows[-1].step:
+            newest = RecordedEpisode(mark.episode, mark.evaluation)
             self._open.append(newest)
         program = mark.program or self._texts.get(mark.program_id, mark.program_id)
         row = Row(mark.step, stamp_ns, *decode_objects(message), program)
@@ -252,14 +249,3 @@ class _Builder:
         else:
             command = decode_command(message)
             row.action, row.policy_version = command.action, command.policy_version
-
-
-def _joint_names(bag: Bag, namespace: str | None) -> tuple[str, ...]:
-    if ARENA_INFO not in bag.types.values():
-        return ()
-    for recorded in bag.messages([bag.topic_of(ARENA_INFO, namespace)]):
-        try:
-            return bag.through(recorded, decode_arena_info).joint_names
-        except PaError:
-            return ()
-    return ()

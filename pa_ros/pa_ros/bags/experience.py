@@ -1,16 +1,18 @@
-"""What a learner learned, in its own order, from a recording of its run."""
+"""Learning from recordings: trajectories in the order in which their learner used them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Final, TypeVar
 
-from pa_ros.bags.errors import ForeignBagError, ProvenanceError
-from pa_ros.bags.reader import Bag, Recorded
+from pa_ros.bags.errors import BagError, ProvenanceError
+from pa_ros.bags.reader import Bag
+from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, TrajectoryKey
 from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.turns import in_turn
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
@@ -29,61 +31,63 @@ WEIGHTS: Final = "msgs_schema/msg/PolicyWeights"
 PROVENANCE: Final = "msgs_schema/msg/Provenance"
 ARENA_INFO: Final = "msgs_schema/msg/ArenaInfo"
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True, slots=True)
-class Published:
-    """What a bag says of one version of the weights."""
+class RecordedWeights:
+    """What a bag says about one version of the weights."""
 
     version: int
     checksum: str  # SHA-256 of the tensors' bytes
     run_id: str
-    accounted: Mapping[AgentKey, int]  # every trajectory before this one is accounted for
+    accounted: Mapping[AgentKey, int]  # of each agent, all trajectories before this one were used
     latest: TrajectoryKey | None  # led to this version; None: not known
 
 
 @dataclass(frozen=True, slots=True)
-class Lesson:
-    """A trajectory in its turn. `version`: of the weights that it led to; None if not known."""
+class UsedTrajectory:
+    """A trajectory in its learner's order."""
 
     key: TrajectoryKey
-    trajectory: Trajectory | None  # None: the bag lacks it, though the learner had it
-    version: int | None
+    trajectory: Trajectory | None  # None: the learner used it, but the bag lacks it
+    version: int | None  # of the weights that it led to; None: not known
 
 
-_BEGINNING: Final = Published(0, "", "", {}, None)  # before anything was learned
+_BEGINNING: Final = RecordedWeights(0, "", "", {}, None)  # before anything was learned
 
 
 class Experience:
-    """The learning recorded in one bag. Raises ForeignBagError if there are no transitions."""
+    """The learning recorded in one bag."""
 
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
-        self._bag, self._namespace = bag, namespace
-        self.unseen = bag.unseen
+        """Raises BagError (code bag.foreign) if the bag contains no transitions."""
+        self._bag = bag
+        self.unreadable = bag.unreadable  # parts that a repair had to leave out
         self._topic = bag.topic_of(TRAJECTORIES, namespace)
-        self.origins: list[Origin] = [
-            bag.through(recorded, decode_provenance)
-            for recorded in _of_type(bag, PROVENANCE, namespace)
-        ]
+        self.origins = _decoded(bag, PROVENANCE, namespace, decode_provenance)
         self.arenas = arenas_of(bag, namespace)
-        self._agents = self._turns()
-        self.published = self._published()
-        self.keys = self._arrivals()  # trajectories in the order of the recording, each once
+        self._agents_in_order = self._fixed_order()
+        self.published = self._published(namespace)  # weights by version
+        # Trajectories in recorded order, each once: an agent may send one again.
+        self.keys = list(dict.fromkeys(bag.decoded([self._topic], decode_trajectory_key)))
+        if not self.keys:
+            raise BagError(f"bag: {bag.path}: expected transitions, got none", code="bag.foreign")
 
     @property
     def learner(self) -> Origin:
-        """Of the one learner, as it began. ProvenanceError if there is none, or several."""
+        """The one learner, as it began. Raises ProvenanceError if there are none or several."""
         found = [origin for origin in self.origins if origin.learner is not None]
         runs = {origin.instance for origin in found}
         if len(runs) != 1:
             raise ProvenanceError(
-                f"bag: {self._bag.path}: expected the provenance of one learner, got "
-                f"{len(runs)}: nothing says how this run was made"
+                f"bag: {self._bag.path}: expected the provenance of one learner, got {len(runs)}: "
+                "it is not known how this run was made"
             )
         return found[0]
 
     def arena_of(self, agent_id: str) -> ArenaDescription | None:
-        """An agent's arena: the only one, or the one of its namespace; None if that is none, or
-        several."""
+        """Return an agent's arena: the only one, or that of its namespace; None if not known."""
         places = {_namespace(one) for one in self.origins if one.instance == agent_id}
         beside = {one.instance for one in self.origins if _namespace(one) in places}
         found = {arena.arena_id: arena for arena in self.arenas}
@@ -93,65 +97,67 @@ class Experience:
 
     @property
     def scoring(self) -> Scoring:
-        """The arenas' rule, by which the learner relabeled. ProvenanceError if nothing tells it."""
-        rules = {(arena.world.relations, arena.thresholds) for arena in self.arenas}
+        """The arenas' scoring rule, which the learner relabeled with. Raises ProvenanceError."""
+        rules = {(one.world.relations, one.thresholds, one.reward) for one in self.arenas}
         if len(rules) != 1:
             raise ProvenanceError(
-                f"bag: {self._bag.path}: expected the same thresholds in the arenas' descriptions, "
-                f"got {sorted(rules)}: nothing says what was rewarded"
+                f"bag: {self._bag.path}: expected arenas with one set of thresholds and one "
+                f"reward, got {sorted(rules)}: it is not known what was rewarded"
             )
-        rewards = {arena.reward for arena in self.arenas}
-        if len(rewards) != 1:
-            raise ProvenanceError(
-                f"bag: {self._bag.path}: expected one reward in the arenas' descriptions, "
-                f"got {sorted(rewards)}: nothing says what was paid"
-            )
-        return Scoring.of(*rules.pop(), reward_from(rewards.pop()))
+        relations, thresholds, reward = rules.pop()
+        return Scoring.of(relations, thresholds, reward_from(reward))
 
     @property
-    def unheard(self) -> int:
-        """Versions of the weights before the first that was recorded. The trajectories that led to
-        them come in the order of the recording, which is the learner's if there was one agent."""
-        about = [origin.learner for origin in self.origins if origin.learner is not None]
-        if not self.published or len({one.first_version for one in about}) != 1:
-            return 0
-        return max(0, min(self.published) - about[0].first_version)
+    def unordered(self) -> int:
+        """Number of versions whose trajectories' order is not known.
 
-    def lessons(self, world: World) -> Iterator[Lesson]:
-        """Trajectories in the learner's order, as far as the weights tell it; else as they came.
-
-        `world` is the receiver's. Raises WireError at the first of another one.
+        The weights recorded for a version name the trajectory that led to it. Of versions before
+        the first recorded one, the order is known if one agent sent all trajectories, or if the
+        learner took its agents in a fixed order.
         """
-        plan, pending = self._plan(), dict[TrajectoryKey, Trajectory]()
-        there = set(self.keys)
-        messages = self._trajectories(world)
-        for key, version in plan:
-            while key in there and key not in pending:
-                trajectory = next(messages, None)
-                if trajectory is None:
-                    break
-                pending.setdefault(trajectory.key, trajectory)
-            yield Lesson(key, pending.pop(key, None), version)
+        first = {one.learner.first_version for one in self.origins if one.learner is not None}
+        agents = {key[:2] for key in self.keys}
+        if self._agents_in_order or len(agents) == 1 or len(first) != 1 or not self.published:
+            return 0
+        return max(0, min(self.published) - first.pop())
 
-    def _plan(self) -> list[tuple[TrajectoryKey, int | None]]:
-        """Which trajectory comes when, as the versions tell."""
+    def used(self, world: World) -> Iterator[UsedTrajectory]:
+        """Yield trajectories in the learner's order as far as the weights tell it, then the others.
+
+        Raises WireError at the first trajectory of another world than `world`.
+        """
+        there, read = set(self.keys), dict[TrajectoryKey, Trajectory]()
+        decode = partial(decode_trajectory, world=world)
+        trajectories = self._bag.decoded([self._topic], decode)
+        for key, version in self._order():
+            while key in there and key not in read:
+                trajectory = next(trajectories, None)
+                if trajectory is None:
+                    break  # the weights name it twice, and it was used already
+                read.setdefault(trajectory.key, trajectory)
+            yield UsedTrajectory(key, read.pop(key, None), version)
+
+    def _order(self) -> list[tuple[TrajectoryKey, int | None]]:
+        """Return the trajectories in the learner's order, with the version that each led to."""
         left = dict.fromkeys(self.keys)
-        plan: list[tuple[TrajectoryKey, int | None]] = []
-        versions = sorted(self.published)
-        if self.unheard:
-            versions.insert(0, versions[0] - self.unheard)
+        order: list[tuple[TrajectoryKey, int | None]] = []
+        first = [one.learner.first_version for one in self.origins if one.learner is not None]
+        versions = sorted({*self.published, *first[:1]} if self.published else ())
         for before, version in zip(versions, versions[1:], strict=False):
             between = self._between(left, before, version)
             for led_to, key in enumerate(between, start=version - len(between) + 1):
                 left.pop(key, None)
-                plan.append((key, led_to))
-        return plan + [(key, None) for key in left]
+                order.append((key, led_to))
+        return order + [(key, None) for key in left]
 
     def _between(
         self, left: Mapping[TrajectoryKey, None], before: int, version: int
     ) -> list[TrajectoryKey]:
-        """What led from one recorded version to the next, in order. The last is known; of those
-        that led to versions not recorded, the accounts tell."""
+        """Return what led from one recorded version to the next, in order.
+
+        The last trajectory is named in the weights. Those before it, which led to versions that
+        were not recorded, follow from the counts of used trajectories.
+        """
         earlier, later = self.published.get(before, _BEGINNING), self.published[version]
         last = [] if later.latest is None else [later.latest]
         within = [
@@ -162,12 +168,12 @@ class Experience:
             < later.accounted.get(AgentKey(*key[:2]), 0)
             and key not in last
         ]
-        if self._agents:
-            within = in_turn(within, self._agents, before)
+        if self._agents_in_order:
+            within = in_turn(within, self._agents_in_order, before)
         return within[: version - before - len(last)] + last
 
-    def _turns(self) -> tuple[str, ...]:
-        """Agents in the order of their turns; empty: there were none."""
+    def _fixed_order(self) -> tuple[str, ...]:
+        """Return the agents in the order in which the learner took them; empty: as they arrived."""
         for origin in self.origins:
             if origin.learner is not None and "agents" in origin.parameters:
                 config = ALGORITHMS[origin.learner.algorithm].config
@@ -176,52 +182,91 @@ class Experience:
                 return tuple(map(str, origin.parameters["agents"])) if exact else ()
         return ()
 
-    def _published(self) -> dict[int, Published]:
-        """By version, of the run that the provenance tells of."""
+    def _published(self, namespace: str | None) -> dict[int, RecordedWeights]:
+        """Return the recorded weights by version, of the run that the provenance describes."""
         runs = {origin.instance for origin in self.origins if origin.learner is not None}
-        found: dict[int, Published] = {}
-        for recorded in _of_type(self._bag, WEIGHTS, self._namespace):
-            one = self._bag.through(recorded, _published)
+        found: dict[int, RecordedWeights] = {}
+        for one in _decoded(self._bag, WEIGHTS, namespace, _recorded_weights):
             if not runs or one.run_id in runs:
                 if one.version not in found or one.latest is not None:
                     found[one.version] = one
         return found
 
-    def _arrivals(self) -> list[TrajectoryKey]:
-        """Trajectories in the order of the recording, each once."""
-        keys = dict.fromkeys(
-            self._bag.through(recorded, decode_trajectory_key)
-            for recorded in self._bag.messages([self._topic])
-        )
-        if not keys:
-            raise ForeignBagError(f"bag: {self._bag.path}: expected transitions, got none")
-        return list(keys)
 
-    def _trajectories(self, world: World) -> Iterator[Trajectory]:
-        decode = partial(decode_trajectory, world=world)
-        for recorded in self._bag.messages([self._topic]):
-            yield self._bag.through(recorded, decode)
+@dataclass
+class OfflineResult:
+    """What became of the trajectories of some bags."""
+
+    accepted: int = 0
+    missing: int = 0  # used by the recorded learner, but not in the bag
+    left_out: int = 0  # in the bag, but not used by the recorded learner
+    refused: int = 0  # not usable with these networks
+    refusal: str = ""  # reason of the first
+    unordered: int = 0  # versions whose trajectories' order is not known
+    unreadable: str = ""  # damaged parts of the bags
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything was learned that the recorded learners had learned."""
+        return not (self.missing or self.refused or self.unordered or self.unreadable)
+
+
+def learn(
+    experiences: Sequence[Experience],
+    learner: Learner,
+    progress: Callable[[OfflineResult], None] | None = None,
+) -> OfflineResult:
+    """Give a learner the trajectories of one bag after the other, each in its run's own order.
+
+    If a bag tells which trajectories its learner used, the others are left out. Agents of different
+    runs are kept apart even if they have the same name, and so are an agent's incarnations.
+    """
+    found = OfflineResult()
+    runs: dict[str, int] = {}
+    for experience in experiences:
+        learners = {one.instance for one in experience.origins if one.learner is not None}
+        run = runs.setdefault("+".join(sorted(learners)) or str(id(experience)), len(runs))
+        order_is_known = len(experience.published) > 1
+        found.unreadable = "; ".join(filter(None, (found.unreadable, experience.unreadable)))
+        found.unordered += experience.unordered
+        for one in experience.used(learner.network.world):
+            if one.trajectory is None:
+                found.missing += 1
+            elif order_is_known and one.version is None:
+                found.left_out += 1
+            else:
+                agent = f"{one.key.agent_id}@{(one.key.incarnation, run)}"
+                _consume(learner, replace(one.trajectory, agent_id=agent, held_from=0), found)
+            if progress is not None:
+                progress(found)
+    return found
+
+
+def _consume(learner: Learner, trajectory: Trajectory, found: OfflineResult) -> None:
+    try:
+        report = learner.consume(trajectory)
+    except PaError as error:
+        found.refused += 1
+        found.refusal = found.refusal or str(error)
+    else:
+        found.accepted += report.insert.accepted
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
-    """What arenas said of themselves, in the order of the recording."""
-    return [
-        bag.through(recorded, decode_arena_info)
-        for recorded in _of_type(bag, ARENA_INFO, namespace)
-    ]
+    """Return the arenas' descriptions in recorded order."""
+    return _decoded(bag, ARENA_INFO, namespace, decode_arena_info)
 
 
 def recorded_world(bag: Bag, namespace: str | None = None) -> World:
-    """The world of a recording. ProvenanceError if no learner and no arena tells them."""
+    """Return the world of a recording. Raises ProvenanceError if it does not describe one."""
     for arena in arenas_of(bag, namespace):
         return arena.world
-    for recorded in _of_type(bag, PROVENANCE, namespace):
-        origin = bag.through(recorded, decode_provenance)
+    for origin in _decoded(bag, PROVENANCE, namespace, decode_provenance):
         if origin.world is not None:
             return origin.world
     raise ProvenanceError(
-        f"bag: {bag.path}: expected an arena's description or a learner's provenance, got none: "
-        "nothing says what objects and programs are made of"
+        f"bag: {bag.path}: expected an arena's description or a learner's provenance, got neither: "
+        "the meaning of the features is not known"
     )
 
 
@@ -229,17 +274,24 @@ def _namespace(origin: Origin) -> str:
     return origin.node.rpartition("/")[0]
 
 
-def _of_type(bag: Bag, type_name: str, namespace: str | None) -> Iterator[Recorded]:
+def _decoded(
+    bag: Bag, type_name: str, namespace: str | None, decode: Callable[[Message], T]
+) -> list[T]:
+    """Return the decoded messages of a type; none if the bag has no such topic."""
     if type_name not in bag.types.values():
-        return
-    of_several = type_name in (PROVENANCE, ARENA_INFO)  # each arena of a fleet has its own
+        return []
+    # In a fleet each arena has its own topics of these types.
+    of_several = type_name in (PROVENANCE, ARENA_INFO)
     topics = bag.topics_of(type_name, namespace) if of_several else []
-    yield from bag.messages(topics or [bag.topic_of(type_name, namespace)])
+    return list(bag.decoded(topics or [bag.topic_of(type_name, namespace)], decode))
 
 
-def _published(message: Message) -> Published:
+def _recorded_weights(message: Message) -> RecordedWeights:
     policy = decode_weights(message)
-    checksum = weights_checksum(policy.snapshot)
-    return Published(
-        policy.snapshot.version, checksum, policy.run_id, policy.accounted, policy.latest
+    return RecordedWeights(
+        policy.snapshot.version,
+        weights_checksum(policy.snapshot),
+        policy.run_id,
+        policy.accounted,
+        policy.latest,
     )

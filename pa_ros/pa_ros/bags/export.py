@@ -1,4 +1,4 @@
-"""Episodes as NPZ or Parquet files for notebooks: one per episode, and a table of them all."""
+"""Exports episodes as NPZ or Parquet files for notebooks, with a table of them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import csv
 import json
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.bags.episodes import RecordedEpisode
-from pa_ros.bags.errors import BagError, ForeignBagError
-from pa_ros.bags.writer import refuse_bag
+from pa_ros.bags.errors import BagError
 from pa_ros.core.errors import ConfigError, PaError
 
 TABLE = "episodes.csv"
@@ -32,60 +30,41 @@ def export(
     numbers: Collection[int] | None = None,
     kind: str = "npz",
 ) -> int:
-    """Write `episode-<n>.<kind>` (`eval-<n>.<kind>`) and episodes.csv; how many.
+    """Write `episode-<n>.<kind>` or `eval-<n>.<kind>` for each episode, then episodes.csv.
 
-    An episode that was recorded more than once gets `-2`, `-3`, … behind its number. Until all is
-    written the table is called episodes.csv.part; where nothing is, nothing is left.
-    ForeignBagError if there are no episodes, BagError if refused, as a bag's own folder is, or,
-    with the others written, if the bag has not all of `numbers` or can't be read to its end;
-    ConfigError if the kind is none of KINDS or lacks its extra.
+    An episode number that was recorded more than once gets `-2`, `-3`, … Returns the number of
+    files. Raises BagError if the folder has a table already, if the bag lacks some of `numbers`,
+    or where it cannot be read further; ConfigError for an unknown kind or a missing extra.
     """
     write = _writer(kind)
-    refuse_bag(folder)
-    table, unfinished = folder / TABLE, folder / f"{TABLE}.part"
-    if os.path.lexists(table):
-        raise BagError(f"export: {table} exists already, not overwriting")
-    made = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
-    written, missing = dict[str, int](), set(numbers or ())
+    if os.path.lexists(folder / TABLE):
+        raise BagError(f"export: {folder / TABLE} already exists: name another folder")
+    written: dict[str, int] = {}
+    rows: list[tuple[object, ...]] = []
+    missing = set(numbers or ())
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with unfinished.open("w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(COLUMNS)
-            for episode in found:
-                if numbers is None or episode.number in numbers:
-                    name = _name(episode, written, kind)
-                    write(folder / name, episode.arrays())
-                    rows.writerow(_line(name, episode))
-                    missing.discard(episode.number)
-        if written:
-            unfinished.replace(table)
+        for episode in found:
+            if numbers is not None and episode.number not in numbers:
+                continue
+            folder.mkdir(parents=True, exist_ok=True)
+            name = _name(episode, written, kind)
+            write(folder / name, episode.arrays())
+            rows.append(_line(name, episode))
+            missing.discard(episode.number)
     except (PaError, OSError) as error:
-        count = max(0, sum(written.values()) - isinstance(error, OSError))
-        said = f"; {count} episodes are in {folder}, their table is {unfinished.name}"
-        raise BagError(f"export: {error}{said if count else ''}") from error
-    finally:
-        if not written:
-            _leave_nothing(unfinished, made)
-    count = sum(written.values())
+        done = f"; {len(rows)} episodes are in {folder}, without {TABLE}" if rows else ""
+        raise BagError(f"export: {error}{done}") from error
+    if rows:
+        with (folder / TABLE).open("w", newline="") as file:
+            csv.writer(file).writerows([COLUMNS, *rows])
     if missing:
-        rest = f"{count} others are there" if count else "none was written"
         raise BagError(
-            f"export: {folder}: expected episodes that the bag has, got {sorted(missing)}"
-            f"{', too' if count else ''}; {rest}"
+            f"export: the bag does not contain episodes {sorted(missing)}; {len(rows)} others were "
+            "written"
         )
-    if not count:
-        raise ForeignBagError("export: expected episodes, got none")
-    return count
-
-
-def _leave_nothing(unfinished: Path, made: Iterable[Path]) -> None:
-    """Remove an empty table, and the folders that were made for it."""
-    with suppress(OSError):
-        unfinished.unlink()
-    for folder in made:
-        with suppress(OSError):
-            folder.rmdir()
+    if not rows:
+        raise BagError("export: expected episodes, got none", code="bag.foreign")
+    return len(rows)
 
 
 def _writer(kind: str) -> Write:
@@ -103,7 +82,7 @@ def _writer(kind: str) -> Write:
         ) from error
 
     def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """A row for each step; what is an array there is a list, row by row of the array."""
+        """Write a row for each step; arrays of several axes become lists, flattened by row."""
         columns = {
             name: values if values.ndim == 1 else list(values.reshape(len(values), -1))
             for name, values in arrays.items()

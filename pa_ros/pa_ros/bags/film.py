@@ -1,4 +1,4 @@
-"""A film of a recorded episode, drawn anew from the recorded joints and objects."""
+"""Films of recorded episodes, drawn from the recorded joints and objects."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pa_ros.wire.arena import ArenaDescription
 
 
 class Stage:
-    """Puts recorded states on the table again; nothing is simulated."""
+    """A scene that shows recorded states. Nothing is simulated."""
 
     def __init__(self, episode: RecordedEpisode, arena: ArenaDescription) -> None:
         """Raises BagError if a row lacks the joints' positions."""
@@ -31,12 +31,12 @@ class Stage:
         config = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
         design = design_named(arena.design).with_relations(*arena.world.relations)
         self.task = ReachTask(config, design, arena.seed)
-        self._shown: str | None = None  # the program; none of the recording's yet
+        self._shown: str | None = None  # the recorded program in force
         self._vocabulary, self._number = self.task.design.vocabulary, episode.number
         self._furnish(episode.rows[0], episode.rows[0].joint_position)
 
     def _furnish(self, row: Row, arm: Float64) -> None:
-        """Have a row's blocks on the table, and no program of the recording's in force."""
+        """Set up a row's blocks, with no recorded program in force yet."""
         kinds = [
             _kind(features, self.task.design)
             for i, features in enumerate(row.objects)
@@ -50,7 +50,7 @@ class Stage:
         self._looks, self._shown = row.looks, None
 
     def show(self, row: Row) -> None:
-        """Put the arm and the blocks where a row says; BagError for blocks of another design."""
+        """Put arm and blocks where a row says. Raises BagError for blocks of another design."""
         if row.looks != self._looks:
             self._furnish(row, self.task.simulation.joint_position)
         data, model = self.task.simulation.data, self.task.simulation.model
@@ -70,16 +70,16 @@ class Stage:
             self._shown = row.program
             try:
                 self.task.set_program(parse(row.program, self._vocabulary))
-            except ProgramError:  # none in force, or its text is not recorded
+            except ProgramError:  # no program is in force, or its text is not recorded
                 self.task.verifier.targets = ()
 
 
 def film(
     episode: RecordedEpisode, arena: ArenaDescription, path: Path, rendered: bool, side_px: int
 ) -> int:
-    """Write a GIF or an MP4 at the speed of the arena; its number of pictures.
+    """Write a GIF or an MP4 at the speed of the arena. Returns its number of pictures.
 
-    `rendered`: in perspective, by OpenGL (RenderError if this machine has none), not from above.
+    `rendered`: in perspective instead of from above. Raises RenderError without OpenGL.
     """
     check_movie(path)
     pictures = _pictures(episode, Stage(episode, arena), rendered, side_px)
@@ -95,7 +95,7 @@ def _pictures(
 
 
 def _caption(row: Row) -> tuple[str, str]:
-    """The program; the step and what it earned, where that is recorded."""
+    """Return the program, and the step with its reward and distance where these are recorded."""
     parts = [f"step {row.step}"]
     if np.isfinite(row.reward):
         parts.append(f"reward {row.reward:+.2f}")
@@ -105,13 +105,13 @@ def _caption(row: Row) -> tuple[str, str]:
 
 
 def _kind(features: Float32, design: Design) -> Kind:
-    """What a recorded object is; BagError if the design's schema has no such value."""
+    """Return the kind of a recorded object. Raises BagError if the design has no such kind."""
     if features.shape != (design.schema.width,):
         raise BagError(
             f"film: expected objects of {design.schema.width} features, got {len(features)}"
         )
     has = dict(zip(design.schema.slices, design.schema.has(features), strict=True))
     if not all(one.any() for one in has.values()):
-        raise BagError(f"film: expected an object of the design's, got {features.tolist()}")
+        raise BagError(f"film: expected an object of the design, got {features.tolist()}")
     values = {g: design.schema[g].features.values[int(has[g].argmax())] for g in design.values}
     return Kind(**values)

@@ -1,41 +1,44 @@
-"""Reading a bag: any rosbag2 folder or file; whatever is wrong with it is said in one line."""
+"""Reads a bag: any rosbag2 folder or file. Every problem is one line that says what to do."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
 from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from pa_ros.bags.claim import Claim
-from pa_ros.bags.contents import METADATA, repair_command, stated
-from pa_ros.bags.errors import (
-    BagError,
-    DamagedBagError,
-    DefinitionError,
-    ForeignBagError,
-    UnfinishedBagError,
+from pa_ros import __version__
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.format import (
+    METADATA,
+    UNREADABLE,
+    FolderLock,
+    custom_data,
+    damaged,
+    repair_command,
 )
-from pa_ros.bags.index import connections_of
-from pa_ros.bags.repair import custom_data, storage_files
+from pa_ros.bags.repair import storage_files
+from pa_ros.provenance.metadata import ORIGINS
 from pa_ros.wire import Message
-from pa_ros.wire.arena import WIRE_VERSION
-from pa_ros.wire.definitions import installed_types
+from pa_ros.wire.definitions import hash_of, installed_types
 
-OF_EDITION_1 = "msgs_schema/msg/Transitions"  # Trajectory since
+OURS = "msgs_schema/"
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """One message as it lies in a bag."""
+    """One message as it is stored in a bag."""
 
     topic: str
     type_name: str
@@ -47,21 +50,22 @@ class Bag:
     """An open bag; a context manager."""
 
     def __init__(self, path: Path) -> None:
-        """Raises BagError if there is no whole bag: UnfinishedBagError, DamagedBagError …"""
+        """Raises BagError if the bag is missing, unfinished, still being recorded, damaged, or
+        has messages of another version of pa_ros."""
         self.path = path
-        _check_there(path)
-        _check_inside(path)
+        _check_finished(path)
         with ExitStack() as opened:
             try:
+                self.custom = custom_data(path)  # of metadata.yaml
                 self._reader = Reader(path)
                 self._reader.open()
                 opened.callback(self._reader.close)
-                self._connections = connections_of(self._reader)
-            except ForeignBagError as error:
-                raise ForeignBagError(f"bag: {path}: {error}") from error
-            except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
-                hint = f"; try {repair_command(path)}" if path.is_dir() else ""
-                raise DamagedBagError(f"bag: {path}: {error}{hint}") from error
+                self._connections = _connections(self._reader)
+            except BagError:
+                raise
+            except Exception as error:  # damaged bytes lead rosbags to errors of many types
+                raise damaged(path, error) from error
+            self._check_version()
             opened.pop_all()
         self._stores: dict[str, Typestore] = {}
 
@@ -78,7 +82,7 @@ class Bag:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages by topic, as the bag's index says."""
+        """Messages by topic."""
         return {
             name: sum(entry.msgcount for entry in entries)
             for name, entries in self._connections.items()
@@ -86,7 +90,7 @@ class Bag:
 
     @property
     def first_ns(self) -> int:
-        """Wall time of the earliest message; 0 if there is none."""
+        """Wall time of the earliest message; 0 if there are no messages."""
         return int(self._reader.start_time) if self._reader.message_count else 0
 
     @property
@@ -95,59 +99,37 @@ class Bag:
         return max(0, int(self._reader.duration) - 1) / 1e9
 
     @property
-    def custom(self) -> dict[str, str]:
-        """custom_data of metadata.yaml."""
-        return custom_data(self.path)
-
-    @property
-    def unseen(self) -> str:
-        """What a repair had to pass over within the bag; empty: nothing."""
-        notes = self.custom.get("pa_ros.repaired", "").split("; ")
-        return "; ".join(note for note in notes if "damaged" in note or "left out" in note)
+    def unreadable(self) -> str:
+        """What a repair had to leave out; empty if nothing."""
+        return self.custom.get(UNREADABLE, "")
 
     def qos(self, topic: str) -> list[Qos]:
-        """Profiles that the topic's publishers offered."""
+        """Return the profiles that the topic's publishers offered."""
         found: list[Qos] = []
         for entry in self._connections[topic]:
             if isinstance(entry.ext, ConnectionExtRosbag2):
                 found += [one for one in entry.ext.offered_qos_profiles if one not in found]
         return found
 
-    def definition(self, topic: str) -> str:
-        """Text of the topic's message definition; empty if the bag has none."""
-        return str(self._connections[topic][0].msgdef.data)
-
-    def check_edition(self) -> None:
-        """Raises ForeignBagError for a recording of version 0.1."""
-        if OF_EDITION_1 in self.types.values():
-            raise ForeignBagError(
-                f"bag: {self.path}: expected messages of edition {WIRE_VERSION}, got edition 1, "
-                "which version 0.1 records and reads"
-            )
-
     def topics_of(self, type_name: str, namespace: str | None = None) -> list[str]:
-        """The topics of a type, below a namespace if one is given."""
+        """Return the topics of a type, below a namespace if one is given."""
         below = _below(namespace)
         return [n for n, t in self.types.items() if t == type_name and n.startswith(below)]
 
     def topic_of(self, type_name: str, namespace: str | None = None) -> str:
-        """The one topic of a type, below a namespace if one is given.
+        """Return the one topic of a type, below a namespace if one is given.
 
-        Raises ForeignBagError if there is none, or several.
+        Raises BagError (code bag.foreign) if there are none or several.
         """
         found, prefix = self.topics_of(type_name, namespace), _below(namespace)
         if len(found) == 1:
             return found[0]
         where = f" below {prefix}" if namespace is not None else ""
-        if found:
-            raise ForeignBagError(
-                f"bag: {self.path}: expected one topic of type {type_name}{where}, got "
-                f"{', '.join(sorted(found))}: choose with --namespace"
-            )
-        self.check_edition()
-        raise ForeignBagError(
-            f"bag: {self.path}: expected a topic of type {type_name}{where}, got "
-            f"{', '.join(sorted(self.types)) or 'no topics'}"
+        got = ", ".join(sorted(found or self.types)) or "no topics"
+        hint = ": choose with --namespace" if found else ""
+        raise BagError(
+            f"bag: {self.path}: expected one topic of type {type_name}{where}, got {got}{hint}",
+            code="bag.foreign",
         )
 
     def messages(
@@ -156,9 +138,9 @@ class Bag:
         start_ns: int | None = None,
         stop_ns: int | None = None,
     ) -> Iterator[Recorded]:
-        """Messages in the order of time, of some topics or all, wall times in [start, stop).
+        """Yield messages in the order of time, of some topics or all, wall times in [start, stop).
 
-        Raises DamagedBagError where the file cannot be read further.
+        Raises BagError where the file cannot be read further.
         """
         chosen = [
             entry
@@ -167,96 +149,105 @@ class Bag:
             for entry in entries
         ]
         if not chosen:
-            return
+            return  # rosbags would read all topics
         count = 0
         try:
             for entry, stamp_ns, payload in self._reader.messages(chosen, start_ns, stop_ns):
                 yield Recorded(entry.topic, entry.msgtype, stamp_ns, bytes(payload))
                 count += 1
-        except Exception as error:  # as above
-            raise DamagedBagError(
-                f"bag: {self.path}: unreadable after {count} messages: {error}; "
-                f"{repair_command(self.path)} makes the rest readable"
-            ) from error
+        except Exception as error:  # damaged bytes lead rosbags to errors of many types
+            raise damaged(self.path, f"unreadable after {count} messages: {error}") from error
 
     def deserialize(self, recorded: Recorded) -> Message:
-        """The message as an object, by the definition in the bag. Raises DefinitionError."""
-        store = self._store(recorded.topic)
+        """Return the message as an object, by the definition in the bag. Raises BagError."""
         try:
+            store = self._store(recorded.topic)
             return Message(store.deserialize_cdr(recorded.payload, recorded.type_name))
-        except Exception as error:  # a payload that is not what its definition says
-            raise DefinitionError(
+        except Exception as error:  # a payload or definition that is not what it should be
+            raise BagError(
                 f"bag: {self.path}: {recorded.topic} at {recorded.stamp_ns} ns: not a "
-                f"{recorded.type_name} ({type(error).__name__}: {error})"
+                f"{recorded.type_name} ({type(error).__name__}: {error})",
+                code="bag.damaged",
             ) from error
 
-    def through(self, recorded: Recorded, read: Callable[[Message], T]) -> T:
-        """What `read` makes of the message. DefinitionError if it lacks a field that `read` needs;
-        raises whatever else `read` does."""
-        try:
-            return read(self.deserialize(recorded))
-        except AttributeError as error:
-            raise DefinitionError(
-                f"bag: {self.path}: {recorded.topic}: another edition of {recorded.type_name} "
-                f"than this software's: {error}"
-            ) from error
-
-    def differs(self, topic: str) -> bool:
-        """Whether a topic was recorded with another edition of its definition than is installed."""
-        type_name = self._connections[topic][0].msgtype
-        installed = installed_types()
-        if type_name not in installed.fielddefs:
-            return False
-        recorded = self._store(topic)
-        return bool(recorded.hash_rihs01(type_name) != installed.hash_rihs01(type_name))
+    def decoded(self, topics: Collection[str], decode: Callable[[Message], T]) -> Iterator[T]:
+        """Yield what `decode` makes of each message of some topics, in the order of time."""
+        for recorded in self.messages(topics):
+            yield decode(self.deserialize(recorded))
 
     def _store(self, topic: str) -> Typestore:
+        """Return the types of a topic as the bag defines them, or else as installed."""
         if topic not in self._stores:
-            self._stores[topic] = _store_of(self._connections[topic][0])
+            entry = self._connections[topic][0]
+            store = _installed()
+            if entry.msgdef.format == MessageDefinitionFormat.MSG:
+                store = get_typestore(Stores.EMPTY)
+                store.register(get_types_from_msg(entry.msgdef.data, entry.msgtype))
+            self._stores[topic] = store
         return self._stores[topic]
+
+    def _check_version(self) -> None:
+        """Reject messages of pa_ros whose definition is not the installed one."""
+        for entries in self._connections.values():
+            type_name = entries[0].msgtype
+            if not type_name.startswith(OURS):
+                continue
+            found = entries[0].digest or hash_of(type_name, entries[0].msgdef.data)
+            known = type_name in _installed().fielddefs
+            if not known or found != _installed().hash_rihs01(type_name):
+                raise BagError(
+                    f"bag: {self.path}: recorded by pa_ros {self._recorded_version()}, whose "
+                    f"{type_name} is not the one of pa_ros {__version__} here: read it with the "
+                    "version that recorded it",
+                    code="bag.version",
+                )
+
+    def _recorded_version(self) -> str:
+        try:
+            return str(json.loads(self.custom[ORIGINS])[0]["software_version"])
+        except (KeyError, IndexError, TypeError, ValueError):
+            return "of an unknown version"
+
+
+@cache
+def _installed() -> Typestore:
+    return installed_types()
 
 
 def _below(namespace: str | None) -> str:
     return "/" if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
 
 
-def _store_of(entry: Connection) -> Typestore:
-    """The types of a topic as the bag defines them; as installed where it does not."""
-    if entry.msgdef.format != MessageDefinitionFormat.MSG:
-        return installed_types()
-    store = get_typestore(Stores.EMPTY)
-    try:
-        store.register(get_types_from_msg(entry.msgdef.data, entry.msgtype))
-    except Exception as error:
-        raise DefinitionError(f"bag: {entry.topic}: definition of {entry.msgtype}: {error}") from (
-            error
-        )
-    return store
+def _connections(reader: Reader) -> dict[str, list[Connection]]:
+    """Return the connections of each topic as the storage files state them.
 
-
-def _check_inside(path: Path) -> None:
-    """DamagedBagError if metadata.yaml is no YAML, names a file that is not in the bag's own
-    folder, or has no list of files: rosbags opens such a bag, and can't close it."""
-    about = stated(path)
-    names, files = about.get("relative_file_paths"), about.get("files", [])
-    if not isinstance(names, list):
-        return  # a single file, or one that rosbags refuses
-    if not isinstance(files, list):
-        raise DamagedBagError(f"bag: {path}: {METADATA}: files: expected a list, got {files!r}")
-    for name in map(str, names):
-        if Path(name).name != name:
-            raise DamagedBagError(
-                f"bag: {path}: {METADATA}: expected files of this folder, got {name!r}"
+    rosbags skips messages whose connection differs from what metadata.yaml says, so its own list is
+    used only for topics without messages. Raises ValueError if metadata.yaml counts other messages
+    than the files hold.
+    """
+    stated = reader.connections
+    found = {entry.topic: [entry] for entry in stated}
+    if isinstance(reader.storage, DirectoryReader):
+        held = [entry for storage in reader.storage.storages for entry in storage.connections]
+        total = sum(entry.msgcount for entry in held)
+        if total != reader.message_count:
+            raise ValueError(
+                f"{METADATA} counts {reader.message_count} messages, its files hold {total}"
             )
+        found |= {entry.topic: [] for entry in held}
+        for entry in held:
+            found[entry.topic].append(entry)
+    return found
 
 
-def _check_there(path: Path) -> None:
+def _check_finished(path: Path) -> None:
     if not path.exists():
         raise BagError(f"bag: {path}: expected a bag, found none")
     if path.is_dir() and not (path / METADATA).exists():
-        files = storage_files(path)
-        Claim(path).release()  # nobody writes it
-        raise UnfinishedBagError(
-            f"bag: {path}: {len(files)} file(s) but no {METADATA}: its recorder was killed; "
-            f"{repair_command(path)} makes it readable"
+        storage_files(path)
+        FolderLock(path).release()  # raises if the bag is still being written
+        raise BagError(
+            f"bag: {path}: its recorder was killed before it wrote {METADATA}: "
+            f"{repair_command(path)} makes it readable",
+            code="bag.unfinished",
         )

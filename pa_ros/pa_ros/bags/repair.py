@@ -1,184 +1,280 @@
-"""Making a bag whole whose recorder was killed: its files are finished beside what was there."""
+"""Repairs a bag whose recorder was killed: finishes its files and writes metadata.yaml."""
 
 from __future__ import annotations
 
-import re
+import os
 import sqlite3
-from collections.abc import Callable, Collection
+import struct
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Schema
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from pa_ros.bags.claim import Claim
-from pa_ros.bags.contents import (
+from pa_ros.bags.errors import BagError, BagFullError
+from pa_ros.bags.format import (
+    REPAIRED,
     RESERVE,
+    UNREADABLE,
     BagTopic,
     FileContents,
+    FolderLock,
+    custom_data,
+    damaged,
     information,
-    stated,
+    read_metadata,
     write_metadata,
 )
-from pa_ros.bags.errors import BagError, DamagedBagError
-from pa_ros.bags.index import messages_by_topic
-from pa_ros.bags.storage import STORAGES
-from pa_ros.bags.tail import finish
 from pa_ros.wire.definitions import hash_of
 
 _READERS: dict[str, Any] = {".mcap": McapReader, ".db3": Sqlite3Reader}
+_STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
+_MAGIC = b"\x89MCAP0\r\n"
+_HEAD = struct.Struct("<BQ")  # of an MCAP record: opcode, length
+_CHUNK_BYTES = 1 << 20
+KEPT = ".original"  # suffix of a file as it was before a repair
 
 
 @dataclass(frozen=True)
 class Repaired:
-    """What a repair found and did."""
+    """What a repair found."""
 
     messages: int
     files: int
-    notes: tuple[str, ...]  # what could not be kept, file by file
+    notes: tuple[str, ...]  # what was cut off or left out, file by file
 
 
 def repair(folder: Path) -> Repaired:
-    """Make the bag readable; harmless on a whole one.
+    """Make a bag readable. A bag that needs no repair keeps its files.
 
-    Raises BagError if there is nothing, BagInUseError while it is being recorded.
+    Raises BagError if there is nothing to repair, or while the bag is being recorded.
     """
     files = storage_files(folder)
-    with Claim(folder):
+    with FolderLock(folder):
         return _repair(folder, files)
 
 
 def _repair(folder: Path, files: list[Path]) -> Repaired:
     (folder / RESERVE).unlink(missing_ok=True)
     topics: dict[str, BagTopic] = {}
-    contents, notes = [], []
+    contents: list[FileContents] = []
+    cut, unreadable = [], []
     for path in files:
         try:
-            notes += [f"{path.name}: {note}" for note in _FINISH[path.suffix](path)]
+            if path.suffix == ".mcap":
+                end, parts = _finish_mcap(path)
+                cut += end
+                unreadable += parts
+            else:
+                _check_sqlite(path)
             found, content = contents_of(path)
+        except BagFullError:
+            raise
         except BagError as error:
-            notes.append(f"{path.name}: left out: {error}")
+            unreadable.append(f"{path.name} was left out: {error}")
             continue
         topics.update({topic.name: topic for topic in found})
         contents.append(content)
     if not contents:
-        raise DamagedBagError(f"bag: {folder}: nothing in it can be read: {'; '.join(notes)}")
-    name = next(name for name, kind in STORAGES.items() if kind.suffix == files[0].suffix)
-    custom = custom_data(folder)
-    if notes or not custom:
-        custom["pa_ros.repaired"] = "; ".join(notes) or "no byte was lost"
-    about = information(name, topics.values(), contents, custom)
-    write_metadata(folder, about | _of_messages(folder))
-    return Repaired(sum(content.total for content in contents), len(contents), tuple(notes))
-
-
-def _of_messages(folder: Path) -> dict[str, str]:
-    """What metadata.yaml says of compressed messages, which files don't."""
+        raise damaged(folder, f"no file in it can be read: {'; '.join(unreadable)}")
     try:
-        about = stated(folder)
-    except DamagedBagError:
-        return {}
-    found = {key: str(about.get(key)) for key in ("compression_mode", "compression_format")}
-    return found if found["compression_mode"].lower() == "message" else {}
+        custom = custom_data(folder)
+    except BagError:
+        custom = {}  # the damaged metadata.yaml is written anew
+    if cut or unreadable or not custom:
+        custom[REPAIRED] = "; ".join(cut + unreadable) or "nothing was lost"
+    if unreadable:
+        custom[UNREADABLE] = "; ".join(unreadable)
+    # Files are named in the order in which they were written, which their times tell.
+    contents.sort(key=lambda content: (content.first_ns, content.path.name))
+    storage = _STORAGES[contents[0].path.suffix]
+    write_metadata(folder, information(storage, topics.values(), contents, custom))
+    total = sum(content.total for content in contents)
+    return Repaired(total, len(contents), (*cut, *unreadable))
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """A bag's storage files in the order they were written. Raises BagError if there are none."""
+    """Return a bag's storage files. Raises BagError if there are none, or they are compressed."""
     if not folder.is_dir():
         raise BagError(f"bag: {folder}: expected a folder, found none")
-    found = [path for path in folder.iterdir() if path.suffix in _READERS]
-    packed = sorted(path.name for path in folder.iterdir() if path.suffix in (".zstd", ".zst"))
-    if packed:
-        raise BagError(
-            f"bag: {folder}: expected plain .mcap or .db3 files, got {', '.join(packed)}: unpack "
-            "them (unzstd) first"
-        )
+    try:
+        mode = str(read_metadata(folder).get("compression_mode", "")).lower()
+    except BagError:
+        mode = ""
+    if mode not in ("", "none") or [*folder.glob("*.zst*")]:
+        raise BagError(f"bag: {folder}: a compressed bag can be read but not repaired")
+    found = sorted(path for path in folder.iterdir() if path.suffix in _READERS)
     if not found:
         raise BagError(f"bag: {folder}: expected .mcap or .db3 files in it, found none")
-    stems = {path.stem for path in found}
-    return sorted(found, key=lambda path: (_number(path, stems), path.name))
+    return found
 
 
 def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
-    """Topics and counts of one whole file. Raises DamagedBagError."""
+    """Return topics and counts of one finished file. Raises BagError if it cannot be read."""
     reader = _READERS[path.suffix](path)
     try:
         reader.open()
         try:
             topics = [_topic(connection) for connection in reader.connections]
-            counts = messages_by_topic(reader.connections)
+            counts: Counter[str] = Counter()
+            for connection in reader.connections:
+                counts[connection.topic] += connection.msgcount
             about = reader.metadata
         finally:
             reader.close()
-    except Exception as error:  # rosbags' own, and those of whatever the bytes lead it to
-        raise DamagedBagError(f"bag: {path}: {error}") from error
-    content = FileContents(path, counts)
+    except Exception as error:  # damaged bytes lead rosbags to errors of many types
+        raise damaged(path, error) from error
+    content = FileContents(path, dict(counts))
     if about.message_count:
         content.first_ns, content.last_ns = about.start_time, about.end_time - 1
     return topics, content
 
 
-def custom_data(folder: Path) -> dict[str, str]:
-    """custom_data of the metadata.yaml that is there, if one is."""
-    try:
-        custom = stated(folder).get("custom_data")
-    except DamagedBagError:
-        return {}
-    if not isinstance(custom, dict):
-        return {}
-    return {str(key): str(value) for key, value in custom.items()}
-
-
-def _number(path: Path, stems: Collection[str]) -> int:
-    """0, 1, 2, … of `bag.mcap`, `bag_1.mcap`, `bag_2.mcap`, … and, as stock recorders call them, of
-    `bag_0.mcap`, `bag_1.mcap`, …; `bag` itself may end in a number."""
-    name, _, number = path.stem.rpartition("_")
-    of_others = any(re.fullmatch(rf"{re.escape(path.stem)}_\d+", stem) for stem in stems)
-    if not re.fullmatch(r"\d+", number) or (of_others and name not in stems):
-        return 0
-    return int(number)
-
-
 def _topic(connection: Connection) -> BagTopic:
     assert isinstance(connection.ext, ConnectionExtRosbag2)
-    return BagTopic(
-        connection.topic,
-        connection.msgtype,
-        connection.msgdef.data,
-        connection.digest or _digest(connection),
-        tuple(connection.ext.offered_qos_profiles),
-    )
+    text = connection.msgdef.data
+    # rosbags reads no type hash from MCAP files.
+    digest = connection.digest or hash_of(connection.msgtype, text)
+    qos = tuple(connection.ext.offered_qos_profiles)
+    return BagTopic(connection.topic, connection.msgtype, text, digest, qos)
 
 
-def _digest(connection: Connection) -> str:
-    """The type hash, computed where rosbags reads none (MCAP)."""
-    return hash_of(connection.msgtype, connection.msgdef.data)
-
-
-def _finish_mcap(path: Path) -> list[str]:
-    done = finish(path)
-    notes = []
-    if done.damaged_chunks:
-        notes.append(f"{done.damaged_chunks} damaged chunks were passed over")
-    if done.dropped_bytes:
-        notes.append(f"the last {done.dropped_bytes} bytes were incomplete and were cut off")
-    return notes
-
-
-def _finish_sqlite(path: Path) -> list[str]:
-    """SQLite itself goes back to the last commit; what remains is to check."""
+def _check_sqlite(path: Path) -> None:
+    """Raise BagError if SQLite finds its file damaged; it returns to the last commit by itself."""
     try:
         with sqlite3.connect(path) as connection:
             verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
         connection.close()
     except sqlite3.Error as error:
-        raise DamagedBagError(f"bag: {path}: {error}") from error
-    return [] if verdict == "ok" else [str(verdict)]
+        raise damaged(path, error) from error
+    if verdict != "ok":
+        raise damaged(path, verdict)
 
 
-_FINISH: dict[str, Callable[[Path], list[str]]] = {
-    ".mcap": _finish_mcap,
-    ".db3": _finish_sqlite,
-}
+class _McapMessages:
+    """The messages of an MCAP file that can be read, whatever its end and its index are like.
+
+    MCAP is a sequence of records, so everything before the first incomplete record can be kept.
+    A chunk with a wrong checksum is left out.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.damaged_chunks = self.orphans = self.dropped_bytes = 0
+        self.finished = False  # the file has its end
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self._path = path
+
+    def read(self) -> Iterator[Message]:
+        """Yield the messages in the order of the file; count what cannot be read."""
+        with self._path.open("rb") as file:
+            for opcode, content in self._records(file):
+                for record in self._parts(opcode, content):
+                    if isinstance(record, Schema):
+                        self.schemas[record.id] = record
+                    elif isinstance(record, Channel):
+                        self.channels[record.id] = record
+                    elif isinstance(record, Message) and record.channel_id in self.channels:
+                        yield record
+                    elif isinstance(record, Message):  # the chunk that declares it is damaged
+                        self.orphans += 1
+
+    def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+        """Yield opcode and content of each complete record before the end of the data."""
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise damaged(self._path, "expected an MCAP file, got other content")
+        end = file.tell()
+        while len(head := file.read(_HEAD.size)) == _HEAD.size:
+            opcode, length = _HEAD.unpack(head)
+            if file.tell() + length > size:
+                break
+            content = file.read(length)
+            if opcode == Opcode.DATA_END:
+                file.seek(-len(_MAGIC), os.SEEK_END)
+                self.finished = file.read() == _MAGIC
+                break
+            yield opcode, content
+            end = file.tell()
+        self.dropped_bytes = 0 if self.finished else size - end
+
+    def _parts(self, opcode: int, content: bytes) -> list[Any]:
+        stream = ReadDataStream(BytesIO(content))
+        try:
+            if opcode == Opcode.CHUNK:
+                return list(breakup_chunk(Chunk.read(stream), validate_crc=True))
+            if opcode == Opcode.SCHEMA:
+                return [Schema.read(stream)]
+            if opcode == Opcode.CHANNEL:
+                return [Channel.read(stream)]
+            if opcode == Opcode.MESSAGE:
+                return [Message.read(stream, len(content))]
+        except Exception:  # damaged bytes lead parsers and decompressors to errors of many types
+            self.damaged_chunks += 1
+        return []
+
+
+def _finish_mcap(path: Path) -> tuple[list[str], list[str]]:
+    """Replace an unfinished or damaged file by a copy of its readable messages.
+
+    The file itself is kept as NAME.original. Returns what was cut off and what was left out.
+    Raises BagFullError, with nothing changed, if there is no space for the copy.
+    """
+    found = _McapMessages(path)
+    for _ in found.read():
+        pass
+    cut, unreadable = [], []
+    if found.dropped_bytes:
+        cut.append(f"{path.name}: the last {found.dropped_bytes} bytes were incomplete")
+    if found.damaged_chunks:
+        unreadable.append(f"{path.name}: {found.damaged_chunks} damaged chunks were left out")
+    if found.orphans:
+        unreadable.append(f"{path.name}: {found.orphans} messages of unknown topics were left out")
+    if found.finished and not unreadable:
+        try:
+            contents_of(path)
+            return [], []
+        except BagError:
+            pass  # its index is damaged: the copy gets a new one
+    copy, kept = path.with_name(f".{path.name}.repairing"), path.with_name(f"{path.name}{KEPT}")
+    try:
+        _copy_messages(_McapMessages(path), found, copy)
+        if not kept.exists():
+            path.rename(kept)
+        copy.replace(path)
+    except OSError as error:
+        copy.unlink(missing_ok=True)
+        raise BagFullError(f"bag: {path}: {error}: a repair needs space for a copy") from error
+    return cut, unreadable
+
+
+def _copy_messages(source: _McapMessages, known: _McapMessages, copy: Path) -> None:
+    """Write messages into a new file; its topics are those that a first reading found."""
+    with copy.open("wb") as file:
+        writer = Writer(file, _CHUNK_BYTES, CompressionType.NONE)
+        writer.start("ros2", "pa_ros")
+        channels = {}
+        for channel in known.channels.values():
+            schema = known.schemas[channel.schema_id]
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            channels[channel.id] = writer.register_channel(
+                channel.topic, channel.message_encoding, number, channel.metadata
+            )
+        for one in source.read():
+            writer.add_message(
+                channels[one.channel_id], one.log_time, one.data, one.publish_time, one.sequence
+            )
+        writer.finish()
+        file.flush()
+        os.fsync(file.fileno())

@@ -1,16 +1,16 @@
-"""Recording a run in one process: the messages that a graph would have published."""
+"""Records a run in one process: the messages that a graph would have published."""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from pa_ros.arena import ArenaConfig, Design
-from pa_ros.bags.contents import reliable_qos, topic
 from pa_ros.bags.errors import BagFullError
+from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.writer import BagOptions, BagWriter, refuse_existing
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.language import Program
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 NODE: Final = "/pa_ros_train"
 WEIGHTS_EVERY_FRAMES: Final = 100  # at most; a version per frame would be 26 MB/s
-FLUSH_S: Final = 1.0  # what a SIGKILL can cost
+FLUSH_S: Final = 1.0  # at most so much is lost by a SIGKILL
 _TOPICS = (
     ("/provenance", "Provenance", reliable_qos(1, latched=True)),
     ("/arena_info", "ArenaInfo", reliable_qos(1, latched=True)),
@@ -41,8 +41,8 @@ _TOPICS = (
 class RunLog:
     """A `pa_ros.learning.loop.Log` that writes a bag; a context manager that closes it.
 
-    The bag is there once the run begins: one that is refused leaves none. A full disk closes the
-    bag readable and sets `failure`; the run goes on unrecorded.
+    The bag is created when the run begins, so a run with wrong settings leaves none. If the disk is
+    full, the bag is closed and `failure` is set; the run continues without being recorded.
     """
 
     def __init__(
@@ -71,16 +71,11 @@ class RunLog:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._writer is None:
-            return
-        try:
-            self._writer.close()
-        except BagFullError as error:
-            self._fail(error)
+        if self._writer is not None:
+            self._guarded(self._writer.close)
 
     def begin(self, run: LearningRun) -> None:
-        """What the run is, and the weights that it begins with. Raises BagError if there is a bag
-        by now, BagFullError if it cannot be made."""
+        """Write what the run is, and the weights it begins with. Raises BagError."""
         self._writer = writer = BagWriter(self._folder, self._options)
         for name, kind, qos in _TOPICS:
             writer.add(topic(self._types, name, f"msgs_schema/msg/{kind}", [qos]))
@@ -105,7 +100,7 @@ class RunLog:
         self._write("/policy_weights", encode_weights(run.policy()))
 
     def add(self, trajectory: Trajectory, policy: PublishedPolicy) -> None:
-        """A trajectory that was learned from, and the weights that came of it."""
+        """Write a trajectory that was learned from, and the weights it led to."""
         if self.failure is not None or self._writer is None:
             return
         self._write("/trajectories", encode_trajectory(trajectory))
@@ -118,19 +113,16 @@ class RunLog:
             self._guarded(self._writer.flush)
 
     def _write(self, name: str, message: Message) -> None:
-        """Stamps grow, so that the order in the bag is the order of the run."""
+        """Write a message with a later stamp than the one before: bags are read in that order."""
         assert self._writer is not None
         write, payload = self._writer.write, to_cdr(self._types, message)
         self._stamp_ns = max(self._stamp_ns + 1, time.time_ns())
         self._guarded(lambda: write(name, payload, self._stamp_ns))
 
-    def _guarded(self, act: Any) -> None:
+    def _guarded(self, act: Callable[[], None]) -> None:
         if self.failure is None:
             try:
                 act()
             except BagFullError as error:
-                self._fail(error)
-
-    def _fail(self, error: BagFullError) -> None:
-        self.failure = error
-        log.warning("recording ended: %s", error)
+                self.failure = error
+                log.warning("recording ended: %s", error)

@@ -1,9 +1,10 @@
-"""One file of a bag being written: MCAP or SQLite. What is flushed survives a SIGKILL."""
+"""Writes one storage file of a bag, MCAP or SQLite. Flushed messages survive a SIGKILL."""
 
 from __future__ import annotations
 
 import os
 import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -12,44 +13,54 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from pa_ros.bags.contents import BAG_VERSION, BagTopic
-from pa_ros.core.errors import ConfigError
+from pa_ros.bags.format import BAG_VERSION, BagTopic
 
-CHUNK_BYTES = 1 << 20  # kept in memory at most, and flushed earlier once a second
+CHUNK_BYTES = 1 << 20  # most bytes in memory before a chunk is written
+Retry = Callable[[OSError], bool]
+"""Called when a write fails; returns whether there is now space to try once more."""
 
 
 class Storage(Protocol):
-    """What a bag's writer asks of a file. Numbers are of topics, in the order added."""
+    """What BagWriter needs of a storage file. Topics are numbered in the order they are added."""
 
     path: Path
 
     def add_topic(self, topic: BagTopic) -> None:
-        """Declare a topic; before its first message."""
+        """Declare a topic, before its first message."""
 
     def write(self, number: int, payload: bytes, log_ns: int, sent_ns: int, sequence: int) -> None:
-        """Add a message: when it came, when it was sent (wall time), the sender's count."""
+        """Add a message: wall times of arrival and sending, and the publisher's own count."""
 
     def flush(self) -> None:
-        """Hand everything to the operating system."""
+        """Pass everything on to the operating system."""
 
     def size(self) -> int:
-        """Bytes in the file so far."""
+        """Return the bytes in the file so far."""
 
     def close(self, information: dict[str, Any]) -> None:
-        """Write the index and what metadata.yaml says, and close."""
+        """Write the index and a copy of the metadata, and close."""
 
     def abandon(self) -> None:
-        """Close without another byte."""
+        """Close without writing anything more."""
 
 
 class _File:
-    """An unbuffered file that a failed write leaves as it was before."""
+    """An unbuffered file. A failed write is taken back, so that the file stays readable."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, retry: Retry) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self._end = 0
+        self._retry, self._end = retry, 0
 
     def write(self, content: bytes) -> int:
+        try:
+            self._append(content)
+        except OSError as error:
+            if not self._retry(error):
+                raise
+            self._append(content)
+        return len(content)
+
+    def _append(self, content: bytes) -> None:
         rest = memoryview(content)
         try:
             while rest:
@@ -59,13 +70,12 @@ class _File:
             os.lseek(self._descriptor, self._end, os.SEEK_SET)
             raise
         self._end += len(content)
-        return len(content)
 
     def tell(self) -> int:
         return self._end
 
     def flush(self) -> None:
-        """Nothing is buffered here."""
+        """Do nothing: nothing is buffered here."""
 
     def close(self) -> None:
         if self._descriptor >= 0:
@@ -74,13 +84,13 @@ class _File:
 
 
 class McapStorage:
-    """MCAP as rosbag2_storage_mcap writes it: profile ros2, type hash and QoS with the channel."""
+    """An MCAP file as rosbag2_storage_mcap writes it: QoS and type hash are in the channel."""
 
     suffix = ".mcap"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, retry: Retry) -> None:
         self.path = path
-        self._file = _File(path)
+        self._file = _File(path, retry)
         output: Any = self._file
         self._writer = McapWriter(output, CHUNK_BYTES, CompressionType.NONE)
         self._writer.start("ros2", "pa_ros")
@@ -118,13 +128,18 @@ class McapStorage:
 
 
 class SqliteStorage(Sqlite3Writer):  # type: ignore[misc, unused-ignore]
-    """SQLite as rosbag2_storage_sqlite3 writes it (rosbags' schema), committed at flushes."""
+    """An SQLite file as rosbag2_storage_sqlite3 writes it, with rosbags' schema.
+
+    Messages are committed when the file is flushed. SQLite itself goes back to the last commit
+    when a write fails.
+    """
 
     suffix = ".db3"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, retry: Retry) -> None:
+        del retry
         self.path = path
-        # Written by the thread that records, closed by the one that leaves the context.
+        # The recorder's thread writes; the thread that leaves the context closes.
         self.conn = sqlite3.connect(path, check_same_thread=False)
         self.conn.execute("PRAGMA synchronous = NORMAL")
         self.conn.executescript(self.SQLITE_SCHEMA)
@@ -147,7 +162,7 @@ class SqliteStorage(Sqlite3Writer):  # type: ignore[misc, unused-ignore]
     def write(  # type: ignore[override]
         self, number: int, payload: bytes, log_ns: int, sent_ns: int, sequence: int
     ) -> None:
-        del sent_ns, sequence  # this format has no place for them
+        del sent_ns, sequence  # SQLite bags have no columns for these
         self.cursor.execute(
             "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
             (number + 1, log_ns, payload),
@@ -174,10 +189,3 @@ STORAGES: dict[str, type[McapStorage] | type[SqliteStorage]] = {
     "sqlite3": SqliteStorage,
 }
 DISK_ERRORS = (OSError, sqlite3.OperationalError)
-
-
-def storage_named(name: str) -> type[McapStorage] | type[SqliteStorage]:
-    """Look up a storage; ConfigError names the known ones."""
-    if name not in STORAGES:
-        raise ConfigError(f"bag storage: expected one of {sorted(STORAGES)}, got {name!r}")
-    return STORAGES[name]

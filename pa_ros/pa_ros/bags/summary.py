@@ -1,34 +1,26 @@
-"""What a bag holds, for people: topics, episodes, programs, scores, versions, gaps."""
+"""Describes a bag for people: topics, episodes, programs, scores, versions, gaps."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from pa_ros.bags.episodes import RecordedEpisode, episodes
-from pa_ros.bags.errors import (
-    BagError,
-    DamagedBagError,
-    DefinitionError,
-    ForeignBagError,
-    ProvenanceError,
-)
+from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import TRAJECTORIES, Experience
-from pa_ros.bags.losses import LOST, Losses
-from pa_ros.bags.numbers import losses_of
+from pa_ros.bags.format import BEFORE, LOST, REPAIRED
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, TrajectoryKey
-from pa_ros.core.settings import read_json
 
 
 @dataclass
 class Group:
-    """Episodes of a kind."""
+    """Figures of the training episodes, or of the evaluation episodes."""
 
     episodes: int = 0
     steps: int = 0
@@ -38,7 +30,7 @@ class Group:
     versions: set[int] = field(default_factory=set)  # of the weights that acted
 
     def add(self, episode: RecordedEpisode) -> None:
-        """Count one."""
+        """Count one episode."""
         self.episodes += 1
         self.steps += max(len(episode.rows) - 1, 0)
         self.missing += episode.missing
@@ -49,53 +41,35 @@ class Group:
         self.versions.discard(-1)
 
 
-def describe(bag: Bag, namespace: str | None = None) -> list[str]:
-    """Lines to print; what cannot be read is said in a line of its own."""
+def describe(bag: Bag, namespace: str | None = None) -> tuple[list[str], bool]:
+    """Return lines to print, and whether the whole bag could be read."""
     lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
-    try:
-        lost = _lost(bag)
-    except PaError as error:
-        lost = {}
-        lines.append(f"not readable: {error}")
-    if "pa_ros.repaired" in bag.custom:
-        lines.append(f"repaired after its recorder was killed: {bag.custom['pa_ros.repaired']}")
-    if bag.unseen:
-        lines.append(f"NOT SEEN: {bag.unseen}; counts and gaps below are of the rest")
-    try:
-        numbered = losses_of(bag.path)
-    except BagError as error:
-        numbered = {}
-        lines.append(f"not readable: {error}")
-    for name, count in bag.counts.items():
-        note = _published(count, numbered[name]) if name in numbered else ""
-        note += f", {lost[name]} lost while recording" if lost.get(name) else ""
-        if bag.differs(name):
-            note += ", another edition of the definition than is installed here"
-        lines.append(f"  {name}  {bag.types[name]}  {count}{note}")
+    complete = not bag.unreadable
+    if REPAIRED in bag.custom:
+        lines.append(f"repaired after its recorder was killed: {bag.custom[REPAIRED]}")
+    if bag.unreadable:
+        lines.append(f"INCOMPLETE: {bag.unreadable}; counts and gaps below are of the rest")
+    lines += _topics(bag)
     for part in (_learning, _episodes):
         try:
             lines += part(bag, namespace)
-        except ForeignBagError as error:
-            lines.append(f"nothing of ours to tell: {error}")
-        except (DefinitionError, PaError) as error:
-            lines.append(f"not readable: {error}")
+        except PaError as error:
+            if error.code == "bag.foreign":
+                lines.append(f"no episodes or transitions to describe: {error}")
+            else:
+                lines.append(f"NOT READABLE: {error}")
+                complete = False
+    return lines, complete
+
+
+def _topics(bag: Bag) -> list[str]:
+    lost, before = (json.loads(bag.custom.get(key, "{}")) for key in (LOST, BEFORE))
+    lines = []
+    for name, count in bag.counts.items():
+        note = f", {lost[name]} lost while recording" if lost.get(name) else ""
+        note += f", {before[name]} published before recording began" if before.get(name) else ""
+        lines.append(f"  {name}  {bag.types[name]}  {count}{note}")
     return lines
-
-
-def _lost(bag: Bag) -> dict[str, Any]:
-    """Messages lost while recording, by topic."""
-    text = bag.custom.get(LOST, "{}")
-    try:
-        return dict(read_json(text))
-    except (ValueError, TypeError) as error:
-        raise DamagedBagError(
-            f"bag: {bag.path}: {LOST}: expected counts by topic, got {text!r:.200}"
-        ) from error
-
-
-def _published(count: int, losses: Losses) -> str:
-    before = f", {losses.before} before the first heard" if losses.before else ""
-    return f" of {count + losses.lost} published{before}"
 
 
 def _learning(bag: Bag, namespace: str | None) -> list[str]:
@@ -113,9 +87,8 @@ def _learning(bag: Bag, namespace: str | None) -> list[str]:
         how = "from scratch" if began.first_version == 0 else f"at version {began.first_version}"
         lines.append(f"one learner, recorded from its beginning {how}")
     except ProvenanceError as error:
-        lines.append(f"cannot be made again: {error}")
-    lessons = list(experience.keys)
-    lines.append(f"{len(lessons)} trajectories of transitions{_gaps(lessons)}")
+        lines.append(f"cannot be repeated: {error}")
+    lines.append(f"{len(experience.keys)} trajectories of transitions{_gaps(experience.keys)}")
     versions = sorted(experience.published)
     if versions:
         absent = versions[-1] - versions[0] + 1 - len(versions)
@@ -125,7 +98,7 @@ def _learning(bag: Bag, namespace: str | None) -> list[str]:
 
 
 def _gaps(keys: Iterable[TrajectoryKey]) -> str:
-    """Trajectories that the numbers say are missing, agent by agent."""
+    """Say how many trajectories are missing, agent by agent, by their sequence numbers."""
     by_agent: dict[AgentKey, list[int]] = {}
     for key in keys:
         by_agent.setdefault(AgentKey(*key[:2]), []).append(key.sequence)
@@ -135,14 +108,13 @@ def _gaps(keys: Iterable[TrajectoryKey]) -> str:
 
 
 def _episodes(bag: Bag, namespace: str | None) -> list[str]:
-    groups = {False: Group(), True: Group()}
+    groups = {"training": Group(), "evaluation": Group()}
     for episode in episodes(bag, namespace):
-        groups[episode.evaluation].add(episode)
+        groups["evaluation" if episode.evaluation else "training"].add(episode)
     lines = []
-    for evaluation, group in groups.items():
+    for kind, group in groups.items():
         if not group.episodes:
             continue
-        kind = "evaluation" if evaluation else "training"
         lines.append(f"{group.episodes} {kind} episodes, {group.steps} steps{_score(group)}")
         if group.missing:
             lines.append(f"  GAPS: {group.missing} steps between others are not recorded")

@@ -1,64 +1,66 @@
-"""Making a recorded run again, and comparing: weights version by version, transitions one by one.
+"""Repeats a recorded run and compares it: weights version by version, transitions one by one.
 
-Learning is a function of configuration, seed and the order of trajectories (docs/DESIGN.md), and so
-is an arena's answer of its seed, episode and actions; with the same versions of the software
-beneath, to the last bit.
+Learning is a function of configuration, seed and the order of trajectories (docs/DESIGN.md), and an
+arena's answer is a function of its seed, episode and actions. With the same software versions both
+are repeated to the last bit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.bags.errors import ProvenanceError
-from pa_ros.bags.experience import Experience
-from pa_ros.bags.reenact import Reenactment
+from pa_ros.bags.experience import Experience, UsedTrajectory
 from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Observation, Verdict
 from pa_ros.core.software import here
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.diagnostics import Origin
 from pa_ros.wire.learning import weights_checksum
-from pa_ros.world import Trajectory
+from pa_ros.world import Trajectory, reward_from
 
-NAMED = 5  # altered transitions that are spelt out
+NAMED = 5  # altered transitions that are described
 
 
 @dataclass
 class Verification:
-    """What came of it; grows while it runs."""
+    """The result of a verification; it grows while the run is repeated."""
 
     compared: int = 0  # versions of the weights with equal hashes
-    version: int = 0  # of the newest weights made here
+    version: int = 0  # of the newest weights computed here
     frames: int = 0
     updates: int = 0
     recorded: str = ""  # hash of the newest weights compared, as recorded
-    remade: str = ""  # hash of the newest weights compared, as made here
+    computed: str = ""  # hash of the newest weights compared, as computed here
     difference: str = ""  # where the weights first differ; empty: nowhere
-    incomplete: str = ""  # why nothing can be said from some point on; empty: all was verified
-    altered: int = 0  # trajectories that the arena denies
+    incomplete: str = ""  # what was not compared, and why; empty: everything was compared
+    altered: int = 0  # trajectories that differ from what the arena gives
     named: list[str] = field(default_factory=list)  # the first of them, by transition
-    reenacted: int = 0  # transitions that the arena was asked about
-    skipped: int = 0  # transitions that it could not be asked about
-    note: str = ""  # what else to know
+    checked: int = 0  # transitions compared with a fresh arena
+    skipped: int = 0  # transitions that could not be compared with an arena
+    note: str = ""  # recorded and installed software versions
 
     @property
     def equal(self) -> bool:
-        """Whether everything is as recorded, and there was something to compare."""
-        flaws = self.difference or self.incomplete or self.altered
-        return self.compared > 0 and not flaws
+        """Whether everything was compared, and everything is as recorded."""
+        return self.compared > 0 and not (self.difference or self.incomplete or self.altered)
 
 
 def learner_of(experience: Experience) -> Learner:
-    """The learner that a recording tells of, as it was at the start of its run.
+    """Return the learner of a recording as it was at the start of its run.
 
-    Raises ProvenanceError if it did not begin from scratch, ConfigError if it is not understood.
+    Raises ProvenanceError if it did not begin from scratch, ConfigError for unknown settings.
     """
     origin = experience.learner
     about = origin.learner
-    if about is None:
-        raise ProvenanceError(f"provenance of {origin.node}: expected a learner's, got another's")
+    assert about is not None
     if about.first_version != 0:
         raise ProvenanceError(
             f"provenance of {origin.node}: expected a run from scratch, got one resumed at version "
@@ -74,69 +76,81 @@ def verify(
     arena: bool = True,
     progress: Callable[[Verification], None] | None = None,
 ) -> Verification:
-    """Learn again from the bag, comparing; stops where the weights first differ.
+    """Learn again from the bag, and compare until the weights first differ.
 
-    With `arena`, recorded transitions are also held against a fresh arena. Raises ProvenanceError.
+    With `arena`, recorded transitions are also compared with a fresh arena, all of them even if the
+    weights differ. Raises ProvenanceError if the run cannot be repeated.
     """
     found = Verification(note=_software(experience.learner))
     learner = learner_of(experience)
+    if experience.unordered:
+        found.incomplete = (
+            f"the first {experience.unordered} versions of the weights were not recorded, so the "
+            "order in which trajectories of several agents led to them is not known"
+        )
+        return found
     arenas = _FreshArenas(experience, found) if arena else None
     _compare(experience, learner, found)
-    for lesson in experience.lessons(learner.network.world):
-        if lesson.trajectory is None:
-            found.incomplete = (
-                f"trajectory {lesson.key.sequence} of {lesson.key.agent_id}, which led to "
-                f"version {lesson.version}, is not in the bag"
-            )
+    for one in experience.used(learner.network.world):
+        missing = _missing(one, learner.counters.version, found)
+        if one.trajectory is None or missing:
+            found.incomplete = missing
             break
         if arenas is not None:
-            arenas.hold_against(lesson.trajectory)
-        if not found.difference and lesson.version is not None:
-            if lesson.version > learner.counters.version + 1:
-                found.incomplete = (
-                    f"what led to versions {learner.counters.version + 1} to {lesson.version - 1} "
-                    "is not in the bag: its recording began too late"
-                )
-                break
+            arenas.compare(one.trajectory)
+        if one.version is not None and not found.difference:
             try:
-                learner.consume(lesson.trajectory)
+                learner.consume(one.trajectory)
             except PaError as error:
-                found.difference = f"version {lesson.version}: {error}"
+                found.difference = f"version {one.version}: {error}"
             _compare(experience, learner, found)
         elif arenas is None:
             break
         if progress is not None:
             progress(found)
-    if found.difference and experience.unheard and not found.compared:
-        found.incomplete, found.difference = (
-            (
-                f"the first {experience.unheard} versions of the weights were not heard, nor is it "
-                f"known in which order their trajectories were learned from: {found.difference} is "
-                "not as recorded"
-            ),
-            "",
-        )
-    if experience.unseen and not found.incomplete:
-        found.incomplete = f"parts of the bag were damaged and not seen: {experience.unseen}"
-    if found.skipped and not found.incomplete:
-        found.incomplete = (
-            f"{found.skipped} transitions of episodes whose beginning is not recorded were not "
-            "held against the arena; --no-arena compares weights only"
-        )
-    if not found.compared and not found.difference:
-        found.incomplete = found.incomplete or "no weights are in the bag: nothing to compare with"
+    if not found.incomplete:
+        found.incomplete = _not_compared(experience, found)
     return found
 
 
+def _missing(one: UsedTrajectory, version: int, found: Verification) -> str:
+    """Return why the learner cannot use the next trajectory; empty if it can."""
+    if one.trajectory is None:
+        return (
+            f"trajectory {one.key.sequence} of {one.key.agent_id}, which led to version "
+            f"{one.version}, is not in the bag"
+        )
+    if one.version is not None and one.version > version + 1 and not found.difference:
+        return (
+            f"what led to versions {version + 1} to {one.version - 1} is not in the bag: the "
+            "recording began too late"
+        )
+    return ""
+
+
+def _not_compared(experience: Experience, found: Verification) -> str:
+    """Return what was left out of a verification that reached its end; empty: nothing."""
+    if experience.unreadable:
+        return f"damaged parts of the bag could not be read: {experience.unreadable}"
+    if found.skipped:
+        return (
+            f"{found.skipped} transitions could not be compared with an arena, because the "
+            "beginning of their episode is missing or altered; --no-arena compares weights only"
+        )
+    if not found.compared and not found.difference:
+        return "the bag contains no weights to compare with"
+    return ""
+
+
 def _compare(experience: Experience, learner: Learner, found: Verification) -> None:
-    """Hold this version against the recorded one, if it was recorded."""
+    """Compare the learner's version with the recorded one, if it was recorded."""
     before, counters = found.updates, learner.counters
     found.version, found.frames, found.updates = counters.version, counters.frames, counters.updates
     published = experience.published.get(counters.version)
     if published is None or found.difference:
         return
-    found.recorded, found.remade = published.checksum, weights_checksum(learner.snapshot())
-    if found.recorded == found.remade:
+    found.recorded, found.computed = published.checksum, weights_checksum(learner.snapshot())
+    if found.recorded == found.computed:
         found.compared += 1
     else:
         between = f"updates {before + 1} to {counters.updates}" if counters.updates else "no update"
@@ -144,27 +158,26 @@ def _compare(experience: Experience, learner: Learner, found: Verification) -> N
 
 
 class _FreshArenas:
-    """Arenas like the recorded ones; each agent's transitions are held against its own."""
+    """Compares each agent's transitions with a new arena like the recorded one."""
 
     def __init__(self, experience: Experience, found: Verification) -> None:
         self._experience, self._found = experience, found
-        self._made: dict[str, Reenactment] = {}
+        self._made: dict[str, ArenaReplay] = {}
 
-    def hold_against(self, trajectory: Trajectory) -> None:
-        """Note what the agent's arena denies, or that it is not known which it was."""
+    def compare(self, trajectory: Trajectory) -> None:
         found, description = self._found, self._experience.arena_of(trajectory.agent_id)
         if description is None:
             count = len({arena.arena_id for arena in self._experience.arenas})
             found.incomplete = found.incomplete or (
-                "expected one arena's description to hold transitions of "
-                f"{trajectory.agent_id!r} against, got {count}; --no-arena compares weights only"
+                f"expected the description of the one arena of {trajectory.agent_id!r}, got "
+                f"{count}; --no-arena compares weights only"
             )
             return
         if description.arena_id not in self._made:
             asked = _asked(self._experience.origins, description.arena_id)
-            self._made[description.arena_id] = Reenactment(description, *asked)
+            self._made[description.arena_id] = ArenaReplay(description, *asked)
         name = self._made[description.arena_id].check(trajectory)
-        found.reenacted = sum(arena.checked for arena in self._made.values())
+        found.checked = sum(arena.checked for arena in self._made.values())
         found.skipped = sum(arena.skipped for arena in self._made.values())
         if name is not None:
             found.altered += 1
@@ -172,8 +185,90 @@ class _FreshArenas:
                 found.named.append(name)
 
 
+class ArenaReplay:
+    """Repeats recorded actions in a fresh arena, and compares what it gives to the last bit."""
+
+    def __init__(
+        self, arena: ArenaDescription, condition: str = "train", blocks: int | None = None
+    ) -> None:
+        """`blocks`: the number that the arena was started with, 0: the design's own; None: the
+        number in its description.
+
+        Raises ConfigError for a design, arm or preset that is not known here.
+        """
+        preset = preset_named(arena.preset, arena.arm).changed(
+            episode_steps=arena.episode_steps, thresholds=arena.thresholds
+        )
+        design = design_named(arena.design).with_relations(*arena.world.relations)
+        count = arena.block_count if blocks is None else blocks or design.n_blocks
+        design = replace(design, n_blocks=count)
+        self.checked = 0  # transitions
+        self.skipped = 0  # transitions whose episode's beginning is missing or altered
+        self._task = ReachTask(preset, design, arena.seed, reward=reward_from(arena.reward))
+        self._condition = condition
+        self._speeds = np.array(arena.speed_limits)
+        self._at: tuple[int, int] | None = None  # episode and step; None: not as recorded
+        self._observed: tuple[Observation, Verdict]
+
+    def check(self, trajectory: Trajectory) -> str | None:
+        """Describe the first transition that differs; None if all are equal or skipped."""
+        if trajectory.first_step == 0:
+            observation, verdict = self._task.reset(trajectory.episode, self._condition)
+        elif self._at == (trajectory.episode, trajectory.first_step):
+            observation, verdict = self._observed
+        else:
+            self.skipped += len(trajectory)
+            return None
+        self._at = None
+        if trajectory.program != self._task.program:
+            observation, verdict = self._task.set_program(trajectory.program)
+        cause = self._difference(trajectory, 0, observation, None)
+        if cause is not None:
+            return _named(trajectory, 0, cause)
+        for t in range(len(trajectory)):
+            observation, verdict = self._task.step(
+                trajectory.actions[t].astype(np.float64) * self._speeds
+            )
+            self.checked += 1
+            cause = self._difference(trajectory, t + 1, observation, verdict)
+            if cause is not None:
+                return _named(trajectory, t, cause)
+        self._observed = (observation, verdict)
+        self._at = (trajectory.episode, observation.step)
+        return None
+
+    def _difference(
+        self, trajectory: Trajectory, row: int, observation: Observation, verdict: Verdict | None
+    ) -> str | None:
+        """Return what differs in a row; None if nothing does."""
+        pairs = [
+            ("objects", trajectory.objects[row], observation.objects),
+            ("arm", trajectory.arm[row], self._task.world.arm(observation)),
+        ]
+        for name, recorded, given in pairs:
+            if recorded.shape != given.shape:
+                return f"{name} of shape {recorded.shape} recorded, the arena gives {given.shape}"
+            if not np.array_equal(recorded, given):
+                where = tuple(int(i) for i in np.argwhere(recorded != given)[0])
+                found = f"recorded {recorded[where]}, the arena gives {given[where]}"
+                return f"{name}{list(where)} {found}"
+        if verdict is not None and trajectory.rewards[row - 1] != np.float32(verdict.reward):
+            return (
+                f"reward {trajectory.rewards[row - 1]} recorded, the arena gives {verdict.reward}"
+            )
+        return None
+
+
+def _named(trajectory: Trajectory, t: int, cause: str) -> str:
+    return (
+        f"transition {t} of trajectory {trajectory.sequence} of {trajectory.agent_id} "
+        f"(episode {trajectory.episode}, step {trajectory.first_step + t}): "
+        f"after the recorded action {cause}"
+    )
+
+
 def _asked(origins: Iterable[Origin], arena_id: str) -> tuple[str, int | None]:
-    """The condition that training episodes were drawn from, and the number of blocks asked for."""
+    """Return the condition of the training episodes, and the number of blocks asked for."""
     for origin in origins:
         if origin.instance == arena_id and "condition" in origin.parameters:
             blocks = origin.parameters.get("blocks")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pa_ros.bags.errors import ForeignBagError, ProvenanceError
+from pa_ros.bags.errors import BagError, ProvenanceError
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.film import add_look, check_look
@@ -43,18 +43,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Do one of the actions."""
     with Bag(options.bag) as bag:
-        bag.check_edition()
         return {"info": _info, "export": _export, "film": _film}[options.action](bag, options)
 
 
 def _info(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.summary import describe
 
-    lines = describe(bag, options.namespace)
+    lines, complete = describe(bag, options.namespace)
     print(printable_lines("\n".join(lines)))
-    return (
-        EXIT_PARTIAL if any(line.startswith(("not readable", "NOT SEEN")) for line in lines) else 0
-    )
+    return 0 if complete else EXIT_PARTIAL
 
 
 def _export(bag: Bag, options: argparse.Namespace) -> int:
@@ -103,4 +100,4 @@ def _film(bag: Bag, options: argparse.Namespace) -> int:
             others.append(episode.number)
     kind = "evaluation episode" if options.evaluation else "episode"
     there = f"{min(others)} to {max(others)}" if others else "none"
-    raise ForeignBagError(f"bag: {bag.path}: expected an {kind} of {there}, got {options.episode}")
+    raise BagError(f"bag: {bag.path}: expected an {kind} of {there}, got {options.episode}")

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from pa_ros.arena import ArenaChoice, training_programs, world_of
 from pa_ros.bags.errors import ProvenanceError
-from pa_ros.bags.experience import Experience
-from pa_ros.bags.offline import Lessons, learn
+from pa_ros.bags.experience import Experience, OfflineResult, learn
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.options import asked, settings_from
 from pa_ros.core.errors import ConfigError
@@ -93,7 +92,7 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
 def _check_world(path: Path, bag: Experience, learner: Learner) -> None:
     """ConfigError if the bag's first trajectory is of another world than the learner's."""
     try:
-        next(bag.lessons(learner.network.world), None)
+        next(bag.used(learner.network.world), None)
     except WireError as error:
         if error.code != "wire.world":
             raise
@@ -152,14 +151,14 @@ class _Progress:
     def __init__(self, learner: Learner) -> None:
         self._learner, self._logged = learner, time.monotonic()
 
-    def __call__(self, _: Lessons) -> None:
+    def __call__(self, _: OfflineResult) -> None:
         if time.monotonic() - self._logged >= REPORT_S:
             self._logged = time.monotonic()
             counters = self._learner.counters
             log.info("frames %d  updates %d", counters.frames, counters.updates)
 
 
-def _conclude(found: Lessons, learner: Learner, out: Path) -> None:
+def _conclude(found: OfflineResult, learner: Learner, out: Path) -> None:
     counters = learner.counters
     print(
         f"{found.accepted} trajectories, {counters.frames} transitions, {counters.updates} updates"
@@ -169,7 +168,7 @@ def _conclude(found: Lessons, learner: Learner, out: Path) -> None:
         (found.missing, "trajectories were learned from but are not in the bag"),
         (found.left_out, "trajectories are in the bag, but its learner had not taken them in"),
         (
-            found.unheard,
+            found.unordered,
             "versions are from before the recording, and several agents led to them: "
             "the order of their trajectories is not known, so these are other weights",
         ),
@@ -177,6 +176,6 @@ def _conclude(found: Lessons, learner: Learner, out: Path) -> None:
     ):
         if count:
             print(f"{count} {what}")
-    if found.unseen:
-        print(f"INCOMPLETE: parts of the recording were damaged and not seen: {found.unseen}")
+    if found.unreadable:
+        print(f"INCOMPLETE: damaged parts of the recording could not be read: {found.unreadable}")
     print(f"weights of version {counters.version}: {weights_checksum(learner.snapshot())}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import get_args
 
 from pa_ros.acting.config import Schedule
-from pa_ros.bags.writer import refuse_bag, refuse_existing
+from pa_ros.bags.writer import refuse_existing
 from pa_ros.cli.console import page_beside
 from pa_ros.cli.options import folder_to_write
 from pa_ros.core.signals import signals_noted
@@ -77,8 +77,6 @@ def run(options: argparse.Namespace) -> int:
     """Launch, and show figures until a signal comes or a node ends by itself."""
     if options.record is not None:
         refuse_existing(options.record)
-    if options.out is not None:
-        refuse_bag(options.out)
     wanted = load_parameters(chosen(options.params))
     if options.arenas is not None:
         wanted = fleet(wanted, options.arenas)

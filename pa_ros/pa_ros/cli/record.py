@@ -11,7 +11,13 @@ from pa_ros.bags.repair import repair
 from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.report import write_report
-from pa_ros.tools.record import Recorder, RecordingOptions, topics_named, topics_of
+from pa_ros.tools.record import (
+    Recorder,
+    RecordingFigures,
+    RecordingOptions,
+    topics_named,
+    topics_of,
+)
 
 EXIT_FAILED = 1
 REFRESH_S = 0.5
@@ -54,23 +60,21 @@ def _record(options: argparse.Namespace, how: RecordingOptions) -> int:
     from pa_ros.ros.process import die_with_parent
     from pa_ros.tools.client import client_node
     from pa_ros.tools.monitor import Display
-    from pa_ros.tools.recording_figures import RecordingFigures
 
     die_with_parent()
-    limit_s = how.duration_s or None
     with signals_noted() as interrupted, client_node("record", how.namespace) as node:
         chosen = topics_of(how.arenas)
         if how.topics:
             chosen = tuple(topics_named(node, how.topics, how.arenas))
         with Recorder(options.out, node, chosen, how) as recorder:
             print(f"recording into {options.out} (Ctrl-C closes it)", flush=True)
-            figures = RecordingFigures(recorder.counts, lambda: (recorder.counts, recorder.lost))
+            figures = RecordingFigures(recorder)
             with Display("Recording (Ctrl-C closes the bag)", figures.rows, figures.line) as shown:
-                while not (interrupted() or recorder.failure or figures.late(limit_s)):
+                while not (
+                    interrupted() or recorder.failure or 0 < how.duration_s <= figures.wall_s
+                ):
                     time.sleep(REFRESH_S)
-                    figures.size = recorder.size
                     shown.refresh()
-        figures.size = recorder.size
     write_report(options.json, figures.report())
     if recorder.failure is not None:
         print(f"pa_ros record: {recorder.failure}", file=sys.stderr)

@@ -20,7 +20,6 @@ from pa_ros.arena import (
     world_of,
 )
 from pa_ros.bags.run_log import RunLog
-from pa_ros.bags.writer import refuse_bag
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.cli.training_view import TrainingView
@@ -65,7 +64,6 @@ def run(options: argparse.Namespace) -> int:
     Ctrl-C, or that nobody reads any more, ends it after the episode, with a checkpoint.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    refuse_bag(options.out)
     if options.from_bag:
         return from_bag.run(options)
     if options.namespace is not None:

@@ -1,4 +1,4 @@
-"""`pa_ros verify BAG`: make a recorded run again, and compare to the last bit."""
+"""`pa_ros verify BAG`: repeat a recorded run, and compare it to the last bit."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ def conclusion(found: Verification) -> list[str]:
     """What to tell a person."""
     lines = [
         found.note,
-        f"made again: {found.frames} transitions, {found.updates} updates, version {found.version}",
-        f"held against a fresh arena: {found.reenacted} transitions",
-        f"newest weights compared, as recorded  {found.recorded or '-'}",
-        f"newest weights compared, made again   {found.remade or '-'}",
+        f"repeated: {found.frames} transitions, {found.updates} updates, version {found.version}",
+        f"compared with a fresh arena: {found.checked} transitions",
+        f"newest weights compared, as recorded   {found.recorded or '-'}",
+        f"newest weights compared, computed here {found.computed or '-'}",
         f"{found.compared} versions of the weights are equal",
     ]
     if found.difference:
         lines.append(f"DIFFERENT: the weights differ first at {found.difference}")
     if found.altered:
-        lines.append(f"DIFFERENT: {found.altered} trajectories are not what the arena gives:")
+        lines.append(f"DIFFERENT: {found.altered} trajectories differ from what the arena gives:")
         lines += [f"  {name}" for name in found.named]
     if found.incomplete:
         lines.append(f"INCOMPLETE: {found.incomplete}")

@@ -56,7 +56,7 @@ class Replay:
         """Recorded versions of the weights, and when each was recorded."""
         if WEIGHTS in self._bag.types.values():
             for recorded in self._bag.messages([self._bag.topic_of(WEIGHTS, self._namespace)]):
-                snapshot = self._bag.through(recorded, decode_weights).snapshot
+                snapshot = decode_weights(self._bag.deserialize(recorded)).snapshot
                 yield snapshot.version, recorded.stamp_ns
 
     def _load(self, version: int) -> tuple[Insight | None, str]:
@@ -76,7 +76,7 @@ class Replay:
         stamp_ns = self._stamps[version]
         topic = self._bag.topic_of(WEIGHTS, self._namespace)
         for recorded in self._bag.messages([topic], stamp_ns, stamp_ns + 1):
-            return self._bag.through(recorded, decode_weights).snapshot
+            return decode_weights(self._bag.deserialize(recorded)).snapshot
         raise ProvenanceError(f"bag: {self._bag.path}: version {version} can't be read again")
 
     def _agent(self) -> Mapping[str, Any]:
@@ -84,7 +84,7 @@ class Replay:
         if PROVENANCE not in self._bag.types.values():
             return {}
         for recorded in self._bag.messages([self._bag.topic_of(PROVENANCE, self._namespace)]):
-            parameters = self._bag.through(recorded, decode_provenance).parameters
+            parameters = decode_provenance(self._bag.deserialize(recorded)).parameters
             if "checkpoint" in parameters:
                 return parameters
         return {}

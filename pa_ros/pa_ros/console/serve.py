@@ -110,7 +110,6 @@ def serve_bag(
 ) -> None:
     """Show a recording until `finished`. Raises what `Bag` and `Replay` do."""
     with Bag(path) as bag:
-        bag.check_edition()
         replay = Replay(bag, namespace)
         with ConsoleServer(settings) as server:
             page = Page(server, learning=False)

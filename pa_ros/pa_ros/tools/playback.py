@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from pa_ros.bags.errors import BagError, ForeignBagError
+from pa_ros.bags.errors import BagError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.settings import Settings
 from pa_ros.ros import topics
@@ -86,7 +86,7 @@ class Player:
     """Publishes what a bag holds, as bytes, with the quality of service stated in it.
 
     A joint command waits for the arena to come to the step that it answers, if an arena is there:
-    in lockstep, from the same seed, it does so exactly as recorded. Raises ForeignBagError if the
+    in lockstep, from the same seed, it does so exactly as recorded. Raises BagError if the
     bag has none of the topics.
     """
 
@@ -99,7 +99,7 @@ class Player:
         for name in self._chosen():
             self._advertise(name)
         if not self._publishers:
-            raise ForeignBagError(f"bag: {bag.path}: nothing to play: {self.played.passed_over}")
+            raise BagError(f"bag: {bag.path}: nothing to play: {self.played.passed_over}")
         self._clock = topics.ROS_CLOCK.publisher(node) if self._options.clock else None
         self._gates = {
             name: _Gate(node, name)
@@ -141,7 +141,7 @@ class Player:
         for one in wanted:
             named = [name for name in there if name == one or name.endswith("/" + one.lstrip("/"))]
             if not named:
-                raise ForeignBagError(
+                raise BagError(
                     f"bag: {self._bag.path}: expected one of {', '.join(sorted(there))}, got {one}"
                 )
             found += named
@@ -153,9 +153,6 @@ class Player:
             kind = message_class(type_name)
         except WireError:
             self.played.passed_over[name] = f"{type_name} is not installed here"
-            return
-        if self._bag.differs(name):
-            self.played.passed_over[name] = f"recorded with another edition of {type_name}"
             return
         profile = _profile(self._bag, name, keep_all=self._options.rate == 0.0)
         self._publishers[name] = self._node.create_publisher(kind, name, profile)

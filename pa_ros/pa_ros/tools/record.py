@@ -1,9 +1,9 @@
-"""Recording topics into a rosbag2 bag from raw subscriptions.
+"""Records topics into a rosbag2 bag.
 
-Messages are never deserialized: their bytes go to the file as they came, with the time at which
-the middleware received them and their publisher's own time and number. A thread of the recorder's
-own takes them, in turns of DRAIN_S, from readers that no executor serves, so that recording costs
-the same whatever else the process does.
+Messages are never deserialized: their bytes go to the file with the time at which the middleware
+received them and their publisher's own time and number. A thread of the recorder takes them every
+DRAIN_S from subscriptions that no executor serves, so recording does not depend on what else the
+process does.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,13 +21,14 @@ import rclpy
 from pydantic import Field
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosReliability
 
-from pa_ros.bags.contents import FOREVER, topic
 from pa_ros.bags.errors import BagError, BagFullError
-from pa_ros.bags.losses import LOST, Losses
+from pa_ros.bags.format import BEFORE, LOST, reliable_qos, topic
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.report import Report
+from pa_ros.core.software import device, versions
 from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
@@ -40,7 +41,7 @@ from pa_ros.wire.diagnostics import decode_provenance
 
 log = logging.getLogger(__name__)
 
-# Everything: what was asked, seen, done and judged, and what was learned from it.
+# Everything: what was requested, observed, done and scored, and what was learned from it.
 BAG_TOPICS = (
     topics.PROVENANCE,
     topics.ARENA_INFO,
@@ -58,12 +59,12 @@ BAG_TOPICS = (
 )
 OF_LEARNER = (topics.LEARNER_INFO, topics.TRAJECTORIES, topics.POLICY_WEIGHTS)
 DRAIN_S: Final = 0.005
-FLUSH_S: Final = 1.0  # what a SIGKILL can cost
-_TURN: Final = 500  # messages of one topic per turn, so that none starves
+FLUSH_S: Final = 1.0  # at most so much is lost by a SIGKILL
+_ROUND: Final = 500  # messages taken from one topic before the next has its turn
 
 
 class RecordingOptions(BagOptions):
-    """What to record, into what."""
+    """What to record, and how to store it."""
 
     topics: tuple[str, ...] = Field((), description="by name; none: all of pa_ros")
     namespace: str = Field("", description="of the arena to record")
@@ -77,7 +78,7 @@ class Recorder:
     """Writes every message of some topics; a context manager that closes the bag.
 
     `counts`, `lost` and `failure` may be read at any time. A full disk closes the bag and sets
-    `failure`, as does whatever else ends its thread; nothing is recorded afterwards.
+    `failure`, as does any other error in the recorder's thread. Nothing is recorded afterwards.
     """
 
     def __init__(
@@ -87,8 +88,10 @@ class Recorder:
         recorded: Iterable[Topic] = BAG_TOPICS,
         options: BagOptions | None = None,
     ) -> None:
-        """Names are resolved in the node's namespace, and each is recorded once. Raises BagError,
-        or ConfigError for a name that ROS refuses."""
+        """Names are resolved in the node's namespace, and each is recorded once.
+
+        Raises BagError, or ConfigError for a name that ROS rejects.
+        """
         self.failure: BagError | None = None
         self._node = node
         self._recorded = {_resolved(node, one.name): one for one in recorded}
@@ -96,22 +99,24 @@ class Recorder:
         for one in self._recorded.values():
             register(self._types, message_type(one.type))
         self._writer = BagWriter(folder, options)
-        self._lines: list[_Line] = []
+        self._readers: list[_TopicReader] = []
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
     def __enter__(self) -> Recorder:
-        name = f"{self._node.get_name()}_recorder"
+        # Its own node: no executor may take the messages before the recorder's thread does.
         self._reader = rclpy.create_node(
-            name,
+            f"{self._node.get_name()}_recorder",
             namespace=self._node.get_namespace(),
             context=self._node.context,
             enable_rosout=False,
             start_parameter_services=False,
         )
         try:
-            for full, one in self._recorded.items():
-                self._lines.append(self._line(full, one))
+            for name, one in self._recorded.items():
+                type_name = message_type(one.type)
+                self._writer.add(topic(self._types, name, type_name, [offered_qos(one.writer)]))
+                self._readers.append(_TopicReader(self._reader, name, one))
         except BaseException:
             self._writer.close()
             self._reader.destroy_node()
@@ -129,8 +134,8 @@ class Recorder:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Messages that were sent and did not come, by the topic's full name."""
-        return {line.name: line.losses.lost for line in self._lines}
+        """Messages that were published but not received, by the topic's full name."""
+        return {reader.name: reader.gaps.lost for reader in self._readers}
 
     @property
     def size(self) -> int:
@@ -138,21 +143,18 @@ class Recorder:
         return self._writer.size
 
     def close(self) -> None:
-        """Take what has come, write the index and metadata. Nothing is written afterwards."""
+        """Record what has arrived, then write the index and metadata."""
         if self._stop.is_set():
             return
         self._stop.set()
         self._thread.join()
+        before = {reader.name: reader.gaps.before for reader in self._readers}
+        counted = {LOST: json.dumps(self.lost), BEFORE: json.dumps(before)}
         try:
-            self._writer.close({LOST: json.dumps(self.lost), **self._provenance()})
+            self._writer.close({**counted, **self._provenance()})
         except BagFullError as error:
             self.failure = error
         self._reader.destroy_node()
-
-    def _line(self, name: str, one: Topic) -> _Line:
-        type_name = message_type(one.type)
-        self._writer.add(topic(self._types, name, type_name, [offered_qos(one.writer)]))
-        return _Line(self._reader, name, one)
 
     def _run(self) -> None:
         flushed = time.monotonic()
@@ -166,71 +168,154 @@ class Recorder:
                 pass
         except BagFullError as error:
             self.failure = error
-        except Exception as error:  # of whatever kind: nobody else hears of it
-            log.exception("the recorder's thread has ended")
+        except Exception as error:  # `failure` is the only way to report it from this thread
+            log.exception("the recorder's thread ended")
             self.failure = BagError(f"record: recording ended: {type(error).__name__}: {error}")
 
     def _drain(self) -> int:
-        """One turn: what has come on each topic; how much it was."""
+        """Record up to _ROUND waiting messages of each topic; return how many there were."""
         taken = 0
-        for line in self._lines:
-            for payload, info in line.take():
+        for reader in self._readers:
+            for payload, info in reader.take():
                 sent_ns, number = info["source_timestamp"], info["publication_sequence_number"]
                 log_ns = info["received_timestamp"] or time.time_ns()
-                self._writer.write(line.name, payload, log_ns, sent_ns, number or 0)
+                self._writer.write(reader.name, payload, log_ns, sent_ns, number or 0)
                 taken += 1
         return taken
 
     def _provenance(self) -> dict[str, str]:
-        """What the latched topics said, decoded for the metadata."""
+        """Return what the nodes said about themselves, decoded for the metadata."""
         origins, arenas = [], []
-        for line in self._lines:
-            for payload in line.said:
-                message = self._types.deserialize_cdr(payload, line.type_name)
+        for reader in self._readers:
+            for payload in reader.descriptions:
+                message = self._types.deserialize_cdr(payload, reader.type_name)
                 try:
-                    if line.type_name.endswith("/Provenance"):
+                    if reader.type_name.endswith("/Provenance"):
                         origins.append(decode_provenance(message))
                     else:
                         arenas.append(decode_arena_info(message))
                 except PaError:
-                    continue  # of another edition; the message itself is in the bag
+                    continue  # of a node of another version; the message itself is in the bag
         return as_custom_data(origins, arenas)
 
 
-class _Line:
-    """One topic on its way into the bag."""
+class _TopicReader:
+    """The recorder's subscription to one topic."""
 
     def __init__(self, node: Node, name: str, one: Topic) -> None:
         self.name = name
         self.type_name = message_type(one.type)
-        self.losses = Losses(lambda: node.count_publishers(name))
-        self.said: deque[bytes] = deque(maxlen=100)  # what goes into the metadata too
-        self._keeps = one.type in (topics.PROVENANCE.type, topics.ARENA_INFO.type)
+        self.gaps = SequenceGaps(lambda: node.count_publishers(name))
+        self.descriptions: deque[bytes] = deque(maxlen=100)  # which go into the metadata as well
+        self._describes = one.type in (topics.PROVENANCE.type, topics.ARENA_INFO.type)
         self._subscription = node.create_subscription(
             one.type, name, lambda _: None, reader_qos(one.reader), raw=True
         )
 
     def take(self) -> Iterable[tuple[bytes, Any]]:
-        """Messages that have come, with what the middleware says of each."""
+        """Yield waiting messages, with what the middleware says about each."""
         subscription = self._subscription
-        for _ in range(_TURN):
+        for _ in range(_ROUND):
             with subscription.handle:
                 taken = subscription.handle.take_message(subscription.msg_type, True)
             if taken is None:
                 break
             payload, info = taken
             if number := info["publication_sequence_number"] or 0:
-                self.losses.take(number)
-            if self._keeps:
-                self.said.append(payload)
+                self.gaps.take(number)
+            if self._describes:
+                self.descriptions.append(payload)
             yield payload, info
 
 
-def reader_qos(profile: QoSProfile) -> QoSProfile:
-    """The same, but with room for what may wait: the recorder is to lose nothing.
+class SequenceGaps:
+    """Counts missing messages from the numbers 1, 2, 3, … that publishers give them.
 
-    Without limit where messages are small or must not be lost; a hundred of the latched ones,
-    which are few, or as large as weights.
+    A message does not say which publisher it is from. With several publishers, each number is
+    assigned so that the fewest messages are missing.
+    """
+
+    PUBLISHERS = 16  # of one topic that are told apart at a time
+
+    def __init__(self, publishers: Callable[[], int] = lambda: 1) -> None:
+        """`publishers` returns how many there are now; it is called only when numbers are
+        ambiguous."""
+        self.lost = 0
+        self.before = 0  # published before the first message that was received
+        self._publishers = publishers
+        self._expected: list[int] = []  # next number of each publisher, the latest received last
+
+    def take(self, number: int) -> None:
+        """Count a message that was received."""
+        earlier = [expected for expected in self._expected if expected < number]
+        if number in self._expected:
+            self._expected.remove(number)
+        elif number == 1 or not earlier or self._publishers() > len(self._expected):
+            self.before += number - 1  # the first message of another publisher
+        else:
+            self.lost += number - max(earlier)
+            self._expected.remove(max(earlier))
+        self._expected = [*self._expected[-self.PUBLISHERS + 1 :], number + 1]
+
+
+class RecordingFigures:
+    """Messages, rates and losses per topic, size and processor time of a recording."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._started, self._cpu = time.monotonic(), time.process_time()
+        self._before = (self._started, recorder.counts)
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds since the start."""
+        return max(time.monotonic() - self._started, 1e-9)
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return (label, text) for the live table."""
+        counts, lost, now = self._recorder.counts, self._recorder.lost, time.monotonic()
+        (then, before), self._before = self._before, (now, counts)
+        elapsed = max(now - then, 1e-9)
+        rows = [
+            (name, f"{count:>9}  {(count - before.get(name, 0)) / elapsed:8.1f}/s"
+             f"  lost {lost.get(name, 0)}")
+            for name, count in counts.items()
+        ]  # fmt: skip
+        size = f"{self._recorder.size / 1e6:.1f} MB"
+        return [*rows, ("size", size), ("processor", f"{self._cpu_share:.1%}")]
+
+    def line(self) -> str:
+        """Return the same in one line."""
+        counts, lost, size = self._recorder.counts, self._recorder.lost, self._recorder.size
+        return f"{sum(counts.values())} messages  {size / 1e6:.1f} MB  lost {sum(lost.values())}"
+
+    def report(self) -> Report:
+        """Return flat figures of the whole recording."""
+        counts, lost, size = self._recorder.counts, self._recorder.lost, self._recorder.size
+        report: dict[str, float | int | str] = {
+            "record.wall_s": self.wall_s,
+            "record.messages": sum(counts.values()),
+            "record.lost": sum(lost.values()),
+            "record.megabytes": size / 1e6,
+            "record.megabytes_per_min": size / 1e6 / self.wall_s * 60,
+            "record.cpu_share": self._cpu_share,
+        }
+        for name, count in counts.items():
+            report[f"record.topic.{name}.messages"] = count
+            report[f"record.topic.{name}.lost"] = lost.get(name, 0)
+        return {**report, "device": device(), "threads": 1, "versions": versions()}
+
+    @property
+    def _cpu_share(self) -> float:
+        """Processor time of this process per wall time, since the start."""
+        return (time.process_time() - self._cpu) / self.wall_s
+
+
+def reader_qos(profile: QoSProfile) -> QoSProfile:
+    """Return a reader's profile with a longer queue, so that the recorder loses nothing.
+
+    The queue is unlimited, except for latched topics: their messages are few, or as large as
+    weights, so a hundred are enough.
     """
     latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     return QoSProfile(
@@ -242,22 +327,19 @@ def reader_qos(profile: QoSProfile) -> QoSProfile:
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """A publisher's profile as rosbag2's metadata states it, so that it can be played back."""
-    return Qos(
+    """Return a publisher's profile in rosbag2's form, so that it can be played back."""
+    return reliable_qos(profile.depth)._replace(
         history=QosHistory[profile.history.name],
-        depth=profile.depth,
         reliability=QosReliability[profile.reliability.name],
         durability=QosDurability[profile.durability.name],
-        deadline=FOREVER,
-        lifespan=FOREVER,
-        liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=FOREVER,
-        avoid_ros_namespace_conventions=False,
     )
 
 
 def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
-    """All of pa_ros, of one arena or of a fleet's. ConfigError for a namespace that ROS refuses."""
+    """Return all topics of pa_ros, of one arena or of a fleet's.
+
+    Raises ConfigError for a namespace that ROS rejects.
+    """
     for arena in arenas:
         check_namespace(arena, "arenas")
     within = [
@@ -270,34 +352,33 @@ def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
 
 
 def topics_named(node: Node, names: Iterable[str], arenas: Sequence[str] = ()) -> list[Topic]:
-    """Topics by name: ours, and any other that someone publishes now. Raises BagError, or
-    ConfigError for a name that ROS refuses."""
+    """Return topics by name: ours, and any other that has a publisher now.
+
+    Raises BagError for one without a publisher, ConfigError for a name that ROS rejects.
+    """
     ours = {_resolved(node, one.name): one for one in topics_of(arenas)}
     wanted = [_resolved(node, name) for name in names]
-    strangers = [name for name in wanted if name not in ours]
+    others = [name for name in wanted if name not in ours]
 
-    def unseen() -> list[str]:
-        return [name for name in strangers if not node.get_publishers_info_by_topic(name)]
+    def unpublished() -> list[str]:
+        return [name for name in others if not node.get_publishers_info_by_topic(name)]
 
-    spin_until(node, lambda: not unseen(), DISCOVERY_S if strangers else 0.0)
-    if unseen():
+    spin_until(node, lambda: not unpublished(), DISCOVERY_S if others else 0.0)
+    if unpublished():
         known = ", ".join(sorted(name.rpartition("/")[2] for name in ours))
-        raise BagError(
-            f"record: expected topics that someone publishes, or {known}; got {unseen()}"
-        )
-    return [ours.get(name) or _stranger(node, name) for name in wanted]
+        raise BagError(f"record: nobody publishes {unpublished()}; topics of pa_ros are {known}")
+    return [ours.get(name) or _other_topic(node, name) for name in wanted]
 
 
 def _resolved(node: Node, name: str) -> str:
     try:
         return str(node.resolve_topic_name(name))
     except RuntimeError as error:  # rcl's own
-        raise ConfigError(f"record: expected a name of a topic, got {name!r:.200}: {error}") from (
-            error
-        )
+        raise ConfigError(f"record: {name!r:.200} is not the name of a topic: {error}") from error
 
 
-def _stranger(node: Node, name: str) -> Topic:
+def _other_topic(node: Node, name: str) -> Topic:
+    """Return a topic that is not ours, with a profile that matches all its publishers."""
     found = node.get_publishers_info_by_topic(name)
     profiles = [info.qos_profile for info in found]
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)

@@ -1,0 +1,325 @@
+"""Episodes of a bag: described, exported and filmed as they were recorded."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from PIL import Image, ImageSequence
+
+from helpers.pictures import captions
+from helpers.recordings import DESIGN, STEPS, acted, columns, rearranged, rewritten, storage_file
+from pa_ros.arena.movie import captioned
+from pa_ros.bags.episodes import RecordedEpisode, episodes
+from pa_ros.bags.experience import arenas_of
+from pa_ros.bags.film import Stage
+from pa_ros.bags.format import reliable_qos, topic
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.writer import BagWriter
+from pa_ros.cli.main import main
+from pa_ros.core.signals import EXIT_INTERRUPTED
+from pa_ros.tools.scenes import name_of
+from pa_ros.wire.definitions import installed_types
+from pa_ros.world.schema import PAPER
+
+pytestmark = pytest.mark.xdist_group("recorded episodes")  # their recordings are made once
+
+
+def export(bag: Path, *arguments: str | Path) -> int:
+    return main(["bag", "export", str(bag), *map(str, arguments)])
+
+
+def first_episode(path: Path) -> tuple[RecordedEpisode, Stage]:
+    with Bag(path) as bag:
+        episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
+    return episode, Stage(episode, arena)
+
+
+def test_the_parts_of_each_step_are_joined(stepped):
+    with Bag(stepped) as bag:
+        found = list(episodes(bag))
+    assert [(e.number, e.evaluation, len(e.rows), e.missing) for e in found] == [
+        (7, False, STEPS + 1, 0), (7, True, STEPS + 1, 0),
+    ]  # fmt: skip
+    rows = [row for episode in found for row in episode.rows]
+    for row, (observation, verdict, command, program, _) in zip(rows, acted(), strict=True):
+        assert (row.step, row.program) == (observation.step, str(program))
+        np.testing.assert_array_equal(row.objects, observation.objects)
+        np.testing.assert_array_equal(row.joint_position, observation.joint_position)
+        np.testing.assert_array_equal(row.joint_velocity, observation.joint_velocity)
+        assert (row.reward, row.distance) == (verdict.reward, verdict.distance)
+        if command is None:
+            assert len(row.action) == 0 and row.policy_version == -1
+        else:
+            np.testing.assert_array_equal(row.action, command.action)
+            assert row.policy_version == 4
+
+
+def test_info_describes_episodes_versions_and_provenance(learned, stepped, capsys):
+    assert main(["bag", "info", str(learned)]) == 0
+    out = capsys.readouterr().out
+    assert "3 trajectories of transitions, no gaps" in out
+    assert "weights: versions 0 to 3" in out and "3 training episodes, 300 steps" in out
+    assert "2-L, jaco, fast, seed 5" in out and "from scratch" in out
+    assert main(["bag", "info", str(stepped)]) == 0
+    out = capsys.readouterr().out
+    assert "1 training episodes, 30 steps, reward per step" in out
+    assert "1 evaluation episodes, 30 steps" in out and "acted by versions 4 to 4" in out
+
+
+def test_info_names_gaps(learned, stepped, tmp_path, capsys):
+    def drop(name, message):
+        gone = name == "/trajectories" and message.sequence == 1
+        return [] if gone or (name == "/policy_weights" and message.version == 2) else [message]
+
+    assert main(["bag", "info", str(rewritten(learned, tmp_path / "a", drop))]) == 0
+    out = capsys.readouterr().out
+    assert "2 trajectories of transitions; GAPS: 1 missing of agent" in out
+    assert "versions 0 to 3, 1 of them not recorded" in out
+
+    def lose(name, message):
+        gone = name == "/object_features" and message.step in (4, 5, 6)
+        return [] if gone and not message.evaluation else [message]
+
+    assert main(["bag", "info", str(rewritten(stepped, tmp_path / "b", lose))]) == 0
+    assert "GAPS: 3 steps between others are not recorded" in capsys.readouterr().out
+
+
+def test_a_step_that_is_not_what_its_definition_promises_is_named(stepped, tmp_path, capsys):
+    def damage(name, message):
+        if name == "/verdict":
+            message.distance = -1.0
+        return [message]
+
+    bag = rewritten(stepped, tmp_path / "damaged", damage)
+    assert main(["bag", "info", str(bag)]) == 1
+    assert "NOT READABLE: verdict.distance" in capsys.readouterr().out
+    assert export(bag, "--out", tmp_path / "out") == 2
+    assert "verdict.distance" in capsys.readouterr().err
+
+
+def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
+    assert export(stepped, "--out", tmp_path / "out") == 0
+    with (tmp_path / "out" / "episodes.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [row["file"] for row in table] == ["episode-000007.npz", "eval-000007.npz"]
+    steps = acted()
+    rewards = [verdict.reward for _, verdict, *_ in steps[1 : STEPS + 1]]
+    assert float(table[0]["reward_per_step"]) == pytest.approx(np.mean(rewards))
+    with np.load(tmp_path / "out" / "eval-000007.npz") as arrays:  # without pickles
+        assert arrays["objects"].shape == (STEPS + 1, 5, 16)
+        assert arrays["program"][0] == str(steps[-1][3])
+        np.testing.assert_array_equal(arrays["step"], np.arange(STEPS + 1))
+        expected = [o.stamp_ns / 1e9 for o, *_ in steps[STEPS + 1 :]]
+        np.testing.assert_allclose(arrays["stamp_s"], expected)
+    assert export(stepped, "--out", tmp_path / "out") == 2
+    assert "already exists" in capsys.readouterr().err
+
+
+def test_exported_objects_that_are_absent_are_nan(changing, tmp_path):
+    assert export(changing, "--out", tmp_path) == 0
+    steps = [observation.objects for observation, *_ in rearranged()]
+    counts = [len(objects) for objects in steps]
+    assert len(set(counts)) == 3
+    with np.load(tmp_path / "episode-000007.npz") as arrays:
+        assert arrays["objects"].shape == (9, max(counts), 16)
+        assert arrays["objects"].dtype == np.float32
+        for given, objects in zip(arrays["objects"], steps, strict=True):
+            np.testing.assert_array_equal(given[: len(objects)], objects)
+            assert np.isnan(given[len(objects) :]).all()
+
+
+def test_transitions_alone_are_exported_without_stamps(learned, tmp_path):
+    assert export(learned, "--episodes", "1", "--out", tmp_path) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "episode-000001.npz",
+        "episodes.csv",
+    ]
+    with np.load(tmp_path / "episode-000001.npz") as arrays:
+        assert arrays["action"].shape == (101, 6) and np.isnan(arrays["action"][-1]).all()
+        assert np.isnan(arrays["reward"][0]) and set(arrays["reward"][1:]) <= {-1.0, 1.0}
+        assert np.isnan(arrays["stamp_s"]).all() and np.isfinite(arrays["joint_position"]).all()
+
+
+def test_parquet_holds_the_same_numbers_with_a_row_per_step(stepped, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    for kind in ("npz", "parquet"):
+        assert export(stepped, "--out", tmp_path / kind, "--format", kind) == 0
+    table = parquet.read_table(tmp_path / "parquet" / "eval-000007.parquet")
+    shapes = json.loads(table.schema.metadata[b"shapes"])
+    with np.load(tmp_path / "npz" / "eval-000007.npz") as arrays:
+        assert table.column_names == list(arrays) and table.num_rows == STEPS + 1
+        for name, values in arrays.items():
+            stored = np.array(table[name].to_pylist())
+            np.testing.assert_array_equal(stored.reshape(-1, *shapes[name]), values)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--out", "OUT", "--format", "xls"], "expected one of npz, parquet, got 'xls'"),
+        (["--out", "OUT", "--format", "parquet"], "programmable-agents[parquet]"),
+        (["--rerun", "OUT.rrd"], "expected the extra rerun (pip install"),
+        (["--rerun", "OUT.rrd", "--format", "npz"], "expected --out with --format"),
+        ([], "expected one of --out DIR and --rerun FILE.rrd"),
+        (["--out", "OUT", "--rerun", "OUT.rrd"], "expected one of --out DIR and --rerun FILE.rrd"),
+        (["--out", "OUT", "--episodes", "99"], "does not contain episodes [99]; 0 others"),
+    ],
+)
+def test_a_wrong_export_is_rejected_and_leaves_nothing(
+    stepped, tmp_path, capsys, monkeypatch, arguments, said
+):
+    for extra in ("pyarrow", "rerun"):
+        monkeypatch.setitem(sys.modules, extra, None)
+    given = [one.replace("OUT", str(tmp_path / "out")) for one in arguments]
+    assert export(stepped, *given) == 2
+    assert said in capsys.readouterr().err and not [*tmp_path.iterdir()]
+
+
+def test_episodes_that_the_bag_lacks_are_named(stepped, tmp_path, capsys):
+    assert export(stepped, "--episodes", "7", "9", "--out", tmp_path / "out") == 2
+    assert "does not contain episodes [9]; 2 others were written" in capsys.readouterr().err
+    assert (tmp_path / "out" / "eval-000007.npz").exists()
+
+
+def test_a_bag_without_episodes_is_not_exported(tmp_path, capsys):
+    with BagWriter(tmp_path / "bag") as bag:
+        for name, kind in (("/object_features", "ObjectFeatures"), ("/arena_info", "ArenaInfo")):
+            bag.add(topic(installed_types(), name, f"msgs_schema/msg/{kind}", [reliable_qos(1)]))
+    assert export(tmp_path / "bag", "--out", tmp_path / "out") == 2
+    assert "expected episodes, got none" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_export_of_a_damaged_bag_says_how_many_episodes_it_wrote(learned, tmp_path, capsys):
+    copy = rewritten(learned, tmp_path / "copy", lambda _, message: [message])
+    file = storage_file(copy)
+    with file.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    last = max(chunks, key=lambda chunk: chunk.chunk_start_offset)
+    content = bytearray(file.read_bytes())
+    content[last.chunk_start_offset + last.chunk_length // 2] ^= 1
+    file.write_bytes(content)
+    assert export(copy, "--out", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert "unreadable after" in error and not (tmp_path / "out" / "episodes.csv").exists()
+
+
+def test_a_file_for_rerun_follows_blocks_that_come_and_go(changing, tmp_path):
+    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
+    path = tmp_path / "out.rrd"
+    assert export(changing, "--rerun", path) == 0
+    told = columns(path)
+    episode, stage = first_episode(changing)
+    seen: dict[str, int] = {}
+    for row in episode.rows:
+        stage.show(row)
+        for i, block in enumerate(stage.task.episode.blocks, start=1):
+            name = name_of(block.kind.words, DESIGN.vocabulary.row).lower().replace(" ", "_")
+            (pose,) = told[f"/world/blocks/{name} Transform3D:translation"][seen.get(name, 0)][1]
+            assert pose == pytest.approx(stage.task.simulation.positions[i].tolist(), abs=1e-6)
+            seen[name] = seen.get(name, 0) + 1
+    assert sorted(set(seen.values())) == [2, 6, 9]  # the last one, the one that left, the others
+
+
+def test_a_file_for_rerun_that_fails_is_not_left_behind(changing, tmp_path, monkeypatch):
+    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
+
+    def show(*_):
+        raise RuntimeError("no such scene")
+
+    monkeypatch.setattr(Stage, "show", show)
+    with pytest.raises(RuntimeError, match="no such scene"):
+        export(changing, "--rerun", tmp_path / "out.rrd")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_the_stage_shows_what_was_recorded(stepped, learned, changing):
+    """The features of the drawn scene are those recorded: blocks and hand are in place."""
+    for path, every in ((stepped, 7), (learned, 7), (changing, 1)):
+        episode, stage = first_episode(path)
+        for row in episode.rows[::every]:
+            stage.show(row)
+            given = stage.task.simulation.objects()
+            np.testing.assert_allclose(given[:, :3], row.objects[:, :3], atol=1e-5)
+            turned = np.abs(np.sum(given[:, 3:7] * row.objects[:, 3:7], axis=1))
+            np.testing.assert_allclose(turned, 1.0, atol=1e-5)
+            np.testing.assert_array_equal(given[:, 7:], row.objects[:, 7:])
+
+
+def film(bag: Path, out: Path, *arguments: str) -> int:
+    chosen = ["--episode", "7", "--side", "64", "--out", str(out)]
+    return main(["bag", "film", str(bag), *chosen, *arguments])
+
+
+def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path, capsys):
+    out = tmp_path / "film.gif"
+    assert film(stepped, out, "--evaluation") == 0
+    with Image.open(out) as picture:
+        assert picture.format == "GIF" and picture.size[0] == 64
+        assert picture.info["duration"] == 100
+        pictures = [np.asarray(one.convert("RGB")) for one in ImageSequence.Iterator(picture)]
+    assert (pictures[-1] != pictures[0]).any()
+    assert STEPS // 2 < len(pictures) <= STEPS + 1  # equal pictures in a row are stored once
+    assert film(stepped, out, "--episode", "8") == 2
+    assert "expected an episode of 7 to 7, got 8" in capsys.readouterr().err
+    assert film(stepped, tmp_path / "film.avi") == 2
+    assert "expected a file that ends in .gif or .mp4, got '.avi'" in capsys.readouterr().err
+
+
+def test_a_film_continues_where_blocks_come_and_go(changing, tmp_path, capsys):
+    assert film(changing, tmp_path / "film.gif") == 0
+    assert "9 pictures" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["", "a-program-id", "NEAR(HAND, AND(CYLINDER, CAPSULE))"])
+def test_a_film_shows_a_target_only_while_one_is_known(stepped, text):
+    episode, stage = first_episode(stepped)
+    for row in episode.rows[:4] + episode.rows[5:]:
+        row.program = text
+    targets = []
+    for row in episode.rows[:9]:
+        stage.show(row)
+        targets.append(len(stage.task.verifier.targets))
+    assert episode.rows[4].program and targets == [0] * 4 + [1] + [0] * 4
+
+
+def test_a_film_shows_blocks_that_no_word_of_the_design_names(stepped):
+    episode, _ = first_episode(stepped)
+    spare = list(PAPER.features({"shape": "CAPSULE", "color": "MAGENTA"})[7:])
+    for row in episode.rows:
+        row.objects[1:, 7:] = spare
+    with Bag(stepped) as bag:
+        stage = Stage(episode, arenas_of(bag)[-1])
+    stage.show(episode.rows[0])
+    assert stage.task.verifier.targets == ()
+
+
+def test_a_film_states_program_step_and_distance(stepped, tmp_path, monkeypatch):
+    said = captions(monkeypatch, "pa_ros.bags.film.captioned")
+    assert film(stepped, tmp_path / "film.gif") == 0
+    steps = acted()[: STEPS + 1]
+    for (program, state), (_, verdict, _, asked, _) in zip(said, steps, strict=True):
+        assert program == str(asked) and f"distance {verdict.distance:.2f} m" in state
+    assert said[0][1].startswith("step 0") and f"step {STEPS}   reward" in said[-1][1]
+
+
+def test_an_interrupted_film_keeps_the_one_before(stepped, tmp_path, monkeypatch):
+    out = tmp_path / "films" / "film.gif"
+    assert film(stepped, out) == 0
+    before, shown = out.read_bytes(), []
+
+    def interrupted(*given):
+        if len(shown) == 3:
+            raise KeyboardInterrupt
+        shown.append(given)
+        return captioned(*given)
+
+    monkeypatch.setattr("pa_ros.bags.film.captioned", interrupted)
+    assert film(stepped, out) == EXIT_INTERRUPTED
+    assert out.read_bytes() == before and [*out.parent.iterdir()] == [out]
