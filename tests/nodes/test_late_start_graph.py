@@ -80,4 +80,4 @@ def test_a_program_sent_before_there_are_nodes_is_heard_by_them() -> None:
             for node in made:
                 node.executor.remove_node(node)
                 node.destroy_node()
-        assert set(answers.judgements) == {"/sim_node", "/agent_node"} and not answers.refused
+        assert set(answers.statuses) == {"/sim_node", "/agent_node"} and not answers.refused

@@ -8,7 +8,7 @@ from unittest.mock import Mock
 import pytest
 
 from pa_ros.cli.send import result_text
-from pa_ros.tools.goals import GoalClient
+from pa_ros.tools.send import GoalClient
 from pa_ros.wire.program import GoalResult, ProgramGoal, encode_goal_result
 
 
@@ -19,7 +19,7 @@ def _executed(monkeypatch: pytest.MonkeyPatch, accepted: bool, result: Any) -> G
     handle.get_result_async.return_value = ended
     client = Mock()
     client.send_goal_async.return_value.result.return_value = handle
-    monkeypatch.setattr("pa_ros.tools.goals.ActionClient", lambda *_: client)
+    monkeypatch.setattr("pa_ros.tools.send.ActionClient", lambda *_: client)
     goals = GoalClient(Mock(), lambda _condition, _timeout_s: True)
     return goals.execute(ProgramGoal("NEAR(HAND, RED)", 0.0, 1.0), 5.0)
 

@@ -12,7 +12,6 @@ from helpers.recordings import written
 from helpers.waiting import wait_for
 from pa_ros.cli import launch
 from pa_ros.cli.main import main
-from pa_ros.core.errors import ConfigError
 from pa_ros.tools.launcher import ChildError, Patience, Supervisor, node_command, tail
 
 OBEDIENT = (  # also where the tests were started with SIGINT ignored, as a shell's `&` does
@@ -168,8 +167,3 @@ def test_tail_reads_only_the_end(tmp_path):
     log.write_text("".join(f"line {i}\n" for i in range(100_000)))
     assert tail(log, 2) == "line 99998\nline 99999"
     assert "No such file" in tail(tmp_path / "absent.log")
-
-
-def test_patience_refuses_a_negative_bound():
-    with pytest.raises(ConfigError, match="terminate_s.*-1"):
-        Patience(terminate_s=-1)

@@ -19,9 +19,15 @@ from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.arena_client import ArenaClient, ArenaSilentError
 from pa_ros.tools.client import Node, client_node, elsewhere, spin_with_notice
-from pa_ros.tools.goals import GoalClient
 from pa_ros.tools.scenes import Scene
-from pa_ros.tools.send import Answers, ProgramSender, SendOptions, SendTimeoutError, sendable
+from pa_ros.tools.send import (
+    Answers,
+    GoalClient,
+    ProgramSender,
+    SendOptions,
+    SendTimeoutError,
+    sendable,
+)
 from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
 from pa_ros.wire.services import ResetRequest
 
@@ -176,11 +182,11 @@ def result_text(result: GoalResult) -> str:
 
 def print_answers(answers: Answers) -> None:
     """Acceptance on standard output, refusals with their caret on standard error."""
-    for name, judgement in sorted(answers.judgements.items()):
-        if judgement.accepted:
-            print(f"{printable(name)}: accepted {printable_lines(judgement.canonical)}")
+    for name, status in sorted(answers.statuses.items()):
+        if status.accepted:
+            print(f"{printable(name)}: accepted {printable_lines(status.canonical)}")
         else:
-            refused = _refused(judgement.code, judgement.reason)
+            refused = _refused(status.code, status.reason)
             print(f"{printable(name)}: {refused}", file=sys.stderr)
 
 

@@ -1,46 +1,41 @@
-"""ROS domains: the one that a process and its children are in, shared with nobody else here."""
+"""Choose the ROS domain of a process and its children, one that nobody else uses here."""
 
 from __future__ import annotations
 
-import atexit
 import os
 import random
 import socket
-from contextlib import ExitStack
 
 from pa_ros.core.errors import ConfigError
 
-DOMAINS = range(1, 102)  # whose ports are below Linux's ephemeral ones
-_FIRST_PORT, _PORTS_PER_DOMAIN = 7400, 250
-_DISCOVERY, _CLAIM = 0, 2  # a domain's ports: where DDS listens, and one that DDS never uses
+DOMAINS = range(1, 102)  # their ports are below those that Linux hands out to clients
+FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
+DISCOVERY, UNUSED = 0, 2  # offsets among a domain's ports: DDS listens on one, never on the other
 
 
 class DomainClaim:
-    """A domain in which nobody listens, and that no other claim on this machine is for.
+    """A domain without nodes, which no other claim on this machine gets; a context manager.
 
-    It is claimed until `close` or the end of the process, however that ends: by binding a UDP port
-    of the domain, so that graphs that are yet to start don't meet. A context manager.
-    Raises ConfigError if there is none left.
+    The claim is a bound UDP port, so it ends with `close` or with the process. Raises ConfigError
+    if every domain is in use.
     """
 
     def __init__(self) -> None:
-        candidates = list(DOMAINS)
-        random.SystemRandom().shuffle(candidates)
-        for number in candidates:
-            held = _bound(number, _CLAIM)
-            if held is None:
+        for number in random.SystemRandom().sample(list(DOMAINS), len(DOMAINS)):
+            claim = _bound(number, UNUSED)
+            if claim is None:
                 continue
-            discovery = _bound(number, _DISCOVERY)
-            if discovery is not None:
-                discovery.close()
-                self.number, self._held = number, held
+            listener = _bound(number, DISCOVERY)
+            if listener is not None:
+                listener.close()
+                self.number, self._claim = number, claim
                 return
-            held.close()
+            claim.close()
         raise ConfigError("ROS domain: every one is in use on this machine")
 
     def close(self) -> None:
-        """Let others have it."""
-        self._held.close()
+        """Let others use the domain."""
+        self._claim.close()
 
     def __enter__(self) -> DomainClaim:
         return self
@@ -49,20 +44,20 @@ class DomainClaim:
         self.close()
 
 
-_claim = ExitStack()  # what this process has claimed last, if anything
-atexit.register(_claim.close)
+_current: DomainClaim | None = None  # held until the process ends or chooses again
 
 
 def use_domain(domain_id: int | None) -> int:
-    """Put this process and its children into a ROS domain; None: one that nobody uses here, which
-    is then claimed until the process ends or chooses again.
+    """Put this process and its children into a ROS domain; None: one that nobody uses here.
 
-    Call before ROS is up. Raises ConfigError for a number outside DOMAINS (0 is allowed too).
+    Call before ROS starts. Raises ConfigError for a number that is neither 0 nor in DOMAINS.
     """
+    global _current
     if domain_id is None:
         claim = DomainClaim()
-        _claim.close()
-        domain_id = _claim.enter_context(claim).number
+        if _current is not None:
+            _current.close()
+        _current, domain_id = claim, claim.number
     if domain_id != 0 and domain_id not in DOMAINS:
         raise ConfigError(f"ROS domain: expected 0 to {DOMAINS[-1]}, got {domain_id}")
     os.environ["ROS_DOMAIN_ID"] = str(domain_id)
@@ -70,12 +65,11 @@ def use_domain(domain_id: int | None) -> int:
 
 
 def _bound(domain_id: int, offset: int) -> socket.socket | None:
-    """A socket that holds a domain's port; None if somebody has it."""
-    port = _FIRST_PORT + _PORTS_PER_DOMAIN * domain_id + offset
-    held = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    """A socket bound to a port of a domain; None if the port is taken."""
+    claim = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        held.bind(("127.0.0.1", port))  # taken where somebody listens on every address, too
+        claim.bind(("127.0.0.1", FIRST_PORT + PORTS_PER_DOMAIN * domain_id + offset))
     except OSError:
-        held.close()
+        claim.close()
         return None
-    return held
+    return claim

@@ -1,4 +1,4 @@
-"""A running graph: nodes as child processes, and a node of ours beside them that watches."""
+"""Run a graph: start its nodes as child processes, and watch them from a node beside them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pa_ros.tools.launch_params import NODES, Parameters, merged, write_paramete
 from pa_ros.tools.launcher import Supervisor, node_command
 from pa_ros.tools.monitor import REFRESH_S
 
-DISCOVERY_S = 3.5  # in which nodes find each other: DDS announces itself every 3 s
+DISCOVERY_S = 3.5  # until nodes have found each other: DDS announces itself every 3 s
 
 
 def start_nodes(
@@ -64,10 +64,9 @@ def start_nodes(
 
 @contextmanager
 def claimed(node: Node, parameters: Parameters) -> Iterator[None]:
-    """Places that are this launcher's: it alone starts nodes there, however busy the machine is.
+    """Reserve the names of nodes, so that no other launcher of this machine starts the same ones.
 
-    Raises ConfigError if one of another launcher of this machine, or anyone's, is in the graph
-    already: two would be mixed up.
+    Raises ConfigError if one of the names is reserved, or in the graph, already.
     """
     domain, namespace = os.environ.get("ROS_DOMAIN_ID", "0"), node.get_namespace()
     with ExitStack() as held:
@@ -85,7 +84,7 @@ def claimed(node: Node, parameters: Parameters) -> Iterator[None]:
 
 
 def _claim(held: ExitStack, name: str) -> bool:
-    """Whether a place could be had: an abstract socket (Linux), free when its process ends."""
+    """Reserve a name; whether it was free. An abstract socket, so it is freed with the process."""
     claim = held.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
     try:
         claim.bind(f"\0pa_ros.{hashlib.sha256(name.encode()).hexdigest()}")
@@ -95,7 +94,7 @@ def _claim(held: ExitStack, name: str) -> bool:
 
 
 def present(node: Node, parameters: Parameters) -> set[str]:
-    """Which of the nodes to be started, in the namespace of `node`, are in the graph."""
+    """The nodes of `parameters` that are in the graph, in the namespace of `node` or below."""
     above = node.get_namespace().rstrip("/")
     seen = {f"{where.rstrip('/')}/{name}" for name, where in node.get_node_names_and_namespaces()}
     return {place for place in parameters if f"{above}/{place}" in seen}
@@ -108,7 +107,7 @@ def watch(
     finished: Callable[[], bool],
     timeout_s: float | None = None,
 ) -> bool:
-    """Serve callbacks and refresh a display until `finished`, or for `timeout_s`; whether it is.
+    """Spin and refresh a display until `finished` or for `timeout_s`; whether it finished.
 
     Raises ChildError as soon as a child has ended by itself.
     """

@@ -1,4 +1,4 @@
-"""Child processes that are started, watched and stopped together. Needs no ROS."""
+"""Start, watch and stop child processes together. Needs no ROS."""
 
 from __future__ import annotations
 
@@ -10,12 +10,8 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
-
-from pydantic import Field
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.settings import Settings
 from pa_ros.core.signals import interrupts_later
 from pa_ros.ros.process import PARENT, ros_arguments
 
@@ -23,24 +19,17 @@ TAIL_LINES = 15
 POLL_S = 0.02
 
 
-class Patience(Settings):
-    """How long to wait after each signal before the next, harder one."""
+@dataclass(frozen=True)
+class Patience:
+    """Seconds to wait after each signal before the next, harder one."""
 
-    SECTION: ClassVar[str] = "launch"
-
-    interrupt_s: float = Field(
-        10.0, ge=0, description="after SIGINT; a learner may be writing its checkpoint"
-    )
-    terminate_s: float = Field(
-        3.0, ge=0, description="after SIGTERM; rclpy's handler can leave a process hung"
-    )
-    kill_s: float = Field(
-        5.0, ge=0, description="after SIGKILL, for the kernel to take the process down"
-    )
+    interrupt_s: float = 10.0  # after SIGINT: a learner may be writing its checkpoint
+    terminate_s: float = 3.0  # after SIGTERM: rclpy's handler can leave a process hung
+    kill_s: float = 5.0  # after SIGKILL: until the kernel has removed the process
 
 
 class ChildError(PaError):
-    """A child that could not be started, or that ended by itself; carries its log's last lines."""
+    """A child couldn't be started, or ended by itself; the text has its log's last lines."""
 
     code = "launch.child"
 
@@ -53,12 +42,11 @@ class _Child:
 
 
 class Supervisor:
-    """Starts children, notices when one ends, stops them all; a context manager that stops.
+    """Starts children, notices when one ends, and stops them all; a context manager.
 
-    Each child has its own session and process group, so a terminal's Ctrl-C reaches it only
-    through us, and while it starts, only once it can end in order (`core.signals.on_ending`). It is
-    told whose child it is and stops by itself when we have ended, however that was
-    (`pa_ros.ros.process.die_with_parent`, which every node calls). stdout and stderr go to
+    Each child has its own session and process group, so that Ctrl-C in the terminal reaches only
+    this process, which then stops the children in order. A child also ends by itself when this
+    process has ended (`pa_ros.ros.process.die_with_parent`). Its stdout and stderr go to
     `<name>.log`.
     """
 
@@ -68,7 +56,7 @@ class Supervisor:
         environment: Mapping[str, str] | None = None,
         patience: Patience | None = None,
     ) -> None:
-        """`environment` replaces variables of this process's own."""
+        """`environment` replaces variables of this process's environment."""
         self._log_folder = log_folder
         self._environment = {**os.environ, **(environment or {}), PARENT: str(os.getpid())}
         self._patience = patience or Patience()
@@ -82,13 +70,14 @@ class Supervisor:
 
     @property
     def names(self) -> list[str]:
-        """Names of the children started and not stopped yet."""
+        """Names of the children that were started and not stopped yet."""
         return [child.name for child in self._children]
 
     def start(self, name: str, command: Sequence[str]) -> int:
-        """Start a child; its process id. Raises ChildError if it cannot be run."""
+        """Start a child; its process id. Raises ChildError if it can't be run."""
         self._log_folder.mkdir(parents=True, exist_ok=True)
         log = self._log_folder / f"{name}.log"
+        # An interrupt between the fork and the list would leave a child that nobody stops.
         with log.open("ab") as output, interrupts_later():
             try:
                 process = subprocess.Popen(
@@ -101,12 +90,11 @@ class Supervisor:
                 )
             except OSError as error:
                 raise ChildError(f"{name}: cannot start {command[0]!r}: {error}") from error
-        self._children.append(_Child(name, process, log))
+            self._children.append(_Child(name, process, log))
         return process.pid
 
     def check(self) -> None:
-        """Raise ChildError, with the tail of its log, if a child has ended by itself; such a one
-        is told of once, and not among those to be stopped any more."""
+        """Raise ChildError if a child has ended by itself. Each child is reported once."""
         for child in self._children:
             status = child.process.poll()
             if status is not None:
@@ -117,11 +105,10 @@ class Supervisor:
                 )
 
     def stop(self, only: Sequence[str] | None = None) -> dict[str, int]:
-        """Stop the children named (all of them): SIGINT, SIGTERM, SIGKILL as patience ends.
+        """Stop some or all children: SIGINT, then SIGTERM, then SIGKILL.
 
-        Returns each one's exit status, negative for the signal that ended it. A KeyboardInterrupt
-        meanwhile (a second Ctrl-C) goes on to SIGKILL at once. Raises ChildError if even that
-        does not end one in time.
+        Returns each exit status, negative for the signal that ended the child. A second Ctrl-C
+        meanwhile skips to SIGKILL. Raises ChildError if even that doesn't end a child.
         """
         chosen = [child for child in self._children if only is None or child.name in only]
         patience = self._patience
@@ -138,7 +125,7 @@ class Supervisor:
         return {name: status for name, status in statuses.items() if status is not None}
 
     def _signal(self, children: Sequence[_Child], number: signal.Signals, wait_s: float) -> None:
-        """Send a signal to what still runs, and wait for it, at most `wait_s`."""
+        """Signal the running ones of some children, and wait until they end, at most `wait_s`."""
         running = [child for child in children if child.process.poll() is None]
         for child in running:
             try:
@@ -152,7 +139,7 @@ class Supervisor:
 
 
 def node_command(nodes: Sequence[str], params: Path, namespace: str = "") -> list[str]:
-    """Command of one process for these nodes, run by this interpreter with a parameters file."""
+    """The command that runs nodes in one process, with a parameters file."""
     within = f"/{namespace.strip('/')}" if namespace.strip("/") else None
     arguments = ros_arguments(params_file=params.resolve(), namespace=within)
     alone = len(nodes) == 1
@@ -161,7 +148,7 @@ def node_command(nodes: Sequence[str], params: Path, namespace: str = "") -> lis
 
 
 def tail(log: Path, lines: int = TAIL_LINES) -> str:
-    """The last lines of a log, reading at most 16 kB; says so if there are none."""
+    """The last lines of a log, of which at most 16 kB are read."""
     try:
         with log.open("rb") as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
@@ -173,6 +160,4 @@ def tail(log: Path, lines: int = TAIL_LINES) -> str:
 
 def status_text(status: int) -> str:
     """An exit status in words; negative for the signal that ended the process."""
-    if status >= 0:
-        return f"exit status {status}"
-    return f"killed by {signal.Signals(-status).name}"
+    return f"exit status {status}" if status >= 0 else f"killed by {signal.Signals(-status).name}"

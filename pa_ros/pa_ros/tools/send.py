@@ -1,4 +1,4 @@
-"""Sending a program to a running graph, hearing who accepts it, and what becomes of it."""
+"""Send a program to a running graph: as a message to everyone, or as a goal of one agent."""
 
 from __future__ import annotations
 
@@ -7,30 +7,47 @@ import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 from pydantic import Field
+from rclpy.action import ActionClient
 from rclpy.node import Node
 
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
+from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
 from pa_ros.wire import Message
 from pa_ros.wire.program import (
     LONGEST_S,
+    GoalProgress,
+    GoalResult,
+    ProgramGoal,
     ProgramRequest,
     ProgramStatus,
+    decode_goal_feedback,
+    decode_goal_result,
     decode_program_status,
+    encode_goal,
     encode_program,
 )
 from pa_ros.wire.step import decode_verdict
 
 RESEND_S = 1.0
-SETTLE_S = 1.0  # in which nodes on one machine find each other
+SETTLE_S = 1.0  # until nodes on one machine have found each other
+CANCEL_S = 5.0
+RETRY_S = 0.5
+UNREADY = "goal.unready"
+REJECTED = "goal.rejected"
+NO_GOALS = (
+    "the agent takes no goals now: is it configured and active? (ros2 lifecycle get, with its name)"
+)
 
 Spin = Callable[[Callable[[], bool], float], bool]
+"""Spins until a condition is true or a time in seconds is over; whether it became true."""
 
 
 class SendOptions(Settings):
@@ -55,34 +72,32 @@ class SendOptions(Settings):
 
 
 class SendTimeoutError(PaError):
-    """Nobody, or not everybody, answered in time; or no verdict came."""
+    """Not every node answered in time, or no verdict was published."""
 
     code = "send.timeout"
 
 
 @dataclass
 class Answers:
-    """Who said what to one program, and who has not spoken yet."""
+    """The answers to one program, and who has not answered yet."""
 
-    judgements: dict[str, ProgramStatus] = field(default_factory=dict)  # by node
-    silent: set[str] = field(default_factory=set)  # nodes that judge programs
+    statuses: dict[str, ProgramStatus] = field(default_factory=dict)  # by node
+    silent: set[str] = field(default_factory=set)  # nodes that answer programs
     absent: set[str] = field(default_factory=set)  # "an arena", "an agent": none was discovered
 
     @property
     def refused(self) -> list[ProgramStatus]:
-        """The refusals among the judgements."""
-        return [judgement for judgement in self.judgements.values() if not judgement.accepted]
+        """The answers that reject the program."""
+        return [status for status in self.statuses.values() if not status.accepted]
 
 
 class ProgramSender:
-    """Publishes programs from a node, one at a time, and follows each.
+    """Publishes programs, one at a time, and follows each one.
 
-    A program is sent again while answers are missing, so a node that starts late hears it. What
-    can't be read is refused.
+    A program is sent again while answers are missing, so that a node that starts late gets it.
     """
 
     def __init__(self, node: Node, spin: Spin | None = None) -> None:
-        """`spin` serves callbacks until a condition holds or a time is up; whether it holds."""
         self._node = node
         self._spin = spin or partial(spin_until, node)
         self._since = time.monotonic()
@@ -98,10 +113,10 @@ class ProgramSender:
             topic.subscribe(node, self.refusals.guard(topic.name, callback))
 
     def send(self, text: str, timeout_s: float) -> Answers:
-        """Publish a program and wait until every node that judges programs has answered.
+        """Publish a program and wait until an arena, an agent and all others have answered.
 
-        At least an arena and an agent must be among them. Returns at the first refusal. Raises
-        SendTimeoutError if someone stays silent, ConfigError for text that cannot be sent at all.
+        Returns at the first refusal. Raises SendTimeoutError if a node doesn't answer, ConfigError
+        for text that can't be sent at all.
         """
         self._program_id = f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
@@ -109,11 +124,14 @@ class ProgramSender:
         self._message = encode_program(ProgramRequest(self._program_id, sendable(text)))
         self._publish()
         if not self._spin(self._answered, timeout_s):
-            raise SendTimeoutError(_silence(self.answers, timeout_s))
+            missing = ", ".join(sorted(self.answers.silent | self.answers.absent))
+            absent = self.answers.absent
+            hint = ": does the graph run, in this ROS domain and namespace?" if absent else ""
+            raise SendTimeoutError(f"no answer within {timeout_s:g} s from {missing}{hint}")
         return self.answers
 
     def wait(self, timeout_s: float) -> Execution:
-        """Wait for what becomes of the program sent last; SendTimeoutError if it stays open."""
+        """Wait for the outcome of the program sent last. Raises SendTimeoutError."""
         if not self._spin(lambda: self._execution is not None, timeout_s):
             begun = "it is still being executed" if self._watch.begun else "no verdict on it came"
             raise SendTimeoutError(f"{begun} after {timeout_s:g} s")
@@ -130,8 +148,8 @@ class ProgramSender:
         needed = {"an arena": ARENA_INFO, "an agent": JOINT_COMMANDS}
         found = {who: self._publishers(topic) for who, topic in needed.items()}
         self.answers.absent = {who for who, nodes in found.items() if not nodes}
-        judges = set().union(*found.values(), self._publishers(PROGRAM_STATUS))
-        self.answers.silent = judges - self.answers.judgements.keys()
+        answering = set().union(*found.values(), self._publishers(PROGRAM_STATUS))
+        self.answers.silent = answering - self.answers.statuses.keys()
         unanswered = self.answers.absent or self.answers.silent
         if unanswered and time.monotonic() - self._sent_at > RESEND_S:
             self._publish()
@@ -146,25 +164,78 @@ class ProgramSender:
         }
 
     def _on_status(self, message: Message) -> None:
-        judgement = decode_program_status(message)
-        if judgement.program_id == self._program_id:
-            self.answers.judgements[judgement.node] = judgement
+        status = decode_program_status(message)
+        if status.program_id == self._program_id:
+            self.answers.statuses[status.node] = status
 
     def _on_verdict(self, message: Message) -> None:
         if self._execution is None:
             self._execution = self._watch.observe(decode_verdict(message))
 
 
+class GoalClient:
+    """The action execute_program in a node's namespace."""
+
+    def __init__(self, node: Node, spin: Spin | None = None) -> None:
+        self._spin = spin or partial(spin_until, node)
+        self._client = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
+
+    def offered(self, timeout_s: float) -> bool:
+        """Whether an agent offers the action, now or within a time."""
+        return self._spin(self._client.server_is_ready, timeout_s)
+
+    def close(self) -> None:
+        """Call before the node is destroyed."""
+        self._client.destroy()
+
+    def execute(
+        self,
+        goal: ProgramGoal,
+        timeout_s: float,
+        progress: Callable[[GoalProgress], None] = lambda _: None,
+    ) -> GoalResult:
+        """Have an agent pursue a goal to its end. An exception meanwhile cancels the goal.
+
+        An agent that knows no arena or weights yet is asked again. If the agent takes no goals,
+        the result has the code REJECTED. Raises SendTimeoutError.
+        """
+        until = time.monotonic() + timeout_s
+        while True:
+            result = self._attempt(goal, timeout_s, progress)
+            if result.code != UNREADY or time.monotonic() > until:
+                return result
+            self._spin(lambda: False, RETRY_S)
+
+    def _attempt(
+        self, goal: ProgramGoal, timeout_s: float, progress: Callable[[GoalProgress], None]
+    ) -> GoalResult:
+        sent = self._client.send_goal_async(
+            encode_goal(goal),
+            feedback_callback=lambda m: progress(decode_goal_feedback(m.feedback)),
+        )
+        if not self._spin(sent.done, timeout_s):
+            raise SendTimeoutError(f"no agent accepted the goal within {timeout_s:g} s")
+        handle: Any = sent.result()
+        if not handle.accepted:
+            return GoalResult(False, code=REJECTED, reason=NO_GOALS)
+        result = handle.get_result_async()
+        try:
+            if not self._spin(result.done, timeout_s):
+                raise SendTimeoutError(f"it is still being executed after {timeout_s:g} s")
+        finally:
+            if not result.done():
+                self._spin(handle.cancel_goal_async().done, CANCEL_S)
+        ended = decode_goal_result(result.result().result)
+        # An agent that is cleaned up meanwhile aborts its goal without a word.
+        if not ended.success and not ended.code:
+            return GoalResult(False, code=REJECTED, reason=NO_GOALS)
+        return ended
+
+
 def sendable(text: str) -> str:
-    """The same text; ConfigError if it cannot travel."""
+    """The same text; raises ConfigError if a message can't carry it."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
         raise ConfigError(f"program: expected text in UTF-8: {error}") from error
     return text
-
-
-def _silence(answers: Answers, timeout_s: float) -> str:
-    names = ", ".join(sorted(answers.silent | answers.absent))
-    hint = ": does the graph run, in this ROS domain and namespace?" if answers.absent else ""
-    return f"no answer within {timeout_s:g} s from {names}{hint}"
