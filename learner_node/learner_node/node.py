@@ -13,10 +13,10 @@ from learner_node.watch import Watch
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.learning.checkpoint_files import newest_whole
 from pa_ros.learning.errors import CheckpointError, FolderTakenError, LearningError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
-from pa_ros.learning.newest import newest_whole
-from pa_ros.learning.scalars import Scalars
+from pa_ros.learning.progress import Scalars
 from pa_ros.ros import topics
 from pa_ros.ros.arenas import Arenas, OtherArenaError
 from pa_ros.ros.authority import Authority

@@ -15,11 +15,11 @@ from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
+from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.newest import make_latest, newest_whole
 from pa_ros.learning.run import LearningRun
 from pa_ros.learning.turns import Turns
 from pa_ros.provenance.origins import learner_origin

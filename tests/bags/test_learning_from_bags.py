@@ -16,7 +16,7 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
-from pa_ros.learning.checkpoints import find_checkpoint
+from pa_ros.learning.checkpoint_files import find_checkpoint
 from pa_ros.wire.definitions import installed_types
 
 pytestmark = pytest.mark.xdist_group("learning from bags")  # its recordings are made once

@@ -10,7 +10,7 @@ from typing import Final
 
 from chaos.faults import STOPPED_S, Fault
 from chaos.stage import RECORDER, Stage
-from pa_ros.learning.checkpoints import find_checkpoint
+from pa_ros.learning.checkpoint_files import find_checkpoint
 
 LEARNER: Final = "learner_node"
 FILES: Final = ("engine.safetensors", "metadata.json", "replay.safetensors")

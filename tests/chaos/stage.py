@@ -17,7 +17,7 @@ from rclpy.node import Node
 from chaos.observer import Observer
 from chaos.relay import Relay, remaps
 from pa_ros.core.errors import PaError
-from pa_ros.learning.checkpoints import find_checkpoint
+from pa_ros.learning.checkpoint_files import find_checkpoint
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.ros.executor import spin_until

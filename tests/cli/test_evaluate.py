@@ -8,7 +8,7 @@ from pa_ros.cli.main import main
 from pa_ros.evaluation.scoring.benchmark import Benchmark
 from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED
 from pa_ros.evaluation.studies.generalization import CONDITIONS
-from pa_ros.learning.loop import TrainConfig
+from pa_ros.learning.config import TrainConfig
 
 pytestmark = pytest.mark.xdist_group("evaluate")  # its checkpoint is made once
 

@@ -30,7 +30,7 @@ from pa_ros.evaluation.studies.experiments import run_seed
 from pa_ros.evaluation.studies.failures import FailedError
 from pa_ros.evaluation.studies.generalization import generalize
 from pa_ros.evaluation.studies.seeds import folder_of, train_seeds
-from pa_ros.learning.checkpoints import LATEST
+from pa_ros.learning.checkpoint_files import LATEST
 from pa_ros.learning.folder import checkpoint_of, claim
 
 DRIVER = Path(__file__).parents[1] / "helpers" / "seeds_on_cluster.py"

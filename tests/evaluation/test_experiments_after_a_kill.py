@@ -21,14 +21,9 @@ from pa_ros.evaluation.studies.experiments import (
     write_table,
 )
 from pa_ros.evaluation.studies.seeds import SeedsProgress
-from pa_ros.learning import loop
-from pa_ros.learning.checkpoints import (
-    LATEST,
-    METADATA,
-    load_policy,
-    read_metadata,
-    save_checkpoint,
-)
+from pa_ros.learning import records
+from pa_ros.learning.checkpoint_files import LATEST, METADATA
+from pa_ros.learning.checkpoints import load_policy, read_metadata, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 
@@ -81,7 +76,7 @@ def test_killed_before_a_checkpoint_whose_row_is_written(
         return save_checkpoint(root, learner, extra)
 
     with monkeypatch.context() as dying:
-        dying.setattr(loop, "save_checkpoint", killed)
+        dying.setattr(records, "save_checkpoint", killed)
         with pytest.raises(Killed):
             go(tmp_path, experiment)
     assert frames_done(tmp_path / CURVE) == at > frames_saved(tmp_path)

@@ -9,10 +9,10 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import rewards
-from pa_ros.learning import shipping
-from pa_ros.learning.checkpoints import SHIPPED, load_policy, read_metadata, write_synced
+from pa_ros.learning import checkpoints
+from pa_ros.learning.checkpoint_files import SHIPPED, write_synced
+from pa_ros.learning.checkpoints import load_policy, read_metadata, ship
 from pa_ros.learning.errors import CheckpointError
-from pa_ros.learning.shipping import ship
 
 NAMES = ("2-L", "3-D")
 
@@ -39,7 +39,7 @@ def test_shipping_keeps_the_policy_and_little_else(tmp_path):
     assert first.version == second.version
     assert all(np.array_equal(first.tensors[k], second.tensors[k]) for k in first.tensors)
     assert read_metadata(out)["extra"]["note"] == 1
-    with pytest.raises(ConfigError, match="expected another than 'again', which is there"):
+    with pytest.raises(ConfigError, match="expected a new one, got 'again', which exists"):
         ship(source, "again", {"note": 2}, folder=tmp_path)
     assert read_metadata(out)["extra"]["note"] == 1
     assert ship(source, "again", {"note": 2}, replaces=True, folder=tmp_path) == out
@@ -61,7 +61,7 @@ def test_a_policy_whose_replacing_was_interrupted_is_whole(tmp_path, monkeypatch
         write_synced(path, content)
 
     with monkeypatch.context() as dying:
-        dying.setattr(shipping, "write_synced", killed)
+        dying.setattr(checkpoints, "write_synced", killed)
         with pytest.raises(KeyboardInterrupt):
             ship(source, "again", {"note": 2}, replaces=True, folder=tmp_path)
     assert read_metadata(out)["extra"]["note"] == 1 and load_policy(out).tensors

@@ -22,7 +22,8 @@ from pa_ros.cli.main import main
 from pa_ros.core import extensions
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.config import TrainConfig
+from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.launch_params import Parameters
 

@@ -24,8 +24,9 @@ from pa_ros.cli.main import main
 from pa_ros.core import extensions
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.checkpoints import load_policy
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor

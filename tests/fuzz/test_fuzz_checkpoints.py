@@ -14,7 +14,8 @@ from helpers.damage import explore
 from helpers.learners import ARENA, NETWORK, WORLD, trajectory
 from pa_ros.core.errors import PaError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.checkpoints import LATEST, load_policy, restore, save_checkpoint
+from pa_ros.learning.checkpoint_files import LATEST
+from pa_ros.learning.checkpoints import load_policy, restore, save_checkpoint
 from pa_ros.learning.learner import Learner
 
 CHECKPOINTS = 20_000

@@ -17,8 +17,9 @@ from pa_ros.arena import ReachTask, design_named, preset_named, training_program
 from pa_ros.core import extensions
 from pa_ros.core.experience import AgentKey, Executed, Observation, PolicySnapshot, Verdict
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor

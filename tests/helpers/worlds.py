@@ -10,8 +10,9 @@ from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.loop import train
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Reward, Scoring, Sparse, Trajectory
 from pa_ros.world.schema import PAPER

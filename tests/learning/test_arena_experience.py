@@ -14,7 +14,8 @@ from pa_ros.arena import (
     training_programs,
     world_of,
 )
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.config import TrainConfig
+from pa_ros.learning.loop import train
 from pa_ros.learning.relabeling.all_goals import Relabeler
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring

@@ -17,9 +17,10 @@ from pa_ros.core.experience import Float64
 from pa_ros.core.update import Batch
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoints import restore
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.loop import train
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Reward, Sparse
 

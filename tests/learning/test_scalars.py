@@ -15,7 +15,7 @@ import pytest
 from learner_node.node import LearnerNode
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.errors import LearningError
-from pa_ros.learning.scalars import Scalars
+from pa_ros.learning.progress import Scalars
 from pa_ros.ros.refusals import Refusals
 
 
@@ -83,7 +83,9 @@ class Full:
 
 def test_a_full_disk_costs_scalars_and_no_learner(tmp_path, monkeypatch, capsys):
     full = Full()
-    monkeypatch.setattr("pa_ros.learning.scalars._writer", lambda: lambda _: full)
+    monkeypatch.setitem(
+        sys.modules, "torch.utils.tensorboard", SimpleNamespace(SummaryWriter=lambda _: full)
+    )
     scalars = Scalars(tmp_path)
     metrics = {"frames": 100.0, "updates": 1.0}
     with pytest.raises(LearningError, match="expected room for more"):

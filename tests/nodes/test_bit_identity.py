@@ -12,7 +12,8 @@ from helpers.graph import learned_over_the_graph
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.config import TrainConfig
+from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import protocol_named
 from pa_ros.tools.launch_params import Parameters
 

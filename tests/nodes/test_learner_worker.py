@@ -197,7 +197,7 @@ def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path
     bench = Bench(out=str(tmp_path), checkpoint_every_frames=10)
     with monkeypatch.context() as patch:
         patch.setattr(
-            "pa_ros.learning.checkpoints.os.rename", Mock(side_effect=OSError("No space left"))
+            "pa_ros.learning.checkpoint_files.os.rename", Mock(side_effect=OSError("No space left"))
         )
         bench.submit(trajectory(0), trajectory(1))
         wait_for(lambda: len(bench.refused) == 2)

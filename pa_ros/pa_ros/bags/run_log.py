@@ -39,7 +39,7 @@ _TOPICS = (
 
 
 class RunLog:
-    """A `pa_ros.learning.loop.Log` that writes a bag; a context manager that closes it.
+    """A `pa_ros.learning.interfaces.Log` that writes a bag; a context manager that closes it.
 
     The bag is created when the run begins, so a run with wrong settings leaves none. If the disk is
     full, the bag is closed and `failure` is set; the run continues without being recorded.

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from pa_ros.evaluation.scoring.evaluate import EvaluationConfig
     from pa_ros.evaluation.studies.experiments import EXPERIMENTS
     from pa_ros.evaluation.studies.seeds import SeedsConfig
-    from pa_ros.learning.loop import TrainConfig
+    from pa_ros.learning.config import TrainConfig
     from pa_ros.learning.protocols import LearningChoice
 
     parser.set_defaults(names=(*EXPERIMENTS, *STUDIES, *OF_TABLES))
@@ -164,7 +164,7 @@ def _refuse_unused(options: argparse.Namespace) -> None:
     from pa_ros.arena import ArenaChoice
     from pa_ros.evaluation.scoring.evaluate import EvaluationConfig
     from pa_ros.evaluation.studies.seeds import SeedsConfig
-    from pa_ros.learning.loop import TrainConfig
+    from pa_ros.learning.config import TrainConfig
     from pa_ros.learning.protocols import LearningChoice
 
     kinds = (ArenaChoice, EvaluationConfig, SeedsConfig, TrainConfig, LearningChoice)

@@ -17,9 +17,9 @@ from pa_ros.cli.options import asked, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.checkpoints import save_checkpoint
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.loop import TrainConfig
 from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.errors import WireError

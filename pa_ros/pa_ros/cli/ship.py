@@ -42,7 +42,7 @@ def run_card(run: Path, cache: Path) -> dict[str, object]:
 def run(options: argparse.Namespace) -> int:
     """Score the policy, then write it with its card; prints the folder."""
     from pa_ros.evaluation.scoring.agents import trained
-    from pa_ros.learning.shipping import check_ship_name, ship
+    from pa_ros.learning.checkpoints import check_ship_name, ship
 
     check_ship_name(options.name, options.replace)  # before it is scored
     card = run_card(options.run, options.scores)

@@ -27,7 +27,8 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
 from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.language import Program
-from pa_ros.learning.loop import TrainConfig, train
+from pa_ros.learning.config import TrainConfig
+from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import LearningChoice, protocol_named
 from pa_ros.world import reward_from
 

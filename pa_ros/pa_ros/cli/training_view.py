@@ -47,7 +47,7 @@ LEGEND = "trained, held out: scores of greedy episodes, 0 random, 1 scripted"
 
 
 class TrainingView:
-    """Told of each episode and each evaluation (`pa_ros.learning.loop.Watcher`).
+    """Told of each episode and each evaluation (`pa_ros.learning.interfaces.Watcher`).
 
     A context manager. In a terminal a line is renewed in place; elsewhere one is printed every
     LINE_PERIOD_S. `unread`: whoever read it has gone (`| head`).

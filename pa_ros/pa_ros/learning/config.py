@@ -6,6 +6,7 @@ the rest, which is a choice of ours (docs/DESIGN.md, "What our protocol changes,
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -119,3 +120,33 @@ class LearnerConfig(Settings):
                 f"got {capacity}"
             )
         return self
+
+
+class TrainConfig(Settings):
+    """One training run. `design`, `preset`, `arm` and `reward` name the caller's environment."""
+
+    SECTION: ClassVar[str] = "train"
+
+    out: Path = Field(description="folder for curve and checkpoint")
+    seed: int = Field(0, ge=0, description="of episodes, exploration and weights")
+    frames: int = Field(100_000, ge=1, description="control steps to train for, whole episodes")
+    design: str = Field("2-L", description="of the environment")
+    preset: str = Field("fast", description="of the environment")
+    arm: str = Field("jaco", description="of the environment")
+    reward: str = Field(
+        "sparse", description="of the environment: a name, or JSON of name and parameters"
+    )
+    condition: str = Field("train", description="that episodes are drawn from")
+    agent_id: str = Field("agent", description="of the one agent")
+    evaluate_every_frames: int = Field(
+        10_000, ge=0, description="frames between evaluations, rows of progress.csv; 0: never"
+    )
+    evaluation_episodes: int = Field(
+        20, ge=1, description="episodes of each evaluation, which the caller makes"
+    )
+    checkpoint_every_frames: int = Field(
+        50_000, ge=0, description="frames between checkpoints; 0: only at the end"
+    )
+    overlap: bool = Field(
+        True, description="act while the learner updates, where policy_lag allows; same result"
+    )

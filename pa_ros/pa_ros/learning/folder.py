@@ -1,4 +1,4 @@
-"""A run's folder: taken by one run at a time, and never begun anew over another's work."""
+"""A run's folder: used by one run at a time, and never begun anew over another's work."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO
 
 from pa_ros.core.lock import take_lock
-from pa_ros.learning.checkpoints import LATEST, completed
+from pa_ros.learning.checkpoint_files import LATEST, completed
 from pa_ros.learning.errors import CheckpointError, FolderTakenError
 
 
@@ -16,14 +16,12 @@ def checkpoint_of(folder: Path) -> Path:
 
 
 def holds_checkpoint(folder: Path) -> bool:
-    """Whether a run's folder holds a checkpoint, damaged or not, also one that was completed and
-    not named as the newest any more."""
+    """Whether a run's folder holds a checkpoint, damaged or not."""
     return (checkpoint_of(folder) / LATEST).exists() or bool(completed(checkpoint_of(folder)))
 
 
 def refuse_used(folder: Path) -> None:
-    """Raise FolderTakenError if the folder holds a run's checkpoint, CheckpointError if one can't
-    look."""
+    """Raise FolderTakenError if the folder holds a checkpoint, CheckpointError if unreadable."""
     try:
         used = holds_checkpoint(folder)
     except OSError as error:
@@ -31,16 +29,15 @@ def refuse_used(folder: Path) -> None:
     if used:
         raise FolderTakenError(
             f"{folder}: expected a folder without a run, got one that holds a checkpoint: resume "
-            "it (--resume, or the learner's parameter resume), or name another folder",
+            "it (--resume, or the learner's parameter resume), or name another folder"
         )
 
 
 def claim(folder: Path, resume: bool = False) -> IO[bytes]:
-    """Take a run's folder for oneself, until what is returned is closed or the process ends.
+    """Lock a run's folder until the returned file is closed or the process ends.
 
-    Raises FolderTakenError if another run has it: two would overwrite each other's checkpoints;
-    FolderTakenError if it holds a run that is not to be resumed; CheckpointError if nothing can be
-    written there.
+    Raises FolderTakenError if another run uses it (two would overwrite each other's checkpoints) or
+    if it holds a checkpoint and `resume` is false; CheckpointError if it is not writable.
     """
     if not resume:
         refuse_used(folder)
@@ -56,7 +53,7 @@ def claim(folder: Path, resume: bool = False) -> IO[bytes]:
                 "into",
                 code="learning.in_use",
             )
-        if not resume:  # another may have come and gone meanwhile
+        if not resume:  # another run may have come and gone since the first look
             refuse_used(folder)
     except CheckpointError:
         lock.close()

@@ -1,17 +1,19 @@
-"""The learning curve as a tidy CSV file, one row per report."""
+"""How learning goes: the learning curve as a CSV file, and scalars for TensorBoard."""
 
 from __future__ import annotations
 
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.files import write_whole
-from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.errors import CheckpointError, LearningError
 
 Row = Mapping[str, float] | Mapping[str, str]
 
@@ -44,14 +46,14 @@ class Rewards:
         return self.total / self.steps
 
     def add(self, rewards: Sequence[float]) -> None:
-        """Of an episode; summed one by one, so that a sum that was kept goes on the same."""
+        """Add an episode's, one by one, so that the sum does not depend on a stop between."""
         for reward in rewards:
             self.total += reward
         self.steps += len(rewards)
 
 
 class Progress:
-    """Rows in a CSV file, which is whole at any moment; the first row fixes the columns.
+    """Rows of a CSV file that is whole at any moment; the first row fixes the columns.
 
     When resuming, rows after `frames` are dropped: that part of the run is repeated.
     """
@@ -63,9 +65,9 @@ class Progress:
         self.write()
 
     def add(self, row: Row) -> None:
-        """One row more; CheckpointError if its columns are not the first row's.
+        """Append a row; CheckpointError if its columns are not the first row's.
 
-        OSError if there is no room for it: it is then written with the next.
+        OSError if there is no room for it; the next row writes it, too.
         """
         if self._rows and list(self._rows[0]) != list(row):
             raise CheckpointError(
@@ -100,3 +102,48 @@ class Progress:
             return [row for row in rows if float(row["frames"]) <= frames]
         except (OSError, KeyError, ValueError, TypeError, csv.Error) as error:
             raise CheckpointError(f"progress: {self._path}: {error!r}") from error
+
+
+class Scalars:
+    """Writes a learner's metrics where TensorBoard reads them (extra `tensorboard`).
+
+    Frames are the horizontal axis, so a resumed run continues its curves.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Raises ConfigError without the package, or if the folder cannot be written."""
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError as error:
+            raise ConfigError(
+                "tensorboard: expected the package: "
+                'pip install "programmable-agents[tensorboard]" '
+                f"(here, make install-tensorboard); got {error}"
+            ) from error
+        try:
+            self._writer: Any = SummaryWriter(str(folder))  # type: ignore[no-untyped-call]
+        except OSError as error:
+            raise ConfigError(f"tensorboard: expected a folder to write to: {error}") from error
+        self._frames = -1.0
+
+    def add(self, metrics: Mapping[str, float]) -> None:
+        """Write `Learner.metrics`, unless there are no new frames.
+
+        LearningError if the disk is full; nothing more may be added then.
+        """
+        if metrics["frames"] == self._frames:
+            return
+        self._frames = metrics["frames"]
+        try:
+            for name in metrics.keys() - {"frames"}:
+                self._writer.add_scalar(f"learner/{name}", metrics[name], int(self._frames))
+            self._writer.flush()
+        except OSError as error:
+            raise LearningError(
+                f"tensorboard: expected room for more: {error}", code="learning.tensorboard"
+            ) from error
+
+    def close(self) -> None:
+        """End the writer's thread; what there is no room for is left out."""
+        with suppress(OSError):
+            self._writer.file_writer.close()

@@ -18,12 +18,8 @@ from pa_ros.evaluation.studies.experiments import Experiment, frames_saved, run_
 from pa_ros.evaluation.studies.generalization import RANDOM_WEIGHTS, conditions_of
 from pa_ros.evaluation.studies.seeds import SeedsProgress, folder_of, progress_bar
 from pa_ros.language import MIN_MAX, Logic
-from pa_ros.learning.checkpoints import (
-    ACTING,
-    LATEST,
-    find_checkpoint,
-    remove_older,
-)
+from pa_ros.learning.checkpoint_files import LATEST, find_checkpoint, remove_older
+from pa_ros.learning.checkpoints import ACTING
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 
 SCORES = "scores"

@@ -36,11 +36,13 @@ from pa_ros.evaluation.scoring.training import TrainingScores
 from pa_ros.evaluation.studies.curves import CURVE
 from pa_ros.language import LOGICS, PRODUCT
 from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import check_trained_with, read_metadata
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
-from pa_ros.learning.loop import Evaluate, TrainConfig, train
-from pa_ros.learning.newest import make_latest, newest_whole
+from pa_ros.learning.interfaces import Evaluate
+from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import PROTOCOLS, Protocol, protocol_named
 
 log = logging.getLogger(__name__)

@@ -1,0 +1,210 @@
+"""How checkpoints lie on disk: whole at any moment, with checksums, and never unpickled.
+
+Under one root, each checkpoint is a folder `version-…` of safetensors files and metadata.json. It
+is written under another name, synced, and renamed when complete. The file LATEST names the newest
+one and is replaced atomically. So a crash at any moment leaves a whole checkpoint.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save
+
+from pa_ros.learning.errors import CheckpointError
+
+LATEST = "LATEST"
+METADATA = "metadata.json"
+SUMS = "SHA256SUMS"  # as `sha256sum` writes it; `sha256sum --check` reads it
+SHIPPED = Path(__file__).parents[1] / "shipped"
+SHIPPED_PREFIX = "shipped:"
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def find_checkpoint(path: Path) -> Path:
+    """The checkpoint folder that `path` is, or that its LATEST names.
+
+    "shipped:NAME" is a policy that comes with the package. Raises CheckpointError if there is none.
+    """
+    if str(path).startswith(SHIPPED_PREFIX):
+        name = str(path).removeprefix(SHIPPED_PREFIX)
+        names = sorted(card.parent.name for card in SHIPPED.glob(f"*/{METADATA}"))
+        if name not in names:
+            raise CheckpointError(f"checkpoint: expected shipped: and one of {names}, got {name!r}")
+        return SHIPPED / name
+    if os.path.isfile(path / METADATA):
+        return path
+    named = latest_name(path)
+    if not named or Path(named).name != named or not os.path.isfile(path / named / METADATA):
+        raise CheckpointError(f"checkpoint: expected one at {path}, found none")
+    return path / named
+
+
+def completed(root: Path) -> list[Path]:
+    """The checkpoints under a root, oldest first, damaged or not."""
+    names = (path for path in root.glob("version-*") if re.fullmatch(r"version-\d{9,}", path.name))
+    return sorted(path for path in names if path.is_dir())
+
+
+def write_checkpoint(root: Path, name: str, files: Mapping[str, bytes]) -> None:
+    """Write a checkpoint's files and checksums and make it the latest.
+
+    The checkpoint before it is kept, older ones are removed. Raises CheckpointError if it cannot be
+    written; then nothing of it is left to fill the disk.
+    """
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        unfinished, finished = root / f".{name}", root / name
+        for leftover in (unfinished, finished):  # of a crash; LATEST names neither
+            shutil.rmtree(leftover, ignore_errors=True)
+        unfinished.mkdir()
+        for file_name, content in {**files, SUMS: _checksums(files)}.items():
+            write_synced(unfinished / file_name, content)
+        _sync_folder(unfinished)
+        os.rename(unfinished, finished)
+        _sync_folder(root)
+        write_synced(root / f".{LATEST}", name.encode())
+        os.replace(root / f".{LATEST}", root / LATEST)
+        _sync_folder(root)
+        remove_older(root, name)
+    except OSError as error:
+        shutil.rmtree(root / f".{name}", ignore_errors=True)
+        if latest_name(root) != name:
+            shutil.rmtree(root / name, ignore_errors=True)
+        raise CheckpointError(f"checkpoint: {root}: {error}") from error
+
+
+def remove_older(root: Path, name: str) -> None:
+    """Keep the checkpoint `name` and the one before it; remove others and unfinished ones."""
+    others = [path for path in completed(root) if path.name != name]
+    before = [path for path in others if path.name < name][-1:]
+    unfinished = [path for path in root.glob(".version-*") if path.is_dir()]
+    for path in (*others, *unfinished):
+        if path not in before:
+            shutil.rmtree(path)
+
+
+def newest_whole(root: Path) -> tuple[Path, str]:
+    """The newest undamaged checkpoint under a root, and a description of newer damage or "".
+
+    Raises CheckpointError, naming each damage, if none is whole.
+    """
+    try:
+        latest = find_checkpoint(root)
+        damages = []
+        candidates = [latest, *(p for p in completed(root)[::-1] if p.name < latest.name)]
+    except CheckpointError:
+        candidates = completed(root)[::-1]
+        damages = [f"checkpoint: {root / LATEST}: names no checkpoint"] if candidates else []
+    for directory in candidates:
+        try:
+            check_files(directory)
+            find_checkpoint(directory)
+        except CheckpointError as error:
+            damages.append(str(error))
+            continue
+        if damages:
+            damages.append(f"the run resumes from {directory.name}")
+        return directory, "; ".join(damages)
+    raise CheckpointError("; ".join(damages) or f"checkpoint: expected one at {root}, found none")
+
+
+def make_latest(checkpoint: Path) -> None:
+    """Let LATEST name a checkpoint, and rename newer ones, which are damaged, to damaged-….
+
+    Raises CheckpointError.
+    """
+    root = checkpoint.parent
+    try:
+        for newer in completed(root):
+            if newer.name > checkpoint.name:
+                shutil.rmtree(root / f"damaged-{newer.name}", ignore_errors=True)
+                os.replace(newer, root / f"damaged-{newer.name}")
+        write_synced(root / f".{LATEST}", checkpoint.name.encode())
+        os.replace(root / f".{LATEST}", root / LATEST)
+    except OSError as error:
+        raise CheckpointError(f"checkpoint: {root}: {error}") from error
+
+
+def check_files(directory: Path, names: Collection[str] = ()) -> None:
+    """Raise CheckpointError, naming the file, if one of `names` is damaged; by default, any file.
+
+    A flipped bit in a weight is a finite number, too; only a checksum shows it. Shipped policies
+    have no checksums: the package manager checked them.
+    """
+    sums = directory / SUMS
+    if not sums.exists():
+        return
+    try:
+        lines = [line.split("  ", 1) for line in sums.read_text("ascii").splitlines()]
+        stated = {name: digest for digest, name in lines if Path(name).name == name}
+        found = {
+            name: hashlib.sha256((directory / name).read_bytes()).hexdigest()
+            for name in names or stated
+        }
+    except (OSError, ValueError) as error:
+        raise CheckpointError(f"checkpoint: {directory}: {SUMS}: {error}") from error
+    wrong = [name for name in found if found[name] != stated.get(name)]
+    if not names:  # a line may be missing, too
+        wrong += sorted(path.name for path in directory.glob("*.*") if path.name not in stated)
+    if wrong or not found:
+        name = wrong[0] if wrong else SUMS
+        raise CheckpointError(
+            f"checkpoint: {directory / name}: expected SHA-256 {stated.get(name, 'of each file')}, "
+            f"got {found.get(name, 'none')}: the file is damaged"
+        )
+
+
+def packed(arrays: Arrays) -> bytes:
+    """Content of a safetensors file."""
+    # The library writes strided arrays wrongly without a word, so make them contiguous.
+    content: bytes = save({k: np.asarray(array, order="C") for k, array in arrays.items()})
+    return content
+
+
+def load_arrays(path: Path) -> Arrays:
+    """Arrays of a safetensors file, owned by the caller. Raises CheckpointError."""
+    try:
+        arrays: Arrays = load_file(path)
+    except (OSError, SafetensorError, ValueError) as error:
+        raise CheckpointError(f"checkpoint: {path}: {error}") from error
+    return {name: np.array(array) for name, array in arrays.items()}
+
+
+def write_synced(path: Path, content: bytes) -> None:
+    """Write a file through to the disk."""
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync_folder(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _checksums(files: Mapping[str, bytes]) -> bytes:
+    sums = (f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in files.items())
+    return "".join(sums).encode()
+
+
+def latest_name(root: Path) -> str:
+    """Name of the checkpoint that LATEST names; empty: none."""
+    try:
+        return (root / LATEST).read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""
