@@ -12,7 +12,7 @@ from pa_ros.core.managed import Managed
 from pa_ros.core.settings import OneOf
 from pa_ros.language import LOGICS, MIN_MAX
 from pa_ros.networks.families import FAMILIES
-from pa_ros.ros.names import check_namespace
+from pa_ros.ros.environment import check_namespace
 
 LONGEST_S = 1e6  # of any period; 11 days
 

@@ -1,20 +1,15 @@
-"""The action execute_program: a program as a goal, pursued by an agent that executes."""
+"""The action execute_program: an agent executes a program as a goal."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rclpy.node import Node
-
-from agent_node.acting import Acting
-from agent_node.errors import ArenaGoneError, GoalError, InactiveError
 from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Observation, Verdict
-from pa_ros.language import Program, parse
+from pa_ros.core.experience import Verdict
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
@@ -23,19 +18,23 @@ from pa_ros.wire.program import (
     GoalProgress,
     GoalResult,
     ProgramGoal,
+    ProgramRequest,
     decode_goal,
     decode_program_status,
     encode_goal_feedback,
     encode_goal_result,
     encode_program,
 )
-from pa_ros.wire.program import ProgramRequest as Request
 from pa_ros.wire.step import arena_of, decode_verdict
 
+if TYPE_CHECKING:
+    from agent_node.node import AgentNode
+
+ACTION = EXECUTE_PROGRAM[0]
 FEEDBACK_S = 0.2  # wall time
-RESEND_S = 1.0  # wall time; a program that no arena has judged is sent again
+RESEND_S = 1.0  # wall time after which a program that no arena answered is sent again
 FOREVER_S = 1e9  # simulation time
-ENDED = {
+ENDED = {  # how an execution ended → code and reason of the result
     "window": ("goal.time_limit", "the time limit came first"),
     "episode": ("goal.episode_ended", "the arena's episode ended"),
     "replaced": ("goal.replaced", "another program, or another scene, took its place"),
@@ -43,117 +42,89 @@ ENDED = {
 
 
 @dataclass
-class _Pursuit:
-    """A goal under way."""
+class _Execution:
+    """The goal that is being executed."""
 
     goal: Goal
     wanted: ProgramGoal
-    request: Request
+    request: ProgramRequest
     watch: ExecutionWatch
-    sent_at: float | None = None
-    arena: str = ""  # whose verdict was the newest until its program was heard
-    judged: bool = False
+    arena_id: str
+    sent_at: float = 0.0  # 0: not sent yet
+    answered: bool = False  # by the arena
     verdict: Verdict | None = None  # the newest under this program
 
 
 class ProgramGoals:
-    """One goal at a time. What the agent is to know of the arena comes from its verdicts."""
+    """Executes one goal at a time. The arena's verdicts say whether it is reached."""
 
-    def __init__(self, node: Node, acting: Acting) -> None:
-        self._node, self._acting = node, acting
-        self._agent, self._refusals = acting.agent, acting.refusals
-        self._current: _Pursuit | None = None
-        self._held = ""  # id of a program that is not to be pursued any more
+    def __init__(self, node: AgentNode) -> None:
+        self._node = node
+        self._current: _Execution | None = None
+        self._given_up = ""  # id of the program under which the arm is to be held
         self._served = 0
-        self._heard = ""  # the arena of the newest verdict; empty: none was heard
         self._program_out = topics.PROGRAM.publisher(node)
-        self._verdicts: Any = None  # from the first goal on: nobody else needs them
+        self._verdicts: Any = None  # subscription, from the first goal on: it costs at every step
         self._timer: Any = None
-        status = topics.PROGRAM_STATUS
-        status.subscribe(node, self._refusals.guard(status.name, self._on_status))
+        node.subscribe(topics.PROGRAM_STATUS, self._on_status)
         GoalServer(node, EXECUTE_PROGRAM, self._start, self._cancel)
 
     def abandon(self) -> None:
-        """The agent is not active any more: the goal ends, and its program is pursued no more."""
+        """Abort the goal and hold the arm: the agent was deactivated."""
         if self._current is not None:
-            self._held = self._current.request.program_id
-            error = InactiveError("the agent was deactivated; the arm holds")
-            self._finish(self._current.goal.abort, code=error.code, reason=str(error))
+            self._given_up = self._current.request.program_id
+            self._abort("goal.inactive", "the agent was deactivated; the arm holds")
 
     def gave_up(self, program_id: str) -> bool:
-        """Whether to hold the arm under a program: its goal was cancelled, or took too long."""
-        return program_id == self._held != ""
+        """Whether to hold the arm: the goal of this program was cancelled or took too long."""
+        return program_id == self._given_up != ""
 
-    def _on_status(self, message: Message) -> None:
-        current = self._current
-        judgement = decode_program_status(message)
-        if current is None or judgement.program_id != current.request.program_id:
-            return
-        if judgement.node == self._node.get_fully_qualified_name():
-            return
-        current.judged = True
-        current.watch.accepted(judgement.stamp_ns)
-        if not judgement.accepted:
-            self._finish(
-                current.goal.abort,
-                code=judgement.code,
-                reason=f"{judgement.node}: {judgement.reason}",
-                position=judgement.position,
-            )
-
-    def _check(self, text: str) -> None:
-        """A PaError for a program that can't be executed now."""
-        if not self._acting.active:
-            raise InactiveError("execute_program: expected an active agent, got one that is not")
-        arena = self._acting.arena
-        if arena is None or not self._agent.has_weights:
-            lacks = "an arena" if arena is None else "weights"
-            raise GoalError(f"execute_program: expected {lacks} before a goal, got none")
-        self._agent.check_world(arena.world)
-        self._agent.check_program(parse(text, arena.world.vocabulary))
+    # Callbacks
 
     def _start(self, goal: Goal) -> None:
         try:
             wanted = decode_goal(goal.request)
-            self._check(wanted.text)
+            arena_id = self._check(wanted.text)
         except PaError as error:
-            self._refusals.refuse(EXECUTE_PROGRAM[0], error)
+            self._node.refusals.refuse(ACTION, error)
             position = int(getattr(error, "position", -1))
             refused = GoalResult(False, code=error.code, reason=str(error), position=position)
             goal.abort(encode_goal_result(refused))
             return
         if self._current is not None:
-            self._finish(self._current.goal.abort, code=ENDED["replaced"][0], reason="another goal")
+            self._abort("goal.replaced", "another goal")
         self._served += 1
         program_id = f"{self._node.get_name()}-{time.time_ns()}-{self._served}"
         watch = ExecutionWatch(program_id, wanted.time_limit_s or FOREVER_S, wanted.hold_s)
-        self._current = _Pursuit(goal, wanted, Request(program_id, wanted.text), watch)
+        request = ProgramRequest(program_id, wanted.text)
+        self._current = _Execution(goal, wanted, request, watch, arena_id)
         if self._verdicts is None:
-            self._verdicts = topics.VERDICT.subscribe(
-                self._node, self._refusals.guard(topics.VERDICT.name, self._on_verdict)
-            )
-        if self._heard:
-            self._send()
-        self._timer = steady_timer(self._node, FEEDBACK_S, self._tell)
+            self._verdicts = self._node.subscribe(topics.VERDICT, self._on_verdict)
+        self._timer = steady_timer(self._node, FEEDBACK_S, self._on_timer)
 
-    def _send(self) -> None:
-        """Put the program in force; its verdicts will be heard from the first on."""
-        assert self._current is not None
-        self._current.sent_at = time.monotonic()
-        self._current.arena = self._heard
-        self._program_out.publish(encode_program(self._current.request))
+    def _check(self, text: str) -> str:
+        """The arena's id. Raises PaError for a program that can't be executed now."""
+        node, arena = self._node, self._node.arena
+        if not node.active:
+            raise PaError(f"{ACTION}: expected an active agent, got {node.state}", "goal.inactive")
+        if arena is None or not node.agent.has_weights:
+            lacks = "an arena" if arena is None else "weights"
+            raise PaError(f"{ACTION}: expected {lacks} before a goal, got none", "goal.unready")
+        node.agent.check_world(arena.world)
+        node.agent.check_program(node.book.program(text))
+        return arena.arena_id
+
+    def _cancel(self, goal: Goal) -> None:
+        if self._current is not None and self._current.goal is goal:
+            self._given_up = self._current.request.program_id
+            self._finish(goal.cancel, code="goal.cancelled", reason="cancelled; the arm holds")
 
     def _on_verdict(self, message: Message) -> None:
-        self._heard, current = arena_of(message), self._current
-        if current is None:
+        current = self._current
+        if current is None or arena_of(message) != current.arena_id:
             return
-        if current.sent_at is None:
-            self._send()
-            return
-        if not (current.judged or current.watch.begun):
-            current.arena = self._heard  # started anew meanwhile, perhaps; it is sent again
-        if self._heard != current.arena:
-            self._lose(current, f"verdicts of the arena {current.arena!r}", repr(self._heard))
+        if not current.sent_at:  # from now on no verdict under the program is missed
+            self._send(current)
             return
         verdict = decode_verdict(message)
         execution = current.watch.observe(verdict)
@@ -162,62 +133,68 @@ class ProgramGoals:
         if execution is not None:
             self._end(current, execution)
 
-    def _end(self, current: _Pursuit, execution: Execution) -> None:
+    def _on_status(self, message: Message) -> None:
+        current, status = self._current, decode_program_status(message)
+        if current is None or status.program_id != current.request.program_id:
+            return
+        if status.node == self._node.get_fully_qualified_name():
+            return
+        current.answered = True
+        current.watch.accepted(status.stamp_ns)
+        if not status.accepted:
+            self._abort(status.code, f"{status.node}: {status.reason}", status.position)
+
+    def _on_timer(self) -> None:
+        """Send feedback, and the program again; abort if the arena is gone."""
+        current, arena = self._current, self._node.arena
+        if current is None:
+            return
+        verdicts = self._node.resolve_topic_name(topics.VERDICT.name)  # as it is remapped
+        gone = self._node.count_publishers(verdicts) == 0
+        if gone or arena is None or arena.arena_id != current.arena_id:
+            got = "none" if gone or arena is None else repr(arena.arena_id)
+            reason = f"{ACTION}: expected the arena {current.arena_id!r} until the end, got {got}"
+            self._node.refusals.refuse(ACTION, PaError(reason, "goal.arena_gone"))
+            self._abort("goal.arena_gone", reason)
+            return
+        if current.sent_at and not current.answered:
+            if time.monotonic() - current.sent_at > RESEND_S:
+                self._send(current)
+        current.goal.feedback(encode_goal_feedback(self._progress(current)))
+
+    # The goal's life
+
+    def _send(self, current: _Execution) -> None:
+        current.sent_at = time.monotonic()
+        self._program_out.publish(encode_program(current.request))
+
+    def _progress(self, current: _Execution) -> GoalProgress:
+        objects: tuple[str, ...] = ()
+        relevance: tuple[float, ...] = ()
+        agent, arena, seen = self._node.agent, self._node.arena, self._node.seen
+        if seen is not None and arena is not None:
+            observation, program = seen
+            objects = arena.world.schema.labels(observation.objects, observation.hand_index)
+            if observation.program_id == current.request.program_id:
+                relevance = agent.relevance(observation, program)
+        verdict = current.verdict
+        distance = verdict.distance if verdict else float("inf")
+        near = verdict is not None and verdict.satisfied
+        return GoalProgress(distance, near, objects, relevance, agent.version)
+
+    def _end(self, current: _Execution, execution: Execution) -> None:
         if execution.ended == "held":
             self._finish(current.goal.succeed, True, execution.reached_s)
             return
         code, reason = ENDED[execution.ended]
         if execution.ended == "window":
-            self._held = current.request.program_id
+            self._given_up = current.request.program_id
             reason = f"{reason} ({current.wanted.time_limit_s:g} s)"
         self._finish(current.goal.abort, False, execution.reached_s, code, reason)
 
-    def _cancel(self, goal: Goal) -> None:
-        current = self._current
-        if current is not None and current.goal is goal:
-            self._held = current.request.program_id
-            self._finish(goal.cancel, code="goal.cancelled", reason="cancelled; the arm holds")
-
-    def _tell(self) -> None:
-        """Feedback; and whether there still is an arena that could hear."""
-        current = self._current
-        if current is None:
-            return
-        verdicts = self._node.resolve_topic_name(topics.VERDICT.name)  # as it is remapped
-        if self._node.count_publishers(verdicts) == 0:
-            self._lose(current, "an arena that sends verdicts", "none")
-            return
-        unheard = current.sent_at is not None and not current.judged
-        if unheard and time.monotonic() - (current.sent_at or 0.0) > RESEND_S:
-            self._send()
-        current.goal.feedback(encode_goal_feedback(self._progress(current)))
-
-    def _lose(self, current: _Pursuit, expected: str, got: str) -> None:
-        """The arena that was to execute the program is not there any more."""
-        error = ArenaGoneError(f"execute_program: expected {expected}, got {got}")
-        self._refusals.refuse(EXECUTE_PROGRAM[0], error)
-        self._finish(current.goal.abort, code=error.code, reason=str(error))
-
-    def _relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
-        """Empty where the weights at hand have no degrees, which is refused."""
-        try:
-            return self._agent.relevance(observation, program)
-        except PaError as error:
-            self._refusals.refuse(EXECUTE_PROGRAM[0], error)
-            return ()
-
-    def _progress(self, current: _Pursuit) -> GoalProgress:
-        objects: tuple[str, ...] = ()
-        relevance: tuple[float, ...] = ()
-        seen, arena = self._acting.seen, self._acting.arena
-        if seen is not None and arena is not None:
-            objects = arena.world.schema.labels(seen[0].objects, seen[0].hand_index)
-            if seen[0].program_id == current.request.program_id:
-                relevance = self._relevance(*seen)
-        verdict = current.verdict
-        distance = verdict.distance if verdict else float("inf")
-        near = verdict is not None and verdict.satisfied
-        return GoalProgress(distance, near, objects, relevance, self._agent.version)
+    def _abort(self, code: str, reason: str, position: int = -1) -> None:
+        assert self._current is not None
+        self._finish(self._current.goal.abort, code=code, reason=reason, position=position)
 
     def _finish(
         self,

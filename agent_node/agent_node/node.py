@@ -4,35 +4,39 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
-from agent_node.components import Components
+import numpy as np
+
 from agent_node.config import AgentConfig
-from agent_node.programs import Programs
-from agent_node.steps import StepMatcher
-from agent_node.watch import Watch
-from agent_node.weights import agent_of, fixed, random_policy
-from pa_ros.acting.agent import ArenaFacts, Step
+from agent_node.goals import ProgramGoals
+from agent_node.inputs import ProgramBook, StepMatcher
+from agent_node.outputs import ControllerOutput, RelevanceMarkers
+from agent_node.status import AgentStatus
+from pa_ros.acting.agent import Agent, ArenaFacts, Step
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, Observation
-from pa_ros.language import Program, ProgramError
+from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
+from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.language import Program, ProgramError, Vocabulary, logic_named
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.learning.protocols import protocol_named
 from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance.origins import origin
 from pa_ros.ros import topics
-from pa_ros.ros.arenas import Arenas
-from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.learners import LEARNER_ID, Learners
+from pa_ros.ros.health import LEARNER_ID
 from pa_ros.ros.lifecycle import ManagedNode
-from pa_ros.ros.listening import listening_clock
+from pa_ros.ros.peers import PeerMonitor, is_restarted_learner
+from pa_ros.ros.refusals import RateLimiter, answer_program
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
-from pa_ros.wire.diagnostics import Health, encode_provenance
+from pa_ros.wire.diagnostics import decode_diagnostics, encode_provenance
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.learning import decode_learner_info, decode_weights, encode_trajectory
-from pa_ros.wire.program import decode_program
+from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
 from pa_ros.wire.step import (
     Command,
     StepMessages,
@@ -42,18 +46,20 @@ from pa_ros.wire.step import (
     decode_verdict,
     encode_command,
 )
+from pa_ros.world.world import World
 
-PARTS = {  # of a step
-    "features": topics.OBJECT_FEATURES,
-    "joints": topics.JOINT_STATES,
-    "verdict": topics.VERDICT,  # who executes needs none
+FEATURES, JOINTS, VERDICT = "features", "joints", "verdict"  # the parts of a step
+PARTS = {
+    FEATURES: topics.OBJECT_FEATURES,
+    JOINTS: topics.JOINT_STATES,
+    VERDICT: topics.VERDICT,  # only a learning agent needs its reward
 }
 
 
 class AgentNode(ManagedNode):
-    """One agent. It speaks only when spoken to: one command per observation, and none without.
+    """One agent: it answers each observation with one command, and sends none without.
 
-    Inactive it goes on hearing who is there, and what weights account for, but takes in no step.
+    While inactive it still follows arena and learner, but takes in no step.
     """
 
     config: AgentConfig
@@ -62,231 +68,231 @@ class AgentNode(ManagedNode):
         super().__init__("agent_node", AgentConfig)
 
     def configure(self) -> None:
-        self.agent_id = self.config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
-        self._authority = Authority(self, self.config)
-        self.agent = agent_of(self.config, AgentKey(self.agent_id, time.time_ns()))
-        self._parts = [part for part in PARTS if part != "verdict" or self.config.learning]
-        self._matcher = StepMatcher(self._parts)
-        clock = listening_clock(self)
-        self._arenas = Arenas(clock)
-        self._learners, self._followed = Learners(clock), ""
-        self._watch = Watch(self.config.stuck_after_s)
+        config = self.config
+        self.agent_id = config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
+        self.agent = make_agent(config, AgentKey(self.agent_id, time.time_ns()))
+        self.book = ProgramBook(Vocabulary(()), self.agent.check_program)  # until an arena is known
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
-        self._handled = -1  # stamp of the newest step taken in
-        self._command: Command | None = None  # the newest sent
-        self._sent = StepMessages()  # filled again for each command
+        self._handled_ns = self._commanded_ns = -1  # stamps of the newest step taken in, answered
+        self._command = StepMessages().command  # filled again for each command
         self._commands = self._trajectories = 0
         self._core_s = 0.0  # spent in the policy itself
         self._reported = (0, 0.0)  # commands and core_s at the last report
-        self._programs = Programs(self, self, lambda: self._handled)
-        self._make_publishers()
-        self._make_subscriptions()
-        self._components = Components(self, self)
-        source = self.config.checkpoint or self.config.weights
-        doing = "explores and learns" if self.config.learning else "executes programs"
+        self._arenas = PeerMonitor[ArenaDescription]("arena", self._bind_to_arena)
+        self._learners = PeerMonitor[LearnerInfo](
+            "learner", lambda learner: self._follow(), is_restarted_learner
+        )
+        self._status = AgentStatus(config.stuck_after_s)
+        self._program_rate = RateLimiter()
+
+        self._commands_out = self.advertise(topics.JOINT_COMMANDS)
+        self._trajectories_out = self.advertise(topics.TRAJECTORIES.within(config.learner))
+        self._programs_out = self.advertise(topics.PROGRAM_STATUS)
+        self._provenance_out = self.advertise(topics.PROVENANCE)
+        self._controller = ControllerOutput(self) if config.controller != "none" else None
+        self._goals = None if config.learning else ProgramGoals(self)
+        RelevanceMarkers(self)
+
+        parts = [part for part in PARTS if part != VERDICT or config.learning]
+        self._matcher = StepMatcher(parts)
+        self.subscribe(topics.ARENA_INFO, self._on_arena)
+        self.subscribe(topics.PROGRAM, self._on_program)
+        for part in parts:
+            self.subscribe(PARTS[part], partial(self._on_part, part))
+        if config.weights == "topic":
+            self.subscribe(topics.LEARNER_INFO.within(config.learner), self._on_learner)
+            self.subscribe(topics.POLICY_WEIGHTS.within(config.learner), self._on_weights)
+            self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
+        if config.learning:
+            steady_timer(self, config.resend_period_s, self._resend)
+
+        parameters, name = config.flat(), self.get_fully_qualified_name()
+        provenance = origin(name, self.agent_id, config.seed, parameters=parameters)
+        self._provenance_out.publish(encode_provenance(provenance))
+        source = config.checkpoint or config.weights
+        doing = "explores and learns" if config.learning else "executes programs"
         self.get_logger().info(f"agent {self.agent_id}: {doing}, with weights from {source}")
-        if self.config.learning:
-            steady_timer(self, self.config.resend_period_s, self._send_again)
 
     def activate(self) -> None:
-        """A step that waits may be acted on by now; one that was missed, the arena repeats."""
-        self._watch.heard()
-        self._watch.progress()
-        self._watch.took_in()
+        """Answer a step that waited; one that was missed, the arena sends again."""
+        self._status.restart()
         self._act()
 
     def deactivate(self) -> None:
-        self._components.rest()
+        if self._goals is not None:
+            self._goals.abandon()
+        if self._controller is not None:
+            self._controller.rest()
 
     def cleanup(self) -> None:
-        self._components.close()
+        if self._controller is not None:
+            self._controller.stop()
 
-    def alone(self) -> tuple[topics.Topic, str]:
-        return topics.JOINT_COMMANDS, f"{self.agent_id}/{self.agent.key.incarnation}"
+    @property
+    def arena(self) -> ArenaDescription | None:
+        """The arena that is followed."""
+        return self._arenas.current
 
-    def _make_publishers(self) -> None:
-        self._commands_out = self._authority.publisher(topics.JOINT_COMMANDS)
-        trajectories = topics.TRAJECTORIES.within(self.config.learner)
-        self._transitions_out = self._authority.publisher(trajectories)
-        self._provenance = topics.PROVENANCE.publisher(self)
-        parameters, name = self.config.flat(), self.get_fully_qualified_name()
-        account = origin(name, self.agent_id, self.config.seed, parameters=parameters)
-        self._provenance.publish(encode_provenance(account))
-
-    def _make_subscriptions(self) -> None:
-        callbacks: list[tuple[topics.Topic, Callable[[Message], None]]] = [
-            (topics.ARENA_INFO, self._on_arena),
-            (topics.PROGRAM, self._on_program),
-            *((PARTS[part], partial(self._on_part, part)) for part in self._parts),
-        ]
-        if self.config.weights == "topic":
-            of_learner = self.config.learner
-            callbacks.append((topics.LEARNER_INFO.within(of_learner), self._on_learner))
-            callbacks.append((topics.POLICY_WEIGHTS.within(of_learner), self._on_policy))
-        for topic, callback in callbacks:
-            checked = self._authority.checked(topic, callback)
-            topic.subscribe(self, self.refusals.guard(topic.name, checked))
-
-    # What the arena says
-
-    def _on_arena(self, message: Message) -> None:
-        arena = decode_arena_info(message)
-        before = self._arenas.current
-        if self._arenas.announce(arena):
-            self._belong(before)
-
-    def _belong(self, before: ArenaDescription | None) -> None:
-        """Another arena counts than before, or the same describes itself anew."""
-        arena = self._arenas.current
-        assert arena is not None
-        if before is None or before.arena_id != arena.arena_id:
-            self._matcher.restart()
-            self._handled, self._command, self.seen = -1, None, None
-            self.get_logger().info(f"arena {arena.arena_id}: design {arena.design}, {arena.preset}")
-        if self.config.weights == "random" and not self.agent.has_weights:
-            self.agent.offer(fixed(random_policy(arena.world, self.config)))
-        self._programs.belong(arena)
-        self._follow()
+    # A control step: observation in, command out
 
     def _on_part(self, part: str, message: Message) -> None:
-        if not self.active:
+        if not self.active or not self._arenas.received(arena_of(message)):
             return
-        before = self._arenas.current
-        if self._arenas.step(arena_of(message)):
-            self._belong(before)
-        if before is None:
-            return  # arena_info is on its way; the arena repeats a step that nobody answers
-        self._watch.heard()
+        self._status.observed()
         try:
             step = self._matcher.add(part, header_stamp(message), message)
             if step is not None:
                 self._on_step(step)
-                self._watch.took_in()
+                self._status.step_done()
         except PaError as error:
-            self._watch.refused(str(error))
+            self._status.step_refused(str(error))
             raise
 
     def _on_step(self, parts: dict[str, Message]) -> None:
-        arena = self._arenas.current
+        arena, features = self.arena, parts[FEATURES]
         assert arena is not None
-        observation = decode_observation(
-            parts["features"], parts["joints"], arena.joint_names, arena.world.object_features
-        )
-        if observation.stamp_ns == self._handled:
+        names, width = arena.joint_names, arena.world.object_features
+        observation = decode_observation(features, parts[JOINTS], names, width)
+        if observation.stamp_ns == self._handled_ns:
             self._answer_again()
             return
-        context = decode_context(parts["features"], len(arena.joint_names))
-        self._watch.idle = not context.program
-        self._watch.executed(context.executed, self.agent.key)
+        context = decode_context(features, len(names))
+        self._status.has_program = bool(context.program)
+        self._status.executed(context.executed, self.agent.key)
         if not context.program:
-            return  # nothing is to be done yet
-        program = self._programs.in_force(observation.program_id, context.program)
-        verdict = decode_verdict(parts["verdict"]) if "verdict" in parts else None
+            return
+        program = self._program_in_force(observation.program_id, context.program)
+        verdict = decode_verdict(parts[VERDICT]) if VERDICT in parts else None
+        ends_episode = observation.step >= arena.episode_steps
         step = Step(
-            observation,
-            program,
-            verdict,
-            context.evaluation,
-            context.executed,
-            ends_episode=observation.step >= arena.episode_steps,
+            observation, program, verdict, context.evaluation, context.executed, ends_episode
         )
         started = time.perf_counter()
         trajectory = self.agent.observe(step)
         self._core_s += time.perf_counter() - started
-        self._handled = observation.stamp_ns
-        self.seen = observation, program
+        self._handled_ns, self.seen = observation.stamp_ns, (observation, program)
         if trajectory is not None:
             self._trajectories += 1
-            self._transitions_out.publish(encode_trajectory(trajectory))
+            self._trajectories_out.publish(encode_trajectory(trajectory))
         self._act()
 
     def _act(self) -> None:
-        """Answer the step that stands, if there is one and its weights are there."""
+        """Answer the newest step, if that is still to be done and its weights are there."""
         if not self.active:
             return
         started = time.perf_counter()
         if self.agent.prepare() is not None or self.seen is None:
             return
-        observation = self.seen[0]
-        self._choose(observation.program_id)
+        observation, _ = self.seen
+        self._choose_action(observation.program_id)
         self._core_s += time.perf_counter() - started
         sent = self.agent.last_command
         assert sent is not None
         answered = observation.episode, observation.step, observation.stamp_ns
         made = self.agent_id, self.agent.version, sent.action
-        self._command = Command(*answered, *made, sent.command.incarnation, sent.command.number)
+        command = Command(*answered, *made, sent.command.incarnation, sent.command.number)
+        self._commands_out.publish(encode_command(command, self._command))
+        self._commanded_ns = observation.stamp_ns
         self._commands += 1
-        self._watch.progress()
-        self._commands_out.publish(encode_command(self._command, self._sent.command))
-        if self._components.adapter is not None:
-            self._components.adapter.send(sent.action, self.seen[0])
+        self._status.commanded()
+        if self._controller is not None:
+            self._controller.send(sent.action, observation.joint_position)
 
-    def _choose(self, program_id: str) -> None:
-        """Decide on the next command: to hold still, if the program was given up as a goal, or
-        can't be acted on."""
-        if self._components.gave_up(program_id):
+    def _choose_action(self, program_id: str) -> None:
+        """Let the agent act; or hold the arm, if the program was given up or can't be acted on."""
+        if self._goals is not None and self._goals.gave_up(program_id):
             self.agent.hold()
             return
         try:
             self.agent.act()
         except (NetworkError, ProgramError) as error:
             self.refusals.refuse("program", error)
-            self._watch.held(str(error))
+            self._status.warn(f"holds the arm, and learns nothing: {error}")
             self.agent.hold()
 
     def _answer_again(self) -> None:
-        """The arena repeats a step: the answer was lost, or there was none."""
-        if self._command is not None and self._command.stamp_ns == self._handled:
-            self._commands_out.publish(encode_command(self._command))
+        """Answer a step that the arena repeats: the command was lost, or there was none."""
+        if self._commanded_ns == self._handled_ns:
+            self._commands_out.publish(self._command)
         else:
             self._act()
 
-    # What people and the learner say
+    # Arena, learner, programs
 
-    def _on_program(self, message: Message) -> None:
-        if self.active:  # else the step that is under it will say so
-            self._programs.hear(decode_program(message))
+    def _on_arena(self, message: Message) -> None:
+        arena = decode_arena_info(message)
+        self._arenas.described(arena.arena_id, arena)
 
-    @property
-    def arena(self) -> ArenaDescription | None:
-        """The one that counts now."""
-        return self._arenas.current
+    def _bind_to_arena(self, arena: ArenaDescription) -> None:
+        """Forget the arena that was followed before."""
+        self._matcher.restart()
+        self._handled_ns = self._commanded_ns = -1
+        self.seen = None
+        if self.book.vocabulary != arena.world.vocabulary:
+            self.book = ProgramBook(arena.world.vocabulary, self.agent.check_program)
+        if self._controller is not None:
+            self._controller.bind(arena)
+        if self.config.weights == "random" and not self.agent.has_weights:
+            self.agent.offer(PublishedPolicy(random_policy(arena.world, self.config), run_id=""))
+        self.get_logger().info(f"arena {arena.arena_id}: design {arena.design}, {arena.preset}")
+        self._follow()
 
     def _on_learner(self, message: Message) -> None:
-        if self._learners.announce(decode_learner_info(message)):
-            self._follow()
+        learner = decode_learner_info(message)
+        self._learners.described(learner.learner_id, learner)
 
-    def hear(self, health: Health) -> None:
-        if self._learners.heard(health.values.get(LEARNER_ID, "")):
-            self._follow()
+    def _on_diagnostics(self, message: Message) -> None:
+        # A learner publishes no weights while it waits for trajectories; its diagnostics show that
+        # it is alive.
+        for entry in decode_diagnostics(message):
+            if LEARNER_ID in entry.values:
+                self._learners.received(entry.values[LEARNER_ID])
 
-    def _follow(self) -> None:
-        """Act for the learner in this arena, once both have announced themselves."""
-        arena, learner = self._arenas.current, self._learners.current
-        if arena is not None and learner is not None:
-            facts = arena.world.digest, arena.control_period, arena.thresholds, arena.reward
-            self.agent.follow(learner, ArenaFacts(*facts))
-            if learner.learner_id != self._followed:
-                self._followed, run = learner.learner_id, learner.run_id
-                by = self.agent.backend or "its weights"
-                self.get_logger().info(f"follows learner {self._followed}, run {run}; acts by {by}")
-            self._act()
-
-    def _on_policy(self, message: Message) -> None:
-        arena = self._arenas.current
-        digest = arena.world.digest if arena is not None else None
+    def _on_weights(self, message: Message) -> None:
+        digest = self.arena.world.digest if self.arena is not None else None
         policy = decode_weights(message, digest)
-        if self._learners.weights(policy.learner_id):
-            self._follow()
+        self._learners.received(policy.learner_id)
         self.agent.offer(policy)
         self._act()
 
-    def _send_again(self) -> None:
-        """What the awaited weights should have taken in: perhaps none heard it."""
-        late = self._watch.idle_s > self.config.resend_period_s
+    def _follow(self) -> None:
+        """Act for the followed learner in the followed arena, once both are known."""
+        arena, learner = self._arenas.current, self._learners.current
+        if arena is None or learner is None:
+            return
+        facts = arena.world.digest, arena.control_period, arena.thresholds, arena.reward
+        self.agent.follow(learner, ArenaFacts(*facts))
+        self.get_logger().info(
+            f"follows learner {learner.learner_id}, run {learner.run_id}; acts by "
+            f"{self.agent.backend or 'its weights'}"
+        )
+        self._act()
+
+    def _on_program(self, message: Message) -> None:
+        request, arena = decode_program(message), self.arena
+        if not self.active or arena is None:
+            return  # if it comes into force, the arena's steps say so
+        if not request.program_id.startswith(f"{arena.arena_id}/"):  # the arena's own come in steps
+            self._program_rate.check()
+            self._answer(request)
+
+    def _program_in_force(self, program_id: str, text: str) -> Program:
+        """The program of a step; answered if the agent didn't know it before."""
+        if self.book.name(program_id, text):
+            self._answer(ProgramRequest(program_id, text))
+        return self.book.program(text)
+
+    def _answer(self, request: ProgramRequest) -> None:
+        name, stamp_ns = self.get_fully_qualified_name(), max(self._handled_ns, 0)
+        status = answer_program(request, name, stamp_ns, self.book.accept, self.refusals)
+        self._programs_out.publish(encode_program_status(status))
+
+    def _resend(self) -> None:
+        """Send trajectories again that the awaited weights should account for."""
         if self.active and isinstance(self.agent, LearningAgent):
+            late = self._status.idle_s > self.config.resend_period_s
             for trajectory in self.agent.overdue(late):
-                self._transitions_out.publish(encode_trajectory(trajectory))
+                self._trajectories_out.publish(encode_trajectory(trajectory))
 
     # Health
 
@@ -300,10 +306,28 @@ class AgentNode(ManagedNode):
             "commands": str(self._commands),
             "core_us": f"{core_us:.1f}",
             "trajectories": str(self._trajectories),
-            "observation_age_s": f"{self._watch.observation_age_s:.2f}",
+            "observation_age_s": f"{self._status.observation_age_s:.2f}",
         }
         if isinstance(self.agent, LearningAgent):
             values["interrupted"] = str(self.agent.interrupted)
             values["lost_trajectories"] = str(self.agent.lost)
         lacking = [PARTS[part].name for part in self._matcher.lacking]
-        return *self._watch.state(self.agent, self._arenas, self._learners, lacking), values
+        level, message = self._status.state(self.agent, self._arenas, self._learners, lacking)
+        return level, message, values
+
+
+def make_agent(config: AgentConfig, key: AgentKey) -> Agent:
+    """An agent, with weights if they come from a checkpoint. Raises CheckpointError."""
+    if config.learning:
+        return LearningAgent(key, config.seed)
+    agent = Agent(key, logic_named(config.logic))
+    if config.weights == "checkpoint":
+        agent.offer(PublishedPolicy(load_policy(Path(config.checkpoint)), run_id=""))
+    return agent  # random weights need the arena's vocabulary first
+
+
+def random_policy(world: World, config: AgentConfig) -> PolicySnapshot:
+    """The weights that a learner of the configured network would begin with."""
+    network = protocol_named("ours").network_config(world, config.network)
+    tensors = initial_actor(network, np.random.default_rng(config.seed))
+    return PolicySnapshot(0, network.architecture, world.digest, tensors)

@@ -4,14 +4,12 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from agent_node.programs import ProgramBook
-from agent_node.steps import StepMatcher
+from agent_node.inputs import ProgramBook, StepMatcher
 from pa_ros.acting.actor import Actor
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
-from pa_ros.ros.programs import judge
-from pa_ros.ros.refusals import Refusals
+from pa_ros.ros.refusals import Refusals, answer_program
 from pa_ros.wire.arena import decode_arena_info
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import decode_program, encode_program_status
@@ -44,7 +42,7 @@ class Controller(Node):
         if self.book is not None:
             name = self.get_fully_qualified_name()
             request = decode_program(message)
-            answer = judge(request, name, 0, self.book.accept, self.refusals)
+            answer = answer_program(request, name, 0, self.book.accept, self.refusals)
             self.status.publish(encode_program_status(answer))
 
     def on_part(self, part, message) -> None:

@@ -9,8 +9,7 @@ from pa_ros.language import parse
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.node_main import run_node
-from pa_ros.ros.programs import judge
-from pa_ros.ros.refusals import Refusals
+from pa_ros.ros.refusals import Refusals, answer_program
 from pa_ros.wire.arena import ENDLESS, describe_robot, encode_arena_info
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
 from pa_ros.wire.step import StepContext, decode_command, encode_observation, encode_verdict
@@ -45,7 +44,7 @@ class Driver(Node):
     def on_program(self, message) -> None:
         request = decode_program(message)
         name, stamp_ns = self.get_fully_qualified_name(), self.seen.stamp_ns
-        answer = judge(request, name, stamp_ns, self.accept, self.refusals)
+        answer = answer_program(request, name, stamp_ns, self.accept, self.refusals)
         self.status.publish(encode_program_status(answer))
 
     def accept(self, request: ProgramRequest) -> str:

@@ -10,7 +10,7 @@ from pa_ros.core.authentication import Authenticated
 from pa_ros.core.extensions import Extensible
 from pa_ros.core.managed import Managed
 from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
-from pa_ros.ros.names import check_namespace
+from pa_ros.ros.environment import check_namespace
 
 
 class LearnerNodeConfig(LearningChoice, Managed, Authenticated, Extensible):

@@ -1,4 +1,4 @@
-"""The learner on a thread of its own, so that messages are heard while it learns."""
+"""The learner on its own thread, so that the node can receive messages while it learns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from typing import IO, Any
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey
 from pa_ros.core.published import PublishedPolicy
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import restore, save_checkpoint
@@ -27,31 +26,32 @@ from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.diagnostics import Origin
 from pa_ros.world import Scoring, Trajectory, reward_from
 
-DRAIN_S = 3.0  # their agents may be gone, and then nobody sends again what waits
+DRAIN_S = 3.0  # how long closing may take to learn from the trajectories that wait
 
 
 @dataclass(frozen=True)
 class Sinks:
-    """Where a worker's results go; called on the worker's thread."""
+    """Where the results of a worker go; called on the worker's thread."""
 
     publish: Callable[[PublishedPolicy], None]
     refuse: Callable[[str, PaError], None]
-    tell: Callable[[str], object]  # for the log
+    log: Callable[[str], object]
 
 
 class LearnerWorker:
-    """Consumes trajectories in the order they came, publishing a policy for each."""
+    """Learns from trajectories in the order of their arrival; publishes a policy for each."""
 
     def __init__(self, config: LearnerNodeConfig, arena: ArenaDescription, sinks: Sinks) -> None:
+        """Raises PaError for a folder or checkpoint that can't be used with this arena."""
         self.world = arena.world
-        self.failure: BaseException | None = None  # a bug; the node must not go on
-        self.diverged: DivergedError | None = None  # learning has stopped; the rest is refused
-        self.unsaved: PaError | None = None  # why the latest checkpoint could not be written
+        self.failure: BaseException | None = None  # a bug: the node must end
+        self.diverged: DivergedError | None = None  # learning has stopped
+        self.unsaved: PaError | None = None  # why the newest checkpoint could not be written
         self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
         self._learner = _make_learner(config, arena)
-        self._folder = self._claimed()
-        extra = self._resumed() if config.resume else {}
+        self._folder = self._claim_folder()
+        extra = self._restore() if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, extra)
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self.metrics = self._learner.metrics()
@@ -60,19 +60,19 @@ class LearnerWorker:
         self._offered = deque[PublishedPolicy](maxlen=self._learner.config.schedule.versions_kept)
         self._trajectories: queue.SimpleQueue[Trajectory | None] = queue.SimpleQueue()
         self._stopping = False
-        self._turn = threading.Lock()  # held while a trajectory is learned from, and at rest
+        self._learning = threading.Lock()  # held while a trajectory is learned from, and paused
         self._may_learn = threading.Event()
         self._may_learn.set()
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
 
     @property
     def backlog(self) -> int:
-        """Trajectories that wait; unless agents are free at most policy_lag + 1 of each."""
+        """Number of trajectories that wait."""
         return self._trajectories.qsize() + len(self._turns)
 
     @property
     def awaited(self) -> str:
-        """The agent for whose trajectory others' wait; empty: there is none."""
+        """The agent whose turn it is while trajectories of others wait; empty if none wait."""
         return self._turns.awaited
 
     @property
@@ -81,20 +81,18 @@ class LearnerWorker:
         return self.metrics["frames"] > self._frames_at_start
 
     def suits(self, arena: ArenaDescription) -> bool:
-        """Whether an arena is, but for its name and seed, the one that is learned about."""
+        """Whether an arena equals the one that is learned about, but for its name and seed."""
         names = {"arena_id": "", "seed": 0, "stamp_ns": 0, "software_version": ""}
         return replace(arena, **names) == replace(self._arena, **names)  # type: ignore[arg-type]
 
-    def missing(self, at_work: Callable[[AgentKey], bool]) -> int:
-        """Trajectories skipped by agents that are at work, who may still send them."""
+    def missing(self, at_work: Callable[[str], bool]) -> int:
+        """Number of skipped trajectories whose agents are at work, and can still send them."""
         accounts = list(self._learner.replay.ledger.accounts.items())
-        return sum(
-            one.missing for name, one in accounts if at_work(AgentKey(name, one.incarnation))
-        )
+        return sum(one.missing for agent_id, one in accounts if at_work(agent_id))
 
     @property
     def trouble(self) -> str:
-        """What a person has to see to, in words; empty: nothing."""
+        """An error that a person has to see to; empty for none."""
         if self.diverged is not None:
             return str(self.diverged)
         if self.unsaved is not None:
@@ -103,11 +101,11 @@ class LearnerWorker:
 
     @property
     def engine(self) -> str:
-        """What makes the updates: "fused" or "torch"."""
+        """What computes the updates: "fused" or "torch"."""
         return self._learner.engine.name
 
     def origin(self, node: str) -> Origin:
-        """The learner's account of itself; ask before `start`."""
+        """The provenance of the learner; call before `start`."""
         return learner_origin(
             node,
             self.run.info.run_id,
@@ -121,86 +119,75 @@ class LearnerWorker:
         )
 
     def start(self) -> None:
-        """Publish the versions that may still be asked for, oldest first; then learn."""
+        """Publish the versions that agents may still need, oldest first; then learn."""
         for policy in self.run.opening():
-            self._offer(policy)
+            self._publish(policy)
         self._thread.start()
 
     def submit(self, trajectory: Trajectory) -> None:
-        """Learn from a trajectory when its turn comes."""
+        """Learn from a trajectory, after those submitted before."""
         self._trajectories.put(trajectory)
 
-    def rest(self) -> None:
-        """Learn from nothing more, once the trajectory at hand is learned from; write a checkpoint.
-
-        What waits goes on waiting.
-        """
+    def pause(self) -> None:
+        """Finish the trajectory that is being learned from, write a checkpoint, and wait."""
         self._may_learn.clear()
-        self._turn.acquire()
-        self._save_sound()
+        self._learning.acquire()
+        self._save_if_sound()
 
-    def go_on(self) -> None:
-        """Learn again, from what waits first."""
+    def resume(self) -> None:
+        """Learn again after `pause`; trajectories that waited come first."""
         if not self._may_learn.is_set():
             self._may_learn.set()
-            self._turn.release()
+            self._learning.release()
 
-    def close(self) -> None:
-        """Take in what waits, as far as DRAIN_S allows, and write a checkpoint."""
-        self.go_on()
+    def close(self, save: bool = True) -> None:
+        """End; with `save`, learn from what waits for at most DRAIN_S and write a checkpoint.
+
+        The agents of these trajectories may have ended, and could not send them again.
+        """
+        self._stopping = not save
+        self.resume()
         self._trajectories.put(None)
         if self._thread.is_alive():
             self._thread.join(DRAIN_S)
             self._stopping = True
             self._thread.join()
-        self._save_sound()
+        if save:
+            self._save_if_sound()
         if self._folder is not None:
             self._folder.close()
 
-    def discard(self) -> None:
-        """Stop without a checkpoint: nothing was learned."""
-        self._stopping = True
-        self.go_on()
-        self._trajectories.put(None)
-        self._thread.join()
-        if self._folder is not None:
-            self._folder.close()
+    # On the worker's thread
 
     def _run(self) -> None:
         try:
             while (trajectory := self._trajectories.get()) is not None and not self._stopping:
-                self._may_learn.wait()  # so that who asks for rest gets it, however much waits
-                with self._turn:
+                self._may_learn.wait()  # else this thread could take the lock before `pause` does
+                with self._learning:
                     if not self._stopping:
-                        self._take_in(trajectory)
-        except BaseException as error:  # seen by the node's timer
+                        self._learn_in_turn(trajectory)
+        except BaseException as error:  # the node's timer raises it again
             self.failure = error
 
-    def _take_in(self, trajectory: Trajectory) -> None:
+    def _learn_in_turn(self, trajectory: Trajectory) -> None:
+        """Learn from a trajectory, or keep it until it is its agent's turn."""
         if self.diverged is not None:
             self._reject(self.diverged)
             return
         try:
-            for one in self._turns.ready(trajectory):
-                self._consume(one)
+            for ready in self._turns.ready(trajectory):
+                self._learn(ready)
         except DivergedError as error:
-            self._stop_learning(error)
+            self.diverged = error
+            self._sinks.refuse("learning", error)
+            waiting, self._turns = len(self._turns), Turns(self.run, self._config.turns)
+            for _ in range(waiting):
+                self._reject(error)
         except PaError as error:
             self._reject(error)
 
-    def _stop_learning(self, error: DivergedError) -> None:
-        """Whatever waits or comes from now on is refused."""
-        self.diverged = error
-        self._sinks.refuse("learning", error)
-        waiting, self._turns = len(self._turns), Turns(self.run, self._config.turns)
-        for _ in range(waiting):
-            self._reject(error)
-
-    def _reject(self, error: PaError) -> None:
-        self.rejected += 1
-        self._sinks.refuse("trajectories", error)
-
-    def _consume(self, trajectory: Trajectory) -> None:
+    def _learn(self, trajectory: Trajectory) -> None:
+        """Learn from a trajectory, publish the answer, and write a checkpoint if it is time."""
         before = self._learner.counters.frames
         refused = False
         try:
@@ -211,22 +198,27 @@ class LearnerWorker:
             self._reject(error)
             refused = True
         self.metrics = self._learner.metrics()
+        frames, every = self._learner.counters.frames, self._config.checkpoint_every_frames
         if refused or self._turns.over:
-            self._offer(self.run.policy())
-        elif self._learner.counters.frames == before:  # its agent missed these, perhaps
+            self._publish(self.run.policy())
+        elif frames == before:  # a duplicate: perhaps its agent missed the newest versions
             for policy in self._offered:
                 self._sinks.publish(policy)
-        every = self._config.checkpoint_every_frames
-        if every and self._learner.counters.frames // every > before // every:
+        if every and frames // every > before // every:
             self._save()
 
-    def _offer(self, policy: PublishedPolicy) -> None:
+    def _reject(self, error: PaError) -> None:
+        self.rejected += 1
+        self._sinks.refuse("trajectories", error)
+
+    def _publish(self, policy: PublishedPolicy) -> None:
         self._offered.append(policy)
         self._sinks.publish(policy)
 
-    def _save_sound(self) -> None:
-        """None is written of numbers that are not finite: of learning that diverged, the state
-        before."""
+    # Folder and checkpoints
+
+    def _save_if_sound(self) -> None:
+        """Write a checkpoint, unless a bug or divergence left numbers that are not finite."""
         if self.failure is None and (self.diverged is None or self.diverged.restored):
             try:
                 self._save()
@@ -241,30 +233,31 @@ class LearnerWorker:
         extra = self.run.facts(self._started, *about)
         try:
             save_checkpoint(checkpoint_of(Path(self._config.out)), self._learner, extra)
-            self.unsaved = None
-            done = self._learner.counters
-            self._sinks.tell(f"checkpoint: version {done.version} after {done.frames} frames")
         except DivergedError:
             raise
-        except PaError as error:  # a full disk: the one before is still whole
+        except PaError as error:  # such as a full disk; the checkpoint before is still whole
             self.unsaved = error
             self._sinks.refuse("checkpoint", error)
+            return
+        self.unsaved = None
+        done = self._learner.counters
+        self._sinks.log(f"checkpoint: version {done.version} after {done.frames} frames")
 
-    def _resumed(self) -> dict[str, Any]:
-        """Go on from the newest whole checkpoint, and say so if another was damaged."""
+    def _restore(self) -> dict[str, Any]:
+        """Load the newest whole checkpoint; report one that is damaged."""
         try:
             checkpoint, passed_over = newest_whole(checkpoint_of(Path(self._config.out)))
             if passed_over:
                 self._sinks.refuse("checkpoint", CheckpointError(passed_over))
                 make_latest(checkpoint)
             return restore(checkpoint, self._learner)
-        except PaError:  # in another arena it may be gone on from
+        except PaError:  # another arena may suit the checkpoint: it needs the folder then
             if self._folder is not None:
                 self._folder.close()
             raise
 
-    def _claimed(self) -> IO[bytes] | None:
-        """The folder, kept from other runs; None where nothing can be written, which is said."""
+    def _claim_folder(self) -> IO[bytes] | None:
+        """Lock the folder against other runs; None, reported as trouble, if it can't be written."""
         config = self._config
         try:
             return claim(Path(config.out), config.resume) if config.out else None

@@ -14,12 +14,11 @@ from collections.abc import Callable
 from pa_ros.arena import DivergedError
 from pa_ros.core.experience import AgentKey
 from pa_ros.ros import topics
-from pa_ros.ros.authority import Authority
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import OK, WARN
+from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
-from pa_ros.ros.programs import Pace, judge
-from pa_ros.ros.rivals import Commanders
+from pa_ros.ros.peers import PeerMonitor, is_restarted_agent
+from pa_ros.ros.refusals import RateLimiter, answer_program
 from pa_ros.wire import Message
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.diagnostics import encode_provenance
@@ -60,9 +59,8 @@ class SimNode(ManagedNode):
     def configure(self) -> None:
         self.session = Session(self.config, arena_id=uuid.uuid4().hex[:8])
         self.watchdog = Watchdog(self.session, self.config.command_timeout_s)
-        self._authority = Authority(self, self.config)
-        self._commanders = Commanders()
-        self._pace = Pace()
+        self._agents = PeerMonitor[AgentKey]("agent", is_restart=is_restarted_agent)
+        self._program_rate = RateLimiter()
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
         self._announced: ActiveProgram | None = None
@@ -95,9 +93,6 @@ class SimNode(ManagedNode):
         if self._camera is not None:
             self._camera.close()
 
-    def alone(self) -> tuple[topics.Topic, str]:
-        return topics.ARENA_INFO, self.session.arena_id
-
     def check_active(self) -> None:
         """Raise SimError unless the arena is active."""
         if not self.active:
@@ -111,7 +106,7 @@ class SimNode(ManagedNode):
         self._clock_topic = topics.CLOCK.publisher(self)
         self._program = topics.PROGRAM.publisher(self)
         self._status = topics.PROGRAM_STATUS.publisher(self)
-        self._info = self._authority.publisher(topics.ARENA_INFO)
+        self._info = self.advertise(topics.ARENA_INFO)
         about = self.session.describe()
         self._joint_names = about.joint_names
         self._info.publish(encode_arena_info(about))
@@ -120,11 +115,8 @@ class SimNode(ManagedNode):
         self._provenance.publish(encode_provenance(origin))
 
     def _create_subscriptions(self) -> None:
-        command = topics.JOINT_COMMANDS
-        on_command = self._authority.checked(command, self._on_command)
-        command.subscribe(self, self.refusals.guard(command.name, on_command))
-        program = topics.PROGRAM
-        program.subscribe(self, self.refusals.guard(program.name, self._on_program))
+        self.subscribe(topics.JOINT_COMMANDS, self._on_command)
+        self.subscribe(topics.PROGRAM, self._on_program)
 
     def _create_services(self) -> None:
         """Services, and what people look at. Raises RenderError for a camera without OpenGL."""
@@ -140,7 +132,9 @@ class SimNode(ManagedNode):
 
     def _on_command(self, message: Message) -> None:
         command = decode_command(message, self.session.arena.joints)
-        self._commanders.note(AgentKey(command.agent_id, command.incarnation))
+        agent = AgentKey(command.agent_id, command.incarnation)
+        if not self._agents.received(agent, agent):
+            return  # the diagnostics name this second agent
         if self.paused or not self.active:
             self.check_active()
             text = "joint_commands: expected none while the arena is paused"
@@ -228,12 +222,12 @@ class SimNode(ManagedNode):
         if self.session.program_ids.is_echo(request):
             return
         self.check_active()
-        self._pace.check()
+        self._program_rate.check()
         self._announce()  # the program of the current step, before it is replaced
         waiting = self.session.program is None
         stamp_ns = self.session.frame.observation.stamp_ns
         name = self.get_fully_qualified_name()
-        status = judge(request, name, stamp_ns, self.session.submit, self.refusals)
+        status = answer_program(request, name, stamp_ns, self.session.submit, self.refusals)
         self._status.publish(encode_program_status(status))
         if waiting and status.accepted:
             self._publish(self.session.frame)
@@ -313,8 +307,8 @@ class SimNode(ManagedNode):
             return OK, f"paused: waits for the service {topics.PAUSE[0]}"
         if self.session.program is None:
             return OK, f"waits for a program ({topics.PROGRAM.name})"
-        if self._commanders.alarm:
-            return WARN, self._commanders.alarm
+        if self._agents.fault:
+            return ERROR, self._agents.fault
         if not self._real_time and rate == 0.0:
             name = topics.JOINT_COMMANDS.name
             return WARN, f"waits for an agent's command ({name}): does agent_node run, and act?"

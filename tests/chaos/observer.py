@@ -15,7 +15,8 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Float64, TrajectoryKey
 from pa_ros.core.published import LearnerInfo
 from pa_ros.ros import topics
-from pa_ros.ros.learners import LEARNER_ID, Learners
+from pa_ros.ros.health import LEARNER_ID
+from pa_ros.ros.peers import PeerMonitor, is_restarted_learner
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
@@ -33,7 +34,8 @@ class Observer:
 
     def __init__(self, node: Node) -> None:
         self.arena: ArenaDescription | None = None
-        self._learners = Learners()
+        self._learners = PeerMonitor("learner", self._on_new_learner, is_restarted_learner)
+        self._announcements: dict[str, Message] = {}  # by learner
         self.account = Ledger()
         self.forgeries = 0  # trajectories that strangers sent
         self.forged: set[TrajectoryKey] = set()  # sent by strangers
@@ -141,8 +143,12 @@ class Observer:
             info = decode_learner_info(message)
         except PaError:
             return
-        if info.learner_id != STRANGER and self._learners.announce(info):
-            self.last["learner_info"] = message
+        if info.learner_id != STRANGER:
+            self._announcements[info.learner_id] = message
+            self._learners.described(info.learner_id, info)
+
+    def _on_new_learner(self, learner: LearnerInfo) -> None:
+        self.last["learner_info"] = self._announcements[learner.learner_id]
 
     def _on_trajectory(self, message: Message) -> None:
         key = decode_trajectory_key(message)
@@ -155,7 +161,7 @@ class Observer:
             policy = decode_weights(message)
         except PaError:
             return
-        if self.learner is None or policy.learner_id != self.learner.learner_id:
+        if self.learner is None or not self._learners.received(policy.learner_id):
             return
         version = policy.snapshot.version
         if version < self._reached.get(policy.learner_id, 0):
@@ -178,7 +184,7 @@ class Observer:
             if not health.name.startswith(self._prefix):
                 continue
             self._health[health.name] = health, time.monotonic()
-            self._learners.heard(health.values.get(LEARNER_ID, ""))
+            self._learners.received(health.values.get(LEARNER_ID, ""))
             said = f"{health.name.rpartition('/')[2]}: {health.message}"
             if health.level:
                 self._seen.append((time.monotonic(), said))

@@ -20,8 +20,8 @@ from pa_ros.core.errors import PaError
 from pa_ros.learning.checkpoint_files import find_checkpoint
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
+from pa_ros.ros.environment import ros_arguments
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.process import ros_arguments
 from pa_ros.tools.client import client_node
 from pa_ros.tools.launch_params import Parameters, write_parameters
 from pa_ros.tools.launcher import Patience, Supervisor, node_command

@@ -16,7 +16,7 @@ from console.conftest import SCREENSHOTS
 
 from helpers.recordings import pa_ros, train
 from helpers.waiting import DEADLINE_S
-from pa_ros.ros.process import ros_arguments
+from pa_ros.ros.environment import ros_arguments
 
 pytestmark = [pytest.mark.graph, pytest.mark.browser, pytest.mark.timeout(900)]
 MS = 1000 * DEADLINE_S

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent_node.programs import ProgramBook
+from agent_node.inputs import ProgramBook
 from benchmarks.samples import JOINT_NAMES, sample_step
 from helpers import learners
 from helpers.damage import damaged, explore

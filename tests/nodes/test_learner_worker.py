@@ -260,15 +260,15 @@ def test_absurd_features_are_refused_and_learning_goes_on(bench):
 def test_at_rest_nothing_is_learned_from_what_waits_and_a_checkpoint_is_there(tmp_path):
     bench = Bench(out=str(tmp_path))
     bench.submit(trajectory(0))
-    bench.worker.rest()
+    bench.worker.pause()
     assert read_metadata(checkpoint_of(tmp_path))["counters"]["version"] == 1
     bench.worker.submit(trajectory(1))
     time.sleep(0.2)
     assert bench.worker.metrics["frames"] == 10 and len(bench.published) == 2
-    bench.worker.go_on()
+    bench.worker.resume()
     bench.submit(trajectory(2))
     wait_for(lambda: bench.worker.metrics["frames"] == 30, "both")
-    bench.worker.rest()
+    bench.worker.pause()
     bench.worker.submit(trajectory(3))
     bench.worker.close()  # its agent may be gone
     assert read_metadata(checkpoint_of(tmp_path))["counters"]["version"] == 4

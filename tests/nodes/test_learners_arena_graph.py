@@ -12,7 +12,7 @@ import pytest
 
 from helpers.graph import graph
 from helpers.learners import ARENA, trajectory
-from learner_node.node import WATCH_S, LearnerNode
+from learner_node.node import CHECK_S, LearnerNode
 from pa_ros.learning.folder import claim
 from pa_ros.ros import topics
 from pa_ros.ros.health import ERROR
@@ -33,7 +33,7 @@ def test_a_learner_takes_the_next_arena_after_some_that_it_cannot_learn_about(mo
             strange = replace(ARENA, arena_id=f"strange{number}", **wrong)
             speaker.publish(encode_arena_info(strange))
             assert probe.until(lambda: learner.refusals.total > number)  # noqa: B023
-            probe.until(lambda: False, 2 * WATCH_S)
+            probe.until(lambda: False, 2 * CHECK_S)
             assert probe.until(lambda: "cannot learn about" in probe.message("learner_node"))
             assert probe.health["/learner_node"].level == ERROR and learner.ended_by is None
         speaker.publish(encode_arena_info(ARENA))

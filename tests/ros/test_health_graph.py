@@ -23,7 +23,7 @@ def test_a_number_that_goes_on_counting_is_logged_once(node: Node, monkeypatch):
     logged: list[str] = []
     monkeypatch.setattr(type(node.get_logger()), "info", lambda _, text: logged.append(text))
     says = iter(["waits for 2 s", "waits for 3.5 s", "learning", "waits for 2 s"])
-    reporter = HealthReporter(node, Refusals(logged.append), lambda: (OK, next(says), {}))
+    reporter = HealthReporter(node, Refusals(logged.append), lambda: (OK, next(says), {}), str)
     for _ in range(4):
         reporter.publish()
     assert logged == ["waits for 2 s", "learning", "waits for 2 s"]

@@ -12,6 +12,7 @@ from std_srvs.srv import SetBool
 
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User, graph
 from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.authentication import Authenticated
 from pa_ros.core.managed import Managed
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, GoalServer
@@ -22,7 +23,7 @@ from pa_ros.ros.lifecycle import ManagedNode
 pytestmark = pytest.mark.graph
 
 
-class Config(Managed):
+class Config(Managed, Authenticated):
     number: int = Field(1, ge=1, le=9, description="13 can't be configured, nor can 7 be activated")
     name: str = Field("none", description="anything")
 
@@ -63,9 +64,6 @@ class Small(ManagedNode):
     def cleanup(self) -> None:
         self._step("cleanup")
 
-    def alone(self) -> tuple[topics.Topic, str]:
-        return topics.ARENA_INFO, "one"
-
     def collect(self) -> tuple[int, str, dict[str, str]]:
         return OK, "at work", {"ticks": str(self.ticks)}
 
@@ -101,7 +99,6 @@ def test_a_node_is_configured_and_activated_at_its_start(user: User) -> None:
     assert (node.state, node.active, node.asked) == ("active", True, ["configure", "activate"])
     assert user.probe.until(lambda: user.probe.value("small", "lifecycle") == "active")
     assert user.probe.health["/small"].level == OK
-    assert user.probe.value("small", "speaks_on") == "/arena_info"
 
 
 @WAITING
@@ -110,7 +107,6 @@ def test_without_autostart_it_waits_and_says_so(user: User) -> None:
     assert user.probe.until(lambda: user.probe.value("small", "lifecycle") == "unconfigured")
     health = user.probe.health["/small"]
     assert health.level == WARN and "ros2 lifecycle set /small configure" in health.message
-    assert "speaks_on" not in health.values
     assert user.ask(label="configure") == (True, "inactive")
     assert user.ask(label="activate") == (True, "active")
 
@@ -154,16 +150,6 @@ def test_a_cleanup_ends_the_goal_under_way_and_others_are_rejected_until_configu
     assert user.ask(CONFIGURE) == (True, "inactive")
     assert sent().accepted
     client.destroy()
-
-
-@pytest.mark.parametrize("user", [{"small__use_sim_time": True}], indirect=True)
-def test_a_time_before_zero_is_refused_and_later_ones_are_believed(user: User) -> None:
-    node, out = user.node, topics.ROS_CLOCK.publisher(user.probe)
-    before, after = (topics.ROS_CLOCK.type() for _ in range(2))
-    before.clock.sec, after.clock.sec = -5, 7
-    steady_timer(user.probe, 0.05, lambda: out.publish(after if node.refusals.total else before))
-    assert user.probe.until(lambda: node.get_clock().now().nanoseconds == 7 * 10**9)
-    assert set(node.refusals.counts) == {"wire.range"}
 
 
 @pytest.mark.parametrize("wanted", [{"number": ACTIVATE}, {"number": 99}, {"label": "activated"}])

@@ -7,7 +7,7 @@ import pytest
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.names import check_namespace
+from pa_ros.ros.environment import check_namespace
 
 GOOD = ("", "/", "a", "/a", "a/b_1", "/_a/B2/c", "a" * 200)
 BAD = ("a b", "//x", "a//b", "~foo", "~", "~/a", "{node}", "1a", "a/1b", "a-b", "ä", "٣", "a\n",

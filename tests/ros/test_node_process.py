@@ -13,8 +13,13 @@ import pytest
 
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.ros import topics
-from pa_ros.ros.environment import LOOPBACK_PROFILE, NETWORK_CHOICES, prepare_environment
-from pa_ros.ros.process import PARENT, ros_arguments
+from pa_ros.ros.environment import (
+    LOOPBACK_PROFILE,
+    NETWORK_CHOICES,
+    prepare_environment,
+    ros_arguments,
+)
+from pa_ros.ros.node_main import PARENT
 from pa_ros.tools.client import client_node
 
 graph = pytest.mark.graph

@@ -1,49 +1,55 @@
-"""Refusals are counted one by one and logged now and then."""
+"""Refusals are counted one by one and logged now and then; programs are limited in rate."""
 
 from __future__ import annotations
 
-import sys
 import threading
 
 import pytest
 
-from pa_ros.core.errors import ConfigError
-from pa_ros.ros.refusals import Refusals
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.ros.refusals import (
+    PROGRAMS_AT_ONCE,
+    PROGRAMS_PER_S,
+    RateLimiter,
+    Refusals,
+    answer_program,
+)
 from pa_ros.wire.errors import WireError
+from pa_ros.wire.program import ProgramRequest
+
+RED = ProgramRequest("1", "NEAR(HAND, RED)")
 
 
-def make() -> tuple[Refusals, list[str], list[float]]:
-    lines: list[str] = []
-    now = [0.0]
-    return Refusals(lines.append, clock=lambda: now[0], period_s=5.0), lines, now
+@pytest.fixture
+def lines() -> list[str]:
+    return []
 
 
-def test_each_is_counted_by_code_and_the_first_of_a_code_is_logged():
-    refusals, lines, _ = make()
+@pytest.fixture
+def refusals(lines, clock) -> Refusals:
+    return Refusals(lines.append, clock, period_s=5.0)
+
+
+def test_each_is_counted_by_code_and_the_first_of_a_code_is_logged(refusals, lines):
     for _ in range(3):
-        refusals.refuse("topic", WireError("field", 6, 5, code="wire.size"))
+        refusals.refuse("topic", WireError("field", 6, 5, "wire.size"))
     refusals.refuse("topic", ConfigError("no"))
     assert refusals.total == 4
-    counts = [("refused.config", "1"), ("refused.wire.size", "3")]  # in the codes' order
-    assert list(refusals.values().items()) == counts
+    assert refusals.values() == {"refused.config": "1", "refused.wire.size": "3"}
     assert lines == [
         "refused: topic: [wire.size] field: expected 6, received 5",
         "refused: topic: [config] no",
     ]
 
 
-def test_a_flood_is_logged_once_a_period_with_how_many_there_were():
-    refusals, lines, now = make()
-    for i in range(100):
-        now[0] = i * 0.1
+def test_a_flood_is_logged_once_a_period_with_its_size(refusals, lines, clock):
+    for _ in range(80):
         refusals.refuse("topic", ConfigError("no"))
-    assert len(lines) == 2
-    assert lines[1].endswith("(49 more since the last report)")
+        clock.now += 0.125
+    assert len(lines) == 2 and lines[1].endswith("(39 more since the last report)")
 
 
-def test_a_guarded_callback_lets_bugs_through_and_refuses_bad_input():
-    refusals, _, _ = make()
-
+def test_a_guarded_callback_refuses_bad_input_and_passes_bugs_on(refusals):
     def callback(message: str) -> None:
         raise {"bad": ConfigError("no"), "bug": ZeroDivisionError()}[message]
 
@@ -54,50 +60,43 @@ def test_a_guarded_callback_lets_bugs_through_and_refuses_bad_input():
         guarded("bug")
 
 
-class SlowCode(str):
-    """A code that Python itself hashes, so that another thread may come between."""
-
-    def __hash__(self) -> int:
-        return super().__hash__()
-
-
-def in_threads(count: int, act) -> None:
-    threads = [threading.Thread(target=act) for _ in range(count)]
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-    finally:
-        sys.setswitchinterval(interval)
-
-
-def test_none_is_lost_where_threads_refuse_at_once():
-    refusals, _, _ = make()
-    error = ConfigError("no")
-    error.code = SlowCode("config")
-
+def test_refusals_of_several_threads_are_all_counted_and_the_first_logged_once(refusals, lines):
     def refuse_often() -> None:
         for _ in range(2000):
-            refusals.refuse("topic", error)
+            refusals.refuse("topic", ConfigError("no"))
 
-    in_threads(4, refuse_often)
-    assert refusals.total == 8000
+    threads = [threading.Thread(target=refuse_often) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert refusals.total == 8000 and lines == ["refused: topic: [config] no"]
 
 
-def test_two_threads_log_the_first_of_a_code_once():
-    lines: list[str] = []
-    asked, both = [], threading.Event()
+def test_an_answer_to_a_program_has_the_canonical_text_or_the_reason_and_the_place(refusals):
+    accepted = answer_program(RED, "/sim_node", 5, lambda request: request.text, refusals)
+    assert (accepted.accepted, accepted.canonical, accepted.stamp_ns) == (True, RED.text, 5)
 
-    def clock() -> float:
-        asked.append(True)
-        if len(asked) > 1:
-            both.set()
-        both.wait(0.2)
-        return 0.0
+    class HereError(PaError):
+        code, position = "program.here", 7
 
-    refusals = Refusals(lines.append, clock)
-    in_threads(2, lambda: refusals.refuse("topic", ConfigError("no")))
-    assert lines == ["refused: topic: [config] no"]
+    def refuse(_: ProgramRequest) -> str:
+        raise HereError("no")
+
+    refused = answer_program(RED, "/sim_node", 5, refuse, refusals)
+    assert (refused.accepted, refused.code, refused.reason) == (False, "program.here", "no")
+    assert (refused.program_id, refused.position, refusals.total) == ("1", 7, 1)
+
+
+def test_only_so_many_programs_a_second_are_checked(clock):
+    limiter, checked = RateLimiter(clock), 0
+    for _ in range(int(PROGRAMS_AT_ONCE)):
+        limiter.check()
+    for _ in range(1000):  # one second of 1 kHz
+        clock.now += 1e-3
+        try:
+            limiter.check()
+            checked += 1
+        except PaError as error:
+            assert error.code == "program.too_many"
+    assert checked == pytest.approx(PROGRAMS_PER_S, abs=2)

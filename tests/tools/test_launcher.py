@@ -127,7 +127,7 @@ LAUNCHER = """
 import sys, time
 from pathlib import Path
 from pa_ros.tools.launcher import Supervisor
-child = "from pa_ros.ros.process import die_with_parent; import time; die_with_parent(); " \\
+child = "from pa_ros.ros.node_main import die_with_parent; import time; die_with_parent(); " \\
         "print('up', flush=True); time.sleep(60)"
 supervisor = Supervisor(Path(sys.argv[1]))
 print(*(supervisor.start(n, [sys.executable, "-c", child]) for n in "ab"), flush=True)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from pa_ros.cli.options import add_settings, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import signals_noted
-from pa_ros.ros.names import check_namespace
-from pa_ros.ros.process import die_with_parent
+from pa_ros.ros.environment import check_namespace
+from pa_ros.ros.node_main import die_with_parent
 
 if TYPE_CHECKING:
     from pa_ros.console.server import ConsoleSettings

@@ -57,7 +57,7 @@ def _repair(folder: Path) -> int:
 
 def _record(options: argparse.Namespace, how: RecordingOptions) -> int:
     from pa_ros.core.signals import signals_noted
-    from pa_ros.ros.process import die_with_parent
+    from pa_ros.ros.node_main import die_with_parent
     from pa_ros.tools.client import client_node
     from pa_ros.tools.monitor import Display
 

@@ -1,19 +1,20 @@
-"""What the process environment must hold before rclpy starts: defaults, never overrides."""
+"""The environment and the arguments that ROS starts with."""
 
 from __future__ import annotations
 
 import os
+import re
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import natural
 
-LAST_DOMAIN = 232  # beyond it, ports would be above 65535
+LAST_DOMAIN = 232  # a higher one would need ports above 65535
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
-# Any of these says that the user has decided who may see the graph.
+# Any of these says that the user has decided who can see the graph.
 NETWORK_CHOICES = (
     "ROS_AUTOMATIC_DISCOVERY_RANGE",
     "ROS_STATIC_PEERS",
@@ -22,25 +23,28 @@ NETWORK_CHOICES = (
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
 )
+NAMESPACE = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?")
+LONGEST_NAMESPACE = 200  # characters; ROS allows 247 for a topic with its namespace
 
 
 def prepare_environment() -> None:
-    """Set what is missing; call before `rclpy.init`. Child processes inherit it.
+    """Set missing environment variables; call before `rclpy.init`. Child processes inherit them.
 
-    Unless the user chose otherwise (NETWORK_CHOICES), the graph stays on this machine: Fast DDS
-    then has loopback UDP as its only transport. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST would
-    not do, because it limits discovery alone: sockets still listen on every interface.
+    Unless the user chose otherwise (NETWORK_CHOICES), the graph stays on this machine: the only
+    transport of Fast DDS is then UDP on the loopback interface.
+    ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST isn't enough: it limits discovery, but sockets still
+    listen on every interface.
     """
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     if "ROS_LOG_DIR" not in os.environ and not _has_log_folder():
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"pa_ros-log-{os.getuid()}")
     if not any(os.environ.get(name) for name in NETWORK_CHOICES):
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)
-        os.environ.setdefault("RMW_FASTRTPS_USE_QOS_FROM_XML", "1")  # its memory policy, too
+        os.environ.setdefault("RMW_FASTRTPS_USE_QOS_FROM_XML", "1")  # for its memory policy
 
 
 def _has_log_folder() -> bool:
-    """Whether ROS can make the one that it would log into; a container's user may have no home."""
+    """Whether ROS can use its default folder for logs. The user of a container may have no home."""
     home = os.environ.get("ROS_HOME", "")
     if not home and os.environ.get("HOME"):
         home = f"{os.environ['HOME']}/.ros"
@@ -54,9 +58,15 @@ def _has_log_folder() -> bool:
 
 
 def start_ros(arguments: Sequence[str]) -> None:
-    """`rclpy.init`, with signals left alone. ConfigError for what it refuses: an impossible domain,
-    an unreadable parameters file, a bad remap rule, a folder for logs that can't be written."""
-    _check_domain()
+    """Call `rclpy.init`, without its signal handlers.
+
+    Raises ConfigError for an impossible ROS_DOMAIN_ID, an unreadable parameters file, a bad remap
+    rule, or a folder for logs that can't be written.
+    """
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    number = natural(domain)
+    if number is None or number > LAST_DOMAIN:
+        raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {domain!r}")
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
@@ -66,9 +76,42 @@ def start_ros(arguments: Sequence[str]) -> None:
         raise ConfigError(f"ROS does not start: {error}") from error
 
 
-def _check_domain() -> None:
-    """Raise ConfigError for a ROS_DOMAIN_ID that DDS has no ports for: rclpy would not say so."""
-    text = os.environ.get("ROS_DOMAIN_ID") or "0"
-    number = natural(text)
-    if number is None or number > LAST_DOMAIN:
-        raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {text!r}")
+def check_namespace(text: str, what: str = "namespace") -> None:
+    """Raise ConfigError, which names `what`, unless ROS accepts the text as a namespace.
+
+    Empty text and "/" are accepted.
+    """
+    if len(text) > LONGEST_NAMESPACE or not NAMESPACE.fullmatch(text):
+        raise ConfigError(
+            f"{what}: expected a namespace such as lab/arm_1 or /lab/arm_1 (letters, digits and _, "
+            f"no digit first), of at most {LONGEST_NAMESPACE} characters, "
+            f"got {text[: LONGEST_NAMESPACE + 1]!r}"
+        )
+
+
+def ros_arguments(
+    parameters: Mapping[str, object] | None = None,
+    params_file: Path | str | None = None,
+    namespace: str | None = None,
+    name: str | None = None,
+    remaps: Mapping[str, str] | None = None,
+) -> list[str]:
+    """Command-line arguments that give a node its parameters, namespace, name and remaps."""
+    arguments = ["--ros-args"]
+    if params_file is not None:
+        arguments += ["--params-file", str(params_file)]
+    for key, value in (parameters or {}).items():
+        arguments += ["-p", f"{key}:={_yaml(value)}"]
+    rules = {"__ns": namespace, "__node": name, **(remaps or {})}
+    for source, target in rules.items():
+        if target is not None:
+            arguments += ["-r", f"{source}:={target}"]
+    return arguments
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_yaml(item) for item in value) + "]"
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,4 +1,4 @@
-"""What a node says of itself: in /diagnostics once a second, in its log when that changes."""
+"""Health of a node: in /diagnostics once a second, and in its log whenever it changes."""
 
 from __future__ import annotations
 
@@ -9,22 +9,21 @@ from rclpy.node import Node
 
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.rivals import Rivals
-from pa_ros.ros.topics import DIAGNOSTICS, Topic
-from pa_ros.wire import Message
-from pa_ros.wire.diagnostics import Health, decode_diagnostics, encode_diagnostics
+from pa_ros.ros.topics import DIAGNOSTICS
+from pa_ros.wire.diagnostics import Health, encode_diagnostics
 
 PERIOD_S = 1.0
 PROGRESS_S = 5.0
 OK, WARN, ERROR = 0, 1, 2
+LIFECYCLE = "lifecycle"  # key in /diagnostics: the node's lifecycle state
+LEARNER_ID = "learner_id"  # key in the /diagnostics of a learner
 NUMBERS = re.compile(r"\d+(\.\d+)?")
 
 
 class HealthReporter:
-    """Publishes `collect()` under the node's full name, with the counts of its refusals.
+    """Publishes level, message and values of a node, and how much input it refused.
 
-    The log gets a line when what the node does, or waits for, has changed; and every `progress_s`
-    a line of `progress()`, where there is one.
+    The log gets a line when level or message change, and a line of `progress` every PROGRESS_S.
     """
 
     def __init__(
@@ -32,63 +31,43 @@ class HealthReporter:
         node: Node,
         refusals: Refusals,
         collect: Callable[[], tuple[int, str, dict[str, str]]],
-        progress: Callable[[], str] | None = None,
-        progress_s: float = PROGRESS_S,
-        hear: Callable[[Health], None] | None = None,
+        progress: Callable[[], str],
     ) -> None:
-        """`hear`: is told what any node says."""
-        self._node, self._refusals, self._collect, self._told = node, refusals, collect, hear
-        self._rivals: Rivals | None = None
-        DIAGNOSTICS.subscribe(node, refusals.guard(DIAGNOSTICS.name, self._hear))
-        self._said: tuple[int, str] | None = None
+        """
+        :param collect: level, message and values to publish.
+        :param progress: a line for the log, or an empty text for no line.
+        """
+        self._node, self._refusals = node, refusals
+        self._collect, self._progress = collect, progress
+        self._logged: tuple[int, str] | None = None
         self._publisher = DIAGNOSTICS.publisher(node)
         steady_timer(node, PERIOD_S, self.publish)
-        if progress is not None:
-            steady_timer(node, progress_s, lambda: self._progress(progress))
-
-    def alone(self, topic: Topic, instance: str) -> None:
-        """From now on, one process alone should speak on a topic: this one, of this name."""
-        self._rivals = Rivals(self._node.resolve_topic_name(topic.name), instance)
-
-    def not_alone(self) -> None:
-        """From now on anyone else may."""
-        self._rivals = None
+        steady_timer(node, PROGRESS_S, self._log_progress)
 
     def publish(self) -> None:
-        """Publish now, besides the once a second."""
+        """Publish now, besides once a second."""
         level, message, values = self._collect()
-        rivals = self._rivals
-        if rivals is not None:
-            values = {**values, **rivals.values}
-            if rivals.alarm:
-                level, message = max(level, WARN), f"{message}; {rivals.alarm}"
-        self._say(level, message)
-        values = {**values, "refused": str(self._refusals.total)}
-        values |= self._refusals.values()
+        self._log_change(level, message)
+        values |= {"refused": str(self._refusals.total), **self._refusals.values()}
         entry = Health(self._node.get_fully_qualified_name(), level, message, values)
         stamp_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(encode_diagnostics([entry], stamp_ns))
 
-    def _hear(self, message: Message) -> None:
-        for entry in decode_diagnostics(message):
-            if self._rivals is not None:
-                self._rivals.note(entry)
-            if self._told is not None:
-                self._told(entry)
-
-    def _say(self, level: int, message: str) -> None:
-        """Log what has changed since it was logged last."""
-        said = level, NUMBERS.sub("#", message)  # of a number that goes on counting, the first
-        if said == self._said:
+    def _log_change(self, level: int, message: str) -> None:
+        # A message with a number that counts up is logged once, not every second.
+        state = level, NUMBERS.sub("#", message)
+        if state == self._logged:
             return
-        self._said = said
+        self._logged = state
         log = self._node.get_logger()
+        # To wait for something is no fault of a node that has just started, so WARN is logged as
+        # information.
         if level == ERROR:
             log.error(message)
         else:
-            log.info(message)  # to wait is no fault of a node that has just started
+            log.info(message)
 
-    def _progress(self, progress: Callable[[], str]) -> None:
-        line = progress()
+    def _log_progress(self) -> None:
+        line = self._progress()
         if line:
             self._node.get_logger().info(line)

@@ -1,10 +1,11 @@
-"""Managed nodes: the standard's states, transitions and services (docs/ros.md)."""
+"""Managed nodes: the states, transitions and services of the ROS 2 lifecycle (docs/graph.md)."""
 
 from __future__ import annotations
 
-import gc
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -13,134 +14,127 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import servers_of
 from pa_ros.ros.executor import is_of_spinning
-from pa_ros.ros.health import ERROR, WARN, HealthReporter
+from pa_ros.ros.health import ERROR, LIFECYCLE, WARN, HealthReporter
 from pa_ros.ros.parameters import declare_settings, loosen_settings, settings_from_parameters
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import ROS_CLOCK, Topic
+from pa_ros.ros.topics import Topic
 from pa_ros.wire import Message
-from pa_ros.wire.diagnostics import Health
 from pa_ros.wire.services import decode_transition
-from pa_ros.wire.step import decode_clock
+from pa_ros.wire.signing import SIGNED, Checker, Signer, read_key
 
-FREEZING = ("configure", "cleanup")  # what is there after these stays for long
-LIFECYCLE = "lifecycle"  # key of /diagnostics: the state
 HINTS = {
     "unconfigured": "waits to be configured (ros2 lifecycle set {} configure)",
     "inactive": "waits to be activated (ros2 lifecycle set {} activate)",
-    "finalized": "was shut down: end the process, and start it anew",
+    "finalized": "was shut down: end the process and start it again",
 }
 
 
-class TransitionError(PaError):
-    """A transition that there isn't from the state that the node is in."""
-
-    code = "lifecycle.transition"
-
-
 class ManagedNode(LifecycleNode, ABC):
-    """A node that is configured and activated at its start, unless `autostart` is false.
+    """A lifecycle node that configures and activates itself, unless `autostart` is false.
 
-    A node of ours says what happens in `configure`, `activate`, `deactivate`, `cleanup`. Whatever
-    topics, services and timers it has made since `configure` are destroyed after `cleanup`;
-    actions stay, and reject goals until `configure` makes them again. A PaError refuses a
-    transition, with what `configure` had made destroyed again; it is logged and counted or, at the
-    start, raised. Other errors are bugs, and end the process.
+    A subclass says what happens in `configure`, `activate`, `deactivate` and `cleanup`. All topics,
+    services and timers that it made in or after `configure` are destroyed after `cleanup`; action
+    servers stay, and reject goals until `configure` makes them again. A PaError rejects a
+    transition: it is logged and counted or, at the start, raised. Other errors are bugs, and end
+    the process.
     """
 
-    config: Any  # settings, fixed while configured
-    active = False  # asked with every message
-    ended_by: PaError | None = None  # set: the process ends, as where a parameter is refused
+    config: Any  # settings, fixed while the node is configured
+    active = False
+    ended_by: PaError | None = None  # when a node sets this, its process ends with status 2
 
     def __init__(self, name: str, settings: type[Settings]) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self.refusals = Refusals(self.get_logger().warning)
-        self.exit_status = 0  # of the process, if all else goes well
-        self._guard_clock()
+        self.exit_status = 0  # of the process, if it ends without an error
         self._settings, self._configured = settings, False
-        self._error: Exception | None = None  # of the newest transition
+        self._signer: Signer | None = None
+        self._checker: Checker | None = None
+        self._error: Exception | None = None  # that made the newest transition fail
         declare_settings(self, settings)
-        self._health = HealthReporter(
-            self, self.refusals, self._report, self._progress, hear=self._hear
-        )
+        self._health = HealthReporter(self, self.refusals, self._report, self._progress)
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
-        self._own = {id(entity) for _, entity in self._entities()}
+        self._permanent = {id(entity) for _, entity in self._entities()}
         if self.get_parameter("autostart").value is not False:
             for trigger in (self.trigger_configure, self.trigger_activate):
                 trigger()
-                self._raise()
+                self._raise_error()
 
-    def _guard_clock(self) -> None:
-        """Under `use_sim_time`: a time before zero is refused, which rclpy takes for a bug."""
-        source, topic = self._time_source, ROS_CLOCK.name
-        believed = source.clock_callback
-
-        def hear(message: Message) -> None:
-            decode_clock(message)
-            believed(message)
-
-        source.clock_callback = self.refusals.guard(topic, hear)
-        for subscription in self.subscriptions:
-            if subscription.callback == believed:
-                subscription.callback = source.clock_callback
-
-    # What a node of ours says
+    # For subclasses to implement
 
     def configure(self) -> None:
-        """Build everything from `config`; speak to nobody who has not asked."""
+        """Build everything from `config`; the node is not active yet."""
 
     def activate(self) -> None:
-        """Begin, or go on; `active` is already true."""
+        """Start, or resume; `active` is already true."""
 
     def deactivate(self) -> None:
-        """Come to rest; `active` is already false. What is heard from now on changes nothing."""
+        """Stop; `active` is already false. Messages that arrive from now on change nothing."""
 
     def cleanup(self) -> None:
         """Save and close what `configure` opened; the node is not active."""
 
     def shutdown(self) -> None:
-        """End, configured, in whatever state."""
+        """End a configured node, whether it is active or not."""
         if self.active:
             self.active = False
             self.deactivate()
         self.cleanup()
 
     @abstractmethod
-    def alone(self) -> tuple[Topic, str]:
-        """A topic on which one active process alone should speak, and this one's name there."""
-
-    @abstractmethod
     def collect(self) -> tuple[int, str, dict[str, str]]:
-        """For /diagnostics, configured: level, message, figures."""
+        """Level, message and values for /diagnostics; called while configured."""
 
     @property
     def trouble(self) -> str:
-        """What a person has to see to though the node is inactive; empty: nothing."""
+        """An ERROR to report even while inactive; empty if there is none."""
         return ""
 
     def progress(self) -> str:
-        """A line for the log every few seconds while active; empty: none."""
+        """A line for the log every few seconds while active; empty for no line."""
         return ""
 
-    def hear(self, health: Health) -> None:
-        """What any node says of itself, heard while configured."""
+    # For subclasses to use in `configure`
+
+    def advertise(self, topic: Topic) -> Any:
+        """A publisher. It signs its messages if the node has a key and the topic is signed."""
+        publisher = topic.publisher(self)
+        if self._signer is None or topic.type not in SIGNED:
+            return publisher
+        return _SigningPublisher(publisher, self._signer)
+
+    def subscribe(self, topic: Topic, callback: Callable[[Message], None]) -> Any:
+        """Call back with each message; a PaError refuses it.
+
+        If the node has a key and the topic is signed, messages with a wrong signature are refused.
+        """
+        checker, handle = self._checker, callback
+        if checker is not None and topic.type in SIGNED:
+
+            def check_and_handle(message: Message) -> None:
+                checker.check(message)
+                callback(message)
+
+            handle = check_and_handle
+        return topic.subscribe(self, self.refusals.guard(topic.name, handle))
 
     # The state machine
 
     @property
     def state(self) -> str:
-        """The standard's name of the state that the node is in."""
+        """The lifecycle state: "unconfigured", "inactive", "active" or "finalized"."""
         return str(self._state_machine.current_state[1])
 
     def close(self) -> int:
-        """End in whatever state; the process's exit status. The node is then to be destroyed."""
+        """Shut down from any state; the exit status of the process. Destroy the node afterwards."""
         if self.state != "finalized":
             self.trigger_shutdown()
-            self._raise()
+            self._raise_error()
         return self.exit_status
 
     def destroy_node(self) -> None:
-        for server in servers_of(self):  # which rclpy would leave there
+        for server in servers_of(self):  # rclpy forgets to destroy these
             server.destroy()
         super().destroy_node()
 
@@ -151,7 +145,8 @@ class ManagedNode(LifecycleNode, ABC):
         return self._attempt(self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._attempt(self._deactivate)
+        self.active = False
+        return self._attempt(self.deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         return self._attempt(lambda: self._end(self.cleanup))
@@ -160,17 +155,18 @@ class ManagedNode(LifecycleNode, ABC):
         return self._attempt(lambda: self._end(self.shutdown))
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """After a bug: save what can be saved. The process ends, with the bug's own traceback."""
+        """Save what can be saved after a bug; the process then ends with the bug's traceback."""
         try:
             self._end(self.shutdown)
         except Exception as error:
-            self.get_logger().error(f"on the way out: {error!r}")
+            self.get_logger().error(f"shutdown after an error failed, too: {error!r}")
         return TransitionCallbackReturn.SUCCESS
 
-    def _attempt(self, body: Callable[[], None]) -> TransitionCallbackReturn:
+    def _attempt(self, transition: Callable[[], None]) -> TransitionCallbackReturn:
+        # rclpy swallows exceptions of transitions, so the error is kept for `_raise_error`.
         self._error = None
         try:
-            body()
+            transition()
         except PaError as error:
             self._error = error
             return TransitionCallbackReturn.FAILURE
@@ -179,8 +175,8 @@ class ManagedNode(LifecycleNode, ABC):
             return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
-    def _raise(self) -> None:
-        """Why the newest transition came to nothing, if it did."""
+    def _raise_error(self) -> None:
+        """Raise the error of the newest transition, if it failed."""
         error, self._error = self._error, None
         if error is not None:
             raise error
@@ -188,9 +184,14 @@ class ManagedNode(LifecycleNode, ABC):
     def _configure(self) -> None:
         try:
             self.config = settings_from_parameters(self, self._settings)
+            self._signer = self._checker = None
+            if self.config.auth_key_file:
+                key = read_key(Path(self.config.auth_key_file))
+                self._signer = Signer(key, self.get_fully_qualified_name(), time.time_ns())
+                self._checker = Checker(key)
             self.configure()
         except BaseException:
-            self._forget()
+            self._destroy_configured()
             raise
         self._configured = True
 
@@ -201,68 +202,60 @@ class ManagedNode(LifecycleNode, ABC):
         except BaseException:
             self.active = False
             raise
-        self._health.alone(*self.alone())
-
-    def _deactivate(self) -> None:
-        self.active = False
-        self._health.not_alone()
-        self.deactivate()
 
     def _end(self, how: Callable[[], None]) -> None:
         configured, self._configured = self._configured, False
-        self._health.not_alone()
         try:
             if configured:
                 how()
         finally:
             self.active = False
-            self._forget()
+            self._destroy_configured()
 
-    def _forget(self) -> None:
-        """Destroy what was made since `configure`, actions put to rest; parameters may be set
-        again."""
+    def _destroy_configured(self) -> None:
+        """Destroy what was made since `configure`; parameters may be set again."""
+        # rclpy makes its subscription to /clock whenever `use_sim_time` is set.
+        on_clock = self._time_source.clock_callback
         for destroy, entity in [*self._entities()]:
-            kept = id(entity) in self._own or self._hears_clock(entity)
-            if not kept and not is_of_spinning(entity):
+            of_clock = getattr(entity, "callback", None) == on_clock
+            permanent = id(entity) in self._permanent or of_clock
+            if not permanent and not is_of_spinning(entity):
                 destroy(entity)
         for server in servers_of(self):
             server.rest()
         loosen_settings(self, self._settings)
 
-    def _hears_clock(self, entity: Any) -> bool:
-        """Whether it is rclpy's subscription to /clock, made whenever `use_sim_time` is set."""
-        callback = getattr(entity, "callback", None)
-        return callback is not None and callback is self._time_source.clock_callback
-
     def _entities(self) -> Iterator[tuple[Callable[[Any], Any], Any]]:
-        """What the node has, and what destroys it; events of topics go with those."""
-        for destroy, kind in (
-            (self.destroy_timer, self.timers),
-            (self.destroy_service, self.services),
-            (self.destroy_subscription, self.subscriptions),
-            (self.destroy_publisher, self.publishers),
-        ):
-            yield from ((destroy, entity) for entity in kind)
+        """All timers, services, subscriptions and publishers, each with what destroys it.
+
+        Timers come first: they may use the others.
+        """
+        yield from ((self._destroy_timer, timer) for timer in self.timers)
+        yield from ((self.destroy_service, service) for service in self.services)
+        yield from ((self.destroy_subscription, one) for one in self.subscriptions)
+        yield from ((self.destroy_publisher, publisher) for publisher in self.publishers)
+
+    def _destroy_timer(self, timer: Any) -> None:
+        # The executor may already have queued a call of the timer. It must find nothing to do,
+        # since the publishers that the callback uses are destroyed next.
+        timer.callback = lambda: None
+        self.destroy_timer(timer)
 
     def _on_change_state(self, request: Message, response: Any) -> Any:
-        """rclpy's, but for transitions that there aren't, which would end the node."""
+        """Serve `change_state`. rclpy's own service ends the node for an impossible transition."""
         number, label = decode_transition(request)
-        there = [(one[0], one[1]) for one in self._state_machine.available_transitions]
-        wanted = [one for one in there if (one[1] == label if label else one[0] == number)]
+        possible = {t[1]: t[0] for t in self._state_machine.available_transitions}
+        names = [n for n, t in possible.items() if (n == label if label else t == number)]
         try:
-            if not wanted:
-                raise TransitionError(
-                    f"transition: expected one of {sorted({name for _, name in there})} from the "
-                    f"state {self.state}, got {label or number!r}"
+            if not names:
+                raise PaError(
+                    f"transition: expected one of {sorted(possible)} from the state {self.state}, "
+                    f"got {label or number!r}",
+                    code="lifecycle.transition",
                 )
             response = self._change_state(request, response)
-            self._raise()
-            name = wanted[0][1]
-            self.get_logger().info(f"{name}: now {self.state}")
-            if name in FREEZING and gc.get_freeze_count():  # as at the process's start
-                gc.unfreeze()
-                gc.collect()
-                gc.freeze()
+            self._raise_error()
+            self.get_logger().info(f"{names[0]}: now {self.state}")
         except PaError as error:
             self.refusals.refuse("change_state", error)
         finally:
@@ -272,20 +265,27 @@ class ManagedNode(LifecycleNode, ABC):
     # Health
 
     def _report(self) -> tuple[int, str, dict[str, str]]:
-        state, name = self.state, self.get_fully_qualified_name()
-        if self._configured:
-            level, message, values = self.collect()
-        else:
-            level, message, values = WARN, "", {}
-        if not self.active:
-            level = ERROR if self._configured and self.trouble else WARN
-            hint = HINTS.get(state, "changes its state").format(name)
-            message = f"{state}; {self.trouble}" if level == ERROR else f"{state}: {hint}"
+        level, message, values = self.collect() if self._configured else (WARN, "", {})
+        state = self.state
+        if not self.active and self._configured and self.trouble:
+            level, message = ERROR, f"{state}; {self.trouble}"
+        elif not self.active:
+            hint = HINTS.get(state, "changes its state").format(self.get_fully_qualified_name())
+            level, message = WARN, f"{state}: {hint}"
         return level, message, {**values, LIFECYCLE: state}
 
     def _progress(self) -> str:
         return self.progress() if self.active else ""
 
-    def _hear(self, health: Health) -> None:
-        if self._configured:
-            self.hear(health)
+
+class _SigningPublisher:
+    """A publisher that signs its messages."""
+
+    def __init__(self, publisher: Any, signer: Signer) -> None:
+        self._publisher, self._signer = publisher, signer
+
+    def publish(self, message: Message) -> None:
+        self._publisher.publish(self._signer.sign(message))
+
+    def get_subscription_count(self) -> int:
+        return int(self._publisher.get_subscription_count())

@@ -1,12 +1,14 @@
-"""The `main` of every node: environment, context, signals, exit status."""
+"""The `main` of every node: environment, signals, exit status, and its launcher's end."""
 
 from __future__ import annotations
 
 import gc
 import json
 import os
+import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
@@ -15,21 +17,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import on_ending
 from pa_ros.ros.environment import prepare_environment, start_ros
-from pa_ros.ros.process import die_with_parent
 
-if TYPE_CHECKING:  # its import takes time, in which no signal is handled
+if TYPE_CHECKING:  # this import takes time, in which no signal is handled
     from pa_ros.core.settings import Settings
 
-EXIT_REFUSED = 2  # the user's input was refused, as argparse does
+EXIT_REFUSED = 2  # the user's input was refused; the same status as argparse's
+PARENT = "PA_ROS_PARENT"  # process id of the launcher that a process must end with
+PARENT_CHECK_S = 0.25
 
 
 class Shell(Protocol):
-    """A node of ours: a rclpy node, and what is to be closed before it goes."""
+    """A node that `run_node` runs: an rclpy node with a `close` method."""
 
     def close(self) -> int | None:
-        """Stop threads, save what must be saved; called once, before the node is destroyed.
+        """Stop threads and save; called once, before the node is destroyed.
 
-        The process's exit status, if it is to be another than 0.
+        Returns the exit status of the process; None is 0.
         """
 
 
@@ -53,15 +56,16 @@ def run_nodes(
     grace_s: float = 10.0,
     lingers_s: float = 0.0,
 ) -> int:
-    """Run nodes on one executor until SIGINT, SIGTERM or SIGHUP; the process's exit status.
+    """Run nodes on one executor until SIGINT, SIGTERM or SIGHUP; the exit status of the process.
 
-    Nodes are closed in the reverse of the order in which they were made.
+    0: stopped as asked, unless a node's `close` returns another status. 1: the nodes took longer
+    than `grace_s` to close, and were ended. 2: an argument or parameter was refused, with the
+    reason on standard error, or a node set `ended_by`. Nodes are closed in the reverse of the order
+    in which they were made.
 
-    0: stopped as asked, or what the node's `close` says instead. 2: a parameter was refused, with
-    the reason on standard error. Should closing hang for `grace_s`, the process ends all the same
-    (status 1). A node that sets `ended_by`, a PaError, ends as if a parameter was refused. When its
-    launcher has gone it goes on for `lingers_s`. `--help` prints what parameters there are, those
-    of `settings`, and any other word that is not ROS's is refused.
+    :param name: of the program.
+    :param settings: whose parameters `--help` prints.
+    :param lingers_s: how long the nodes continue when their launcher has ended.
     """
     with _stop_on_signal(grace_s) as stop:
         prepare_environment()
@@ -71,20 +75,21 @@ def run_nodes(
         from pa_ros.ros.executor import spin_until
 
         given = [name, *(sys.argv[1:] if arguments is None else arguments)]
-        own = _own_words(given)
-        if {"-h", "--help"} & set(own):
+        words = _words_not_of_ros(given)
+        if {"-h", "--help"} & set(words):
             print(usage(name, settings and settings()))
             return 0
         try:
-            if own:
-                raise ConfigError(f"arguments: expected --ros-args or --help, got {own[0]!r}")
+            if words:
+                raise ConfigError(f"arguments: expected --ros-args or --help, got {words[0]!r}")
             start_ros(given)
             nodes: list[Any] = []
             try:
                 for make in makes:
                     nodes.append(make())
+                # A full garbage collection would stall a control step, so what exists is exempt.
                 gc.collect()
-                gc.freeze()  # what is there now stays; a full collection would stall a step
+                gc.freeze()
                 spin_until(
                     nodes[0],
                     lambda: stop.is_set() or _ended_by(nodes) is not None,
@@ -110,7 +115,7 @@ def _ended_by(nodes: Sequence[Any]) -> PaError | None:
 
 
 def _close(nodes: Sequence[Any]) -> int:
-    """Close and destroy nodes, the newest first; the process's exit status."""
+    """Close and destroy nodes, the newest first; the exit status of the process."""
     from pa_ros.ros.executor import release
 
     try:
@@ -122,21 +127,8 @@ def _close(nodes: Sequence[Any]) -> int:
             node.destroy_node()
 
 
-def _own_words(given: Sequence[str]) -> Sequence[str]:
-    """What of a command line is not ROS's; nothing of one that its init will refuse."""
-    from rclpy.utilities import remove_ros_args
-
-    if "--ros-args" not in given:
-        return given[1:]
-    try:
-        own: list[str] = remove_ros_args(given)[1:]
-    except RuntimeError:
-        return ()
-    return own
-
-
 def usage(name: str, settings: type[Settings] | None = None) -> str:
-    """What `--help` prints: how a node is started, and its parameters."""
+    """The text of `--help`: how to start a node, and its parameters."""
     lines = [
         f"usage: {name} [--ros-args [--params-file FILE] [-p PARAMETER:=VALUE] [-r FROM:=TO] …]",
         "",
@@ -150,9 +142,47 @@ def usage(name: str, settings: type[Settings] | None = None) -> str:
     return "\n".join(lines)
 
 
+def die_with_parent(grace_s: float = 10.0, lingers_s: float = 0.0) -> None:
+    """In a child process of a launcher: end when the launcher has ended, as at SIGTERM.
+
+    A learner then still writes its checkpoint, and a recorder closes its bag. The signal comes
+    `lingers_s` later, for a process that needs the last messages of others; a process that hasn't
+    ended `grace_s` after that is killed. Processes without PA_ROS_PARENT are not affected.
+    """
+    given = os.environ.pop(PARENT, None)
+    if given is None:
+        return
+    parent = int(given)
+    if os.getppid() != parent:
+        raise SystemExit(1)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_CHECK_S)
+        time.sleep(lingers_s)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(grace_s)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
+
+
+def _words_not_of_ros(given: Sequence[str]) -> Sequence[str]:
+    """The arguments that ROS doesn't know; none if ROS will refuse the command line itself."""
+    from rclpy.utilities import remove_ros_args
+
+    if "--ros-args" not in given:
+        return given[1:]
+    try:
+        words: list[str] = remove_ros_args(given)[1:]
+    except RuntimeError:
+        return ()
+    return words
+
+
 @contextmanager
 def _stop_on_signal(grace_s: float) -> Iterator[threading.Event]:
-    """An event that a signal to end sets, the process ending `grace_s` later come what may."""
+    """An event that is set by a signal to end; the process ends at the latest `grace_s` later."""
     stop = threading.Event()
 
     def handle(_number: int, _frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""Bad input is refused, logged with its cause, and counted; the node goes on."""
+"""Refused input: logged with its cause and counted, while the node continues."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from pa_ros.core.errors import PaError
+from pa_ros.wire.program import ProgramRequest, ProgramStatus
 
 LOG_PERIOD_S = 5.0
+PROGRAMS_PER_S, PROGRAMS_AT_ONCE = 50.0, 100.0
 Argument = TypeVar("Argument")
 
 
 class Refusals:
-    """Counts refusals by code; logs the first of a code, then at most one each LOG_PERIOD_S.
+    """Counts refusals by error code. Logs the first of a code, then one each `period_s`.
 
-    Any thread may refuse and ask.
+    May be used by several threads.
     """
 
     def __init__(
@@ -28,33 +30,26 @@ class Refusals:
     ) -> None:
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter()
-        self._log = log
-        self._clock = clock
-        self._period_s = period_s
-        self._logged: dict[str, tuple[float, int]] = {}  # code → when, count then
+        self._log, self._clock, self._period_s = log, clock, period_s
+        self._logged: dict[str, tuple[float, int]] = {}  # code → when, and the count then
 
     def refuse(self, where: str, error: PaError) -> None:
-        """Count a refusal, and log it unless one of its code was logged just now."""
+        """Count a refusal, and log it unless one with its code was logged just before."""
+        code, now = error.code, self._clock()
         with self._lock:
-            line = self._counted(where, error)
-        if line:
-            self._log(line)
-
-    def _counted(self, where: str, error: PaError) -> str:
-        """What to log of a refusal; empty: nothing this time."""
-        code = error.code
-        self._counts[code] += 1
-        now = self._clock()
-        when, count = self._logged.get(code, (-self._period_s, 0))
-        if now - when < self._period_s:
-            return ""
-        self._logged[code] = (now, self._counts[code])
-        silent = self._counts[code] - count - 1
-        more = f" ({silent} more since the last report)" if silent else ""
-        return f"refused: {where}: [{code}] {error}{more}"
+            self._counts[code] += 1
+            count = self._counts[code]
+            logged_at, logged_count = self._logged.get(code, (-self._period_s, 0))
+            if now - logged_at < self._period_s:
+                return
+            self._logged[code] = now, count
+        more = count - logged_count - 1
+        suffix = f" ({more} more since the last report)" if more else ""
+        self._log(f"refused: {where}: [{code}] {error}{suffix}")
 
     def guard(self, where: str, callback: Callable[[Argument], None]) -> Callable[[Argument], None]:
-        """The callback, with typed errors turned into refusals. Other errors are bugs, and pass."""
+        """The callback with each PaError turned into a refusal. Other errors are bugs: they end
+        the node."""
 
         def guarded(argument: Argument) -> None:
             try:
@@ -66,15 +61,64 @@ class Refusals:
 
     @property
     def counts(self) -> Counter[str]:
-        """A copy: refusals by code."""
+        """Number of refusals by code; a copy."""
         with self._lock:
             return self._counts.copy()
 
     @property
     def total(self) -> int:
-        """All refusals so far."""
+        """Number of refusals."""
         return self.counts.total()
 
     def values(self) -> dict[str, str]:
-        """Counts for /diagnostics."""
+        """The counts as values for /diagnostics."""
         return {f"refused.{code}": str(count) for code, count in sorted(self.counts.items())}
+
+
+class RateLimiter:
+    """Limits how many programs a node checks, so that a flood of them can't slow down the arm."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._left, self._at = PROGRAMS_AT_ONCE, clock()
+
+    def check(self) -> None:
+        """Count a program. Raises PaError (`program.too_many`) if it exceeds the limit."""
+        now = self._clock()
+        refilled = self._left + (now - self._at) * PROGRAMS_PER_S
+        self._left, self._at = min(PROGRAMS_AT_ONCE, refilled), now
+        if self._left < 1.0:
+            raise PaError(
+                f"program: expected at most {PROGRAMS_PER_S:g} programs a second, got more, which "
+                "are ignored: find out who sends them",
+                code="program.too_many",
+            )
+        self._left -= 1.0
+
+
+def answer_program(
+    request: ProgramRequest,
+    node: str,
+    stamp_ns: int,
+    accept: Callable[[ProgramRequest], str],
+    refusals: Refusals,
+) -> ProgramStatus:
+    """A node's answer to a program: accepted, or refused with the reason and the place in it.
+
+    :param accept: returns the canonical text, or raises a PaError.
+    """
+    try:
+        canonical = accept(request)
+    except PaError as error:
+        refusals.refuse("program", error)
+        position = int(getattr(error, "position", -1))
+        return ProgramStatus(
+            request.program_id,
+            node,
+            accepted=False,
+            code=error.code,
+            reason=str(error),
+            position=position,
+            stamp_ns=stamp_ns,
+        )
+    return ProgramStatus(request.program_id, node, True, canonical, stamp_ns=stamp_ns)

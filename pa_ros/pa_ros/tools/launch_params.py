@@ -13,7 +13,7 @@ import yaml
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.yaml_text import read_yaml
 from pa_ros.learning.folder import refuse_used
-from pa_ros.ros.names import check_namespace
+from pa_ros.ros.environment import check_namespace
 
 CONFIG = Path(__file__).parents[1] / "config"
 NODES = ("sim_node", "learner_node", "agent_node")  # in the order in which they are started

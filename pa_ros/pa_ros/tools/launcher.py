@@ -13,7 +13,8 @@ from pathlib import Path
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.signals import interrupts_later
-from pa_ros.ros.process import PARENT, ros_arguments
+from pa_ros.ros.environment import ros_arguments
+from pa_ros.ros.node_main import PARENT
 
 TAIL_LINES = 15
 POLL_S = 0.02
@@ -46,7 +47,7 @@ class Supervisor:
 
     Each child has its own session and process group, so that Ctrl-C in the terminal reaches only
     this process, which then stops the children in order. A child also ends by itself when this
-    process has ended (`pa_ros.ros.process.die_with_parent`). Its stdout and stderr go to
+    process has ended (`pa_ros.ros.node_main.die_with_parent`). Its stdout and stderr go to
     `<name>.log`.
     """
 

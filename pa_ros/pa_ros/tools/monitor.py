@@ -19,7 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_ros.core.text import natural, printable, renewable
-from pa_ros.ros.lifecycle import LIFECYCLE
+from pa_ros.ros.health import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.wire import Message
 from pa_ros.wire.diagnostics import Health, decode_diagnostics

@@ -31,8 +31,8 @@ from pa_ros.core.report import Report
 from pa_ros.core.software import device, versions
 from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.ros import topics
+from pa_ros.ros.environment import check_namespace
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.names import check_namespace
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire.arena import decode_arena_info

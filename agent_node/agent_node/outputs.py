@@ -1,0 +1,114 @@
+"""What an agent publishes besides its commands: setpoints for controllers, markers for viewers."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pa_ros.acting.velocity import VelocityRamp
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.views import encode_outlines, encode_point, encode_velocities
+
+if TYPE_CHECKING:
+    from agent_node.node import AgentNode
+
+WATCHDOG_S = 0.05  # wall time between two checks whether commands have stopped
+LOOK_S = 0.5  # wall time until a new viewer is noticed
+
+
+class ControllerOutput:
+    """Publishes each command for ros2_control as well: as velocities (group controller), or as a
+    trajectory of one point (joint trajectory controller).
+
+    Velocities change no faster than `max_acceleration`. When commands stop, they go down to zero.
+    """
+
+    def __init__(self, node: AgentNode) -> None:
+        config = node.config
+        self._acceleration, self._timeout_s = config.max_acceleration, config.output_timeout_s
+        self._trajectory = config.controller == "joint_trajectory"
+        topic = topics.JOINT_TRAJECTORY if self._trajectory else topics.VELOCITY_COMMANDS
+        self._out = topic.publisher(node)
+        self._arena: ArenaDescription | None = None
+        self._ramp = VelocityRamp((), 0.0)
+        self._position: Float64 = np.zeros(0)  # of the joints, at the newest command
+        self._sent_at = self._ramped_at = time.monotonic()
+        steady_timer(node, WATCHDOG_S, self._stop_if_late)
+
+    def bind(self, arena: ArenaDescription) -> None:
+        """Command the arm of this arena from now on, which is at rest."""
+        self._arena = arena
+        self._ramp = VelocityRamp(arena.speed_limits, self._acceleration)
+
+    def send(self, action: Float32, joint_position: Float64) -> None:
+        """Publish a command.
+
+        :param action: [J] in [-1, 1].
+        :param joint_position: [J], rad, that the command answers.
+        """
+        self._position, self._sent_at = joint_position, time.monotonic()
+        self._publish(action)
+
+    def rest(self) -> None:
+        """Start to bring the arm to rest, down the ramp."""
+        self._sent_at = -math.inf
+        self._stop_if_late()
+
+    def stop(self) -> None:
+        """Bring the arm to rest at once: nobody will be there to go down the ramp."""
+        if self._arena is not None and self._ramp.moving:
+            self._ramp = VelocityRamp(self._arena.speed_limits, 0.0)
+            self._publish(np.zeros(len(self._arena.speed_limits), np.float32))
+
+    def _stop_if_late(self) -> None:
+        late = time.monotonic() - self._sent_at > self._timeout_s
+        if late and self._ramp.moving:
+            self._publish(np.zeros(len(self._ramp.velocity), np.float32))
+
+    def _publish(self, action: Float32) -> None:
+        arena = self._arena
+        assert arena is not None
+        now, period_s = time.monotonic(), arena.control_period
+        elapsed_s, self._ramped_at = min(now - self._ramped_at, period_s), now
+        velocity = self._ramp.towards(action, elapsed_s)
+        if self._trajectory:
+            target = self._position + velocity * period_s
+            self._out.publish(encode_point(arena.joint_names, target, velocity, period_s))
+        else:
+            self._out.publish(encode_velocities(velocity))
+
+
+class RelevanceMarkers:
+    """Publishes the arena's markers again, each as opaque as p of its object, for viewers.
+
+    It subscribes to the arena's markers only while somebody subscribes to its own.
+    """
+
+    def __init__(self, node: AgentNode) -> None:
+        self._node = node
+        self._out = topics.RELEVANCE_MARKERS.publisher(node)
+        self._markers: Any = None  # subscription
+        steady_timer(node, LOOK_S, self._look_for_viewers)
+
+    def _look_for_viewers(self) -> None:
+        wanted = self._out.get_subscription_count() > 0
+        if wanted and self._markers is None:
+            self._markers = self._node.subscribe(topics.MARKERS, self._on_markers)
+        elif not wanted and self._markers is not None:
+            self._node.destroy_subscription(self._markers)
+            self._markers = None
+
+    def _on_markers(self, message: Message) -> None:
+        if self._node.seen is None or not self._node.active:
+            return
+        observation, program = self._node.seen
+        p = self._node.agent.relevance(observation, program)
+        blocks = [degree for i, degree in enumerate(p) if i != observation.hand_index]
+        self._out.publish(encode_outlines(message, blocks))

@@ -1,0 +1,137 @@
+"""What an agent is doing or waiting for, in words that a person can act on."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+
+from pa_ros.acting.agent import Agent
+from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.acting.send_window import Wait
+from pa_ros.core.experience import AgentKey, Executed
+from pa_ros.core.published import LearnerInfo
+from pa_ros.ros.health import ERROR, OK, WARN
+from pa_ros.ros.peers import PeerMonitor
+from pa_ros.wire.arena import ArenaDescription
+
+QUIET_S = 1.0  # without observations for so long, the agent waits for them
+REPORTED_S = 3.0  # an event is reported for so long
+WAIT_S = 2.0  # waiting for weights is reported after so long
+
+Status = tuple[int, str]  # level and message for /diagnostics
+
+
+class AgentStatus:
+    """Says OK only while the agent acts. Remembers what happened when."""
+
+    def __init__(self, stuck_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self.has_program = True  # whether a program was in force at the newest step
+        self._stuck_after_s, self._clock = stuck_after_s, clock
+        self._observed_at = self._commanded_at = self._step_at = clock()
+        self._refusal = ""  # why a step since `_step_at` was refused
+        self._warning, self._warned_at = "", -math.inf
+        self._overtaken = 0
+
+    def restart(self) -> None:
+        """Start all times anew: the agent was activated."""
+        self._observed_at = self._commanded_at = self._step_at = self._clock()
+
+    def observed(self) -> None:
+        """Take note of a part of a step."""
+        self._observed_at = self._clock()
+
+    def step_done(self) -> None:
+        """Take note of a complete step that was acted on, or that waits for weights."""
+        self._step_at, self._refusal = self._clock(), ""
+
+    def step_refused(self, reason: str) -> None:
+        """Take note of a refused step, or part of one."""
+        self._refusal = reason
+
+    def commanded(self) -> None:
+        """Take note of a command that was sent."""
+        self._commanded_at = self._clock()
+
+    def executed(self, executed: Executed | None, key: AgentKey) -> None:
+        """Take note of what the arena executed; `key` is this agent's."""
+        if executed is not None and executed.command[:2] != key:
+            agent = executed.command.agent_id
+            self.warn(f"the arm obeys the agent {agent!r}, too: stop one of the two")
+
+    def warn(self, warning: str) -> None:
+        """Report a warning for REPORTED_S."""
+        self._warning, self._warned_at = warning, self._clock()
+
+    @property
+    def observation_age_s(self) -> float:
+        """Time since the newest part of a step."""
+        return self._clock() - self._observed_at
+
+    @property
+    def idle_s(self) -> float:
+        """Time since the newest command."""
+        return self._clock() - self._commanded_at
+
+    def state(
+        self,
+        agent: Agent,
+        arenas: PeerMonitor[ArenaDescription],
+        learners: PeerMonitor[LearnerInfo],
+        lacking: Sequence[str],
+    ) -> Status:
+        """Level and message. The first reason counts.
+
+        :param lacking: topics that the newest step waits for.
+        """
+        return (
+            self._cannot_act(agent, arenas.current)
+            or self._no_step(lacking)
+            or self._second_peer(arenas.fault or learners.fault)
+            or self._doubtful(agent)
+            or (OK, "acting" if self.has_program else "waits for a program (program)")
+        )
+
+    def _cannot_act(self, agent: Agent, arena: ArenaDescription | None) -> Status | None:
+        if agent.rejection:
+            return ERROR, f"does not act for the learner: {agent.rejection}"
+        if arena is None:
+            return WARN, "waits for an arena (arena_info): does sim_node run in this ROS domain?"
+        required = agent.required()
+        reason = f": waits for {required.reason}" if isinstance(required, Wait) else ""
+        if not agent.has_weights:
+            return WARN, f"no weights yet{reason}; does learner_node run?"
+        if agent.waiting and reason and self.idle_s > self._stuck_after_s:
+            return ERROR, f"policy version stuck at {agent.version}{reason}; does learner_node run?"
+        if agent.waiting and reason and self.idle_s > WAIT_S:
+            return WARN, f"does not act with version {agent.version}{reason}"
+        return None
+
+    def _no_step(self, lacking: Sequence[str]) -> Status | None:
+        age_s = self.observation_age_s
+        missing = f"{' and '.join(lacking)} with the same stamp are missing" if lacking else ""
+        reason = self._refusal or missing
+        if reason and age_s < REPORTED_S and self._clock() - self._step_at > QUIET_S:
+            return WARN, f"takes in no step: {reason}"
+        if age_s > QUIET_S:
+            return WARN, "waits for observations (object_features): has sim_node ended or paused?"
+        return None
+
+    def _second_peer(self, fault: str) -> Status | None:
+        return (ERROR, fault) if fault else None
+
+    def _doubtful(self, agent: Agent) -> Status | None:
+        if isinstance(agent, LearningAgent):
+            if agent.overtaken > self._overtaken:
+                self._overtaken = agent.overtaken
+                self.warn(
+                    "another process sends trajectories under this agent_id: stop it, or give each "
+                    "agent its own agent_id"
+                )
+            if agent.stalled:
+                return WARN, (
+                    f"acts with version {agent.version}, but its learner takes in no trajectories "
+                    f"({len(agent.unaccounted)} wait); does learner_node run?"
+                )
+        recent = self._clock() - self._warned_at < REPORTED_S
+        return (WARN, self._warning) if recent else None
