@@ -34,6 +34,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         os.nice(NICE)
 
 
+@pytest.fixture(scope="module")
+def module_domain() -> Iterator[str]:
+    """A ROS domain for a graph that the tests of a module share."""
+    with DomainClaim() as claim, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(claim.number))
+        yield str(claim.number)
+
+
 @pytest.fixture(autouse=True)
 def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The ROS domain of a test that is marked `graph`; nobody else's, and in its environment.
@@ -42,6 +50,9 @@ def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     """
     if request.node.get_closest_marker("graph") is None:
         yield UNMARKED
+        return
+    if "module_domain" in request.fixturenames:
+        yield os.environ["ROS_DOMAIN_ID"]
         return
     with DomainClaim() as claim:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(claim.number))

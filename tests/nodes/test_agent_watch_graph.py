@@ -34,7 +34,7 @@ def test_an_agent_that_can_take_in_no_step_says_why_until_it_can() -> None:
 
         topic = topics.JOINT_STATES
         probe.create_subscription(topic.type, "whole", pass_on, topic.reader)
-        assert says("joint_states of the same stamp do not come")
+        assert says("joint_states with the same stamp are missing")
         assert probe.health["/agent_node"].level == WARN
         joints = 5
         assert says("joint_states.name: expected")

@@ -11,8 +11,8 @@ from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User, graph
-from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.authentication import Authenticated
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.managed import Managed
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, GoalServer
