@@ -59,14 +59,14 @@ class Entities:
         raise _not_found(name, [HAND, *self._names])
 
     def put(self, name: str, change: Callable[[Body], Body]) -> None:
-        """Have a block elsewhere, or moving otherwise. Raises SimulatorError, SceneError."""
+        """Have a block elsewhere, or moving otherwise. Raises SimulatorError, ArenaError."""
         index = self._block(name)
         placed = bodies(self._session.task)[1:]
         placed[index] = change(placed[index])
         self._rearrange(self._names, self._kinds(), placed)
 
     def spawn(self, request: Spawning) -> str:
-        """Add a block; its name. Raises SimulatorError, SceneError."""
+        """Add a block; its name. Raises SimulatorError, ArenaError."""
         self._look()
         kind = self._kind_of(request)
         name = self._free_name(request, kind)
@@ -77,7 +77,7 @@ class Entities:
         return name
 
     def delete(self, *names: str) -> None:
-        """Take blocks away. Raises SimulatorError, SceneError if none would stay."""
+        """Take blocks away. Raises SimulatorError, ArenaError if none would stay."""
         gone = {self._block(name) for name in names}
         keep = [i for i in range(len(self._names)) if i not in gone]
         placed, kinds = bodies(self._session.task)[1:], self._kinds()
@@ -95,7 +95,7 @@ class Entities:
 
     def restore(self, begin: Callable[[], object], spawned: bool) -> None:
         """`begin` the episode anew; with `spawned`, blocks that were added stand where they were
-        spawned. Raises SimulatorError, SceneError if these can't; then nothing has changed."""
+        spawned. Raises SimulatorError, ArenaError if these can't; then nothing has changed."""
         self._look()
         kinds = dict(zip(self._names, self._kinds(), strict=True))
         kept = {name: (kinds[name], body) for name, body in self._spawned.items() if spawned}
@@ -106,7 +106,7 @@ class Entities:
             self.spawn(Spawning(name, True, uri_of(kind), body))
 
     def _check_room(self, added: Sequence[tuple[Kind, Body]]) -> None:
-        """SimulatorError, SceneError unless blocks fit in with those that the episode begins
+        """SimulatorError, ArenaError unless blocks fit in with those that the episode begins
         with."""
         stands = self._session.frame
         episode = self._session.scene(stands.evaluation, stands.observation.episode)

@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 
-from pa_ros.arena import Episode, EpisodeError, ReachTask, generate, training_programs
+from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
 from pa_ros.core.experience import Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
@@ -112,9 +112,9 @@ class Session:
         if self.disturbed:
             executed, self.disturbed = None, False
         self.steps += 1
-        judge = self.task.judge
+        verdict_of = self.task.verdict
         evaluation = self.frame.evaluation
-        self._show(observation, lambda: self._masked(judge(observation)), evaluation, executed)
+        self._show(observation, lambda: self._masked(verdict_of(observation)), evaluation, executed)
         return self.frame
 
     def finish_step(self) -> bool:
@@ -132,13 +132,16 @@ class Session:
         """Begin the next episode, or the requested one. A rejected request changes nothing.
 
         Raises ProgramError if the requested program can't be executed in that scene, WireError if
-        its id already means another program, EpisodeError if there is no such episode.
+        its id already means another program, ArenaError if there is no such episode.
         """
         request = request or ResetRequest(evaluation=self._evaluation_due)
         evaluation = request.evaluation
         index = self._next[evaluation] if request.episode is None else request.episode
         if request.episode is not None and index > LAST_EPISODE:
-            raise EpisodeError(f"episode: expected a number up to {LAST_EPISODE}, got {index}")
+            raise ArenaError(
+                f"episode: expected a number up to {LAST_EPISODE}, got {index}",
+                code="arena.episode",
+            )
         episode = self.scene(evaluation, index)
         program = self._first_program(episode, evaluation, request.program)
         self.task.reset_to(episode)

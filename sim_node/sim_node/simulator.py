@@ -7,7 +7,6 @@ from typing import Any
 
 from rclpy.node import Node
 
-from pa_ros.arena.errors import SceneError
 from pa_ros.core.body import Body
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
@@ -87,7 +86,7 @@ class SimulatorServices:
             except PaError as error:
                 self._refusals.refuse(name, error)
                 code = getattr(error, "result", ResultCode.OPERATION_FAILED)
-                code = invalid if isinstance(error, SceneError) else code
+                code = invalid if error.code == "arena.scene" else code
                 return encode_result(response, code, str(error))
 
         return respond

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pa_ros.arena import EpisodeError, condition_named, design_named, generate, preset_named
-from pa_ros.arena.conditions import DEPTHS
-from pa_ros.arena.deep_programs import DeepPrograms
+from pa_ros.arena import ArenaError, condition_named, design_named, generate, preset_named
+from pa_ros.arena.conditions import DEPTHS, DeepPrograms
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.language import And, Expression, Not, Or, Program, Vocabulary, Word, satisfying
 from pa_ros.language.syntax import walk
@@ -51,5 +50,5 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     words = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
     values = {"color": ("RED", "BLUE"), "shape": ("CUBE",)}
     row = Design("row", values, words, (Kind(color="RED", shape="CUBE"),), n_blocks=2)
-    with pytest.raises(EpisodeError, match="programs 3 deep for design row"):
+    with pytest.raises(ArenaError, match="programs 3 deep for design row"):
         DeepPrograms(row, 3).draw(row.pool[1], 1, np.random.default_rng(0))

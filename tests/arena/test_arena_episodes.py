@@ -10,9 +10,9 @@ import pytest
 from pa_ros.arena import (
     DESIGNS,
     ArenaConfig,
+    ArenaError,
     Design,
     Episode,
-    EpisodeError,
     Kind,
     condition_named,
     conditions_for,
@@ -192,7 +192,7 @@ def test_custom_vocabulary_and_number_of_blocks() -> None:
 def test_too_many_blocks_for_the_ring_are_refused() -> None:
     design = design_named("3-C")
     crowded = CONFIG.changed(block_separation_m=0.9)
-    with pytest.raises(EpisodeError, match="4 blocks"):
+    with pytest.raises(ArenaError, match="4 blocks"):
         generate(crowded, design, condition_named("train", design), 0, 0)
     with pytest.raises(ConfigError, match="got 10"):
         condition_named("train", design, n_blocks=10)

@@ -7,7 +7,7 @@ import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.designs import Kind
-from pa_ros.arena.errors import SceneError
+from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.rearranging import bodies, rearrange
 from pa_ros.core.body import Body
 from pa_ros.language import parse
@@ -114,8 +114,8 @@ def test_poses_that_cannot_be_are_refused_and_nothing_changes(position, quaterni
     where = placed[1].position if position is None else position
     wrong = [Body.at_rest(where, quaternion), *placed[1:]]
     before = task.simulation.positions
-    with pytest.raises(SceneError, match=says):
+    with pytest.raises(ArenaError, match=says):
         rearrange(task, kinds_of(task), wrong)
     assert np.array_equal(task.simulation.positions, before)
-    with pytest.raises(SceneError, match="at least one"):
+    with pytest.raises(ArenaError, match="at least one"):
         rearrange(task, [], [])

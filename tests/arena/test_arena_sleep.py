@@ -5,7 +5,7 @@ import pytest
 
 from helpers.scripts import sleep_difference
 from pa_ros.arena import ArenaConfig, Design, Kind, ReachTask, design_named, preset_named
-from pa_ros.arena.constants import RESTING_DEPTH_M
+from pa_ros.arena.appearance import RESTING_DEPTH_M
 from pa_ros.language import Vocabulary
 
 SHAPES = tuple(RESTING_DEPTH_M)

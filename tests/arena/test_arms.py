@@ -1,4 +1,4 @@
-"""Arms as entities: what holds for any of them, and the Panda's published numbers."""
+"""Arms: properties of every arm, and the published numbers of the Panda."""
 
 import math
 from dataclasses import replace
@@ -10,8 +10,8 @@ import pytest
 from pa_ros.arena import (
     ARMS,
     ArenaConfig,
+    ArenaError,
     Arm,
-    CommandError,
     ReachTask,
     design_named,
     mean_reward,
@@ -40,7 +40,7 @@ def panda() -> ReachTask:
 
 
 @every_setting
-def test_the_script_scores_and_chance_does_not(config: ArenaConfig) -> None:
+def test_the_script_scores_well_and_random_actions_do_not(config: ArenaConfig) -> None:
     task = task_of(config)
     assert mean_reward(task, random_policy(0), 20) < -0.9
     assert mean_reward(task, scripted_action, 20) > (0.8 if config.preset == "fast" else 0.5)
@@ -83,14 +83,14 @@ def test_sizes_follow_from_the_arm(arm: Arm) -> None:
     assert task.world.arm(observation).shape == (3 * count,)
     assert task.simulation.link_positions.shape == (count + 1, 3)
     for wrong in (count - 1, count + 1):
-        with pytest.raises(CommandError, match=rf"\({count},\), got \({wrong},\)"):
+        with pytest.raises(ArenaError, match=f"expected {count} finite numbers"):
             task.step(np.zeros(wrong))
     env = ReachEnv(arm=arm.name)
     assert env.action_space.shape == (count,)
     assert env.reset(seed=0)[0].shape == env.observation_space.shape
 
 
-def test_unknown_arms_and_presets_are_refused_with_the_known_ones() -> None:
+def test_unknown_arms_and_presets_are_rejected_with_the_known_ones() -> None:
     with pytest.raises(ConfigError, match=r"unknown arm: .*'jaco', 'panda'.*'elbow'"):
         preset_named("fast", "elbow")
     with pytest.raises(ConfigError, match=r"\['fast', 'paper'\] of panda, got 'slow'"):
@@ -104,11 +104,10 @@ def test_unknown_arms_and_presets_are_refused_with_the_known_ones() -> None:
         ({"joints": ARMS["jaco"].joints * 3}, "1 to 16 joints, got 18"),
         ({"joints": ARMS["jaco"].joints[:1] * 6}, "different joint names"),
         ({"speeds": {"fast": (1.0,) * 5}}, "preset fast: expected 6, got 5"),
-        ({"speeds": {}}, r"speeds: expected those of some of \['paper', 'fast'\], got \[\]"),
-        ({"speeds": {"slow": (1.0,) * 6}}, r"expected those of some of .*, got \['slow'\]"),
+        ({"speeds": {}}, "expected the speeds of a preset"),
     ],
 )
-def test_arms_that_make_no_sense_are_refused(change, shown) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_arms_are_rejected(change, shown) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(ConfigError, match=shown):
         replace(ARMS["jaco"], **change)
 
@@ -130,33 +129,11 @@ NAMES = ARMS["jaco"].joint_names
         (bodies(*NAMES), "expected `hand` as its last body"),
     ],
 )
-def test_a_model_that_is_not_the_arm_is_refused(mjcf, shown, monkeypatch, tmp_path) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.chdir(tmp_path)  # where MuJoCo logs what it warns of
-    other = replace(ARMS["jaco"], mjcf=lambda config, attributes: mjcf)
+def test_a_model_of_another_arm_is_rejected(mjcf, shown, monkeypatch, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its log here
+    other = replace(ARMS["jaco"], mjcf=lambda settings, attributes: mjcf)
     monkeypatch.setattr("pa_ros.arena.model.ARMS", {"jaco": other})
     with pytest.raises(ConfigError, match=f"(?s)arm jaco: .*{shown}"):
-        task_of(preset_named("fast")).reset(0)
-
-
-def raises(*_: object) -> str:
-    raise KeyError("links")
-
-
-def gives_none(*_: object) -> None:
-    pass
-
-
-@pytest.mark.parametrize(
-    ("mjcf", "shown"),
-    [
-        (raises, "expected MJCF bodies, got KeyError: 'links'"),
-        (gives_none, "expected MJCF bodies as text, got None"),
-    ],
-)
-def test_an_arm_whose_bodies_cannot_be_made_is_refused_by_name(mjcf, shown, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    other = replace(ARMS["jaco"], mjcf=mjcf)
-    monkeypatch.setattr("pa_ros.arena.model.ARMS", {"jaco": other})
-    with pytest.raises(ConfigError, match=f"^arm jaco: {shown}$"):
         task_of(preset_named("fast")).reset(0)
 
 
@@ -180,7 +157,7 @@ def test_the_panda_stays_within_the_real_arms_speeds() -> None:
             assert speed <= joint.max_speed
 
 
-def test_a_base_that_ends_turns_the_long_way_round() -> None:
+def test_a_base_with_limits_turns_the_long_way_round() -> None:
     """From the far left to a block at the far right, through the front."""
     task = panda()
     task.simulation.data.qpos[0] = 2.5
@@ -189,7 +166,7 @@ def test_a_base_that_ends_turns_the_long_way_round() -> None:
     assert toward(task, goal)[0] < 0  # the short way leads to +3.98 rad
 
 
-def test_blocks_lie_where_the_arm_can_be() -> None:
+def test_blocks_lie_within_the_sector_of_the_arm() -> None:
     config = preset_named("fast", "panda")
     task = ReachTask(config, design_named("3-D"), seed=0, n_blocks=8)
     for episode in range(20):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_ros.arena.choice import ArenaChoice
+from pa_ros.arena.config import ArenaChoice
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.world.relations import RELATIONS

@@ -1,9 +1,9 @@
-"""An arm of one's own: four joints, a table crane. Numbers are invented.
+"""A custom arm with four joints, a table crane. The numbers are invented.
 
 `pa_ros train --extension tests/extending/crane.py --arm crane` learns with it.
 """
 
-from pa_ros.arena import ARMS, ArenaConfig, Arm, Joint
+from pa_ros.arena import ARMS, Arm, Joint, JointSettings
 
 LARGE, SMALL = (2.5, 60.0, 40.0), (3.0, 15.0, 8.0)  # rad/s, N m, N m s/rad
 # Name, limits, motor; start and working range. At zero the arm is straight up.
@@ -15,11 +15,11 @@ JOINTS = (
 )
 
 
-def mjcf(config: ArenaConfig, attributes: str) -> str:
+def mjcf(settings: JointSettings, attributes: str) -> str:
     """Upper arm 0.35 m, forearm 0.30 m, hand 0.15 m."""
     ranges = [
         f'range="{low} {high}"'
-        for low, high in zip(config.joint_lower, config.joint_upper, strict=True)
+        for low, high in zip(settings.joint_lower, settings.joint_upper, strict=True)
     ]
     return f"""
 <geom type="cylinder" pos="0 0 0.1" size="0.06 0.1" {attributes}/>

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pa_ros.arena.appearance import APPEARANCES
-from pa_ros.arena.constants import BLOCK_HALF_SIZE_M
+from pa_ros.arena.appearance import APPEARANCES, BLOCK_HALF_SIZE_M
 from pa_ros.arena.designs import Design, Kind, kinds, register
 from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 

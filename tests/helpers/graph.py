@@ -21,7 +21,7 @@ from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.arena import ReachTask, world_of
 from pa_ros.arena.designs import Kind
-from pa_ros.arena.verifier import Verifier
+from pa_ros.arena.task import Verifier
 from pa_ros.core.experience import Observation, PolicySnapshot
 from pa_ros.ros import topics
 from pa_ros.ros.environment import prepare_environment

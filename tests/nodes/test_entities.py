@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pa_ros.arena.errors import SceneError
+from pa_ros.arena.errors import ArenaError
 from pa_ros.core.body import Body
 from pa_ros.wire.simulator import EntityFilter, ResultCode, Spawning
 from sim_node.config import SimConfig
@@ -70,7 +70,7 @@ def test_what_cannot_be_put_back_is_refused_and_nothing_has_changed(session, ent
     entities.put(block, lambda body: replace(body, position=elsewhere))
     spawn(entities, "mine", start[0], start[1])
     frame, before = session.frame, names(entities)
-    with pytest.raises(SceneError, match="to every other block"):
+    with pytest.raises(ArenaError, match="to every other block"):
         entities.restore(session.begin, spawned=True)
     assert session.frame is frame and names(entities) == before
     assert np.allclose(entities.named(block).body.position, elsewhere, atol=0.05)

@@ -10,7 +10,7 @@ import pytest
 
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
-from pa_ros.arena import EpisodeError, ReachTask, design_named, preset_named
+from pa_ros.arena import ArenaError, ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import CommandKey, Executed
 from pa_ros.language import ProgramError
@@ -184,7 +184,7 @@ def test_learners_that_cannot_be_are_refused(wrong):
 def test_a_reset_to_an_episode_whose_followers_have_no_number_is_refused(episode):
     session = Session(SimConfig(episode_steps=2), "x")
     stands = session.begin()
-    with pytest.raises(EpisodeError, match=f"up to {2**62}, got {episode}"):
+    with pytest.raises(ArenaError, match=f"up to {2**62}, got {episode}"):
         session.begin(ResetRequest(episode))
     assert session.frame is stands
     session.begin(ResetRequest(2**62))
@@ -231,17 +231,17 @@ def test_a_step_that_stands_is_judged_under_its_own_program():
     blocks = later.task.episode.blocks
     for number, word in enumerate({word for block in blocks for word in block.kind.words}):
         later.submit(ProgramRequest(f"mine-{number}", f"NEAR(HAND, {word})"))
-        if later.task.judge(frame.observation).distance != verdict.distance:
+        if later.task.verdict(frame.observation).distance != verdict.distance:
             break  # by now another block is named
-    assert later.task.judge(frame.observation).distance != verdict.distance
+    assert later.task.verdict(frame.observation).distance != verdict.distance
     assert frame.verdict == verdict
 
 
 def test_an_episodes_score_leaves_the_resets_reward_out(monkeypatch):
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
-    judge = session.task.judge
-    monkeypatch.setattr(session.task, "judge", lambda seen: replace(judge(seen), reward=1.0))
+    verdict = session.task.verdict
+    monkeypatch.setattr(session.task, "verdict", lambda seen: replace(verdict(seen), reward=1.0))
     for _ in range(3):
         step(session)
     assert list(session.rewards[False]) == [1.0]  # four rewards, one of them a reset's -1: 0.5

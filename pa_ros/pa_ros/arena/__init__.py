@@ -1,12 +1,11 @@
-"""Simulated arena: arm, table, blocks, episodes, programs' verifier and reference policies."""
+"""The simulated arena: arm, table, blocks, episodes, the verifier and reference policies."""
 
-from pa_ros.arena.arms import ARMS, Arm, Joint
-from pa_ros.arena.choice import ArenaChoice
+from pa_ros.arena.arms import ARMS, Arm, Joint, JointSettings
 from pa_ros.arena.conditions import Condition, condition_named, conditions_for, training_programs
-from pa_ros.arena.config import PRESETS, ArenaConfig, preset_named
+from pa_ros.arena.config import PRESETS, ArenaChoice, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
 from pa_ros.arena.episodes import Block, Episode, generate
-from pa_ros.arena.errors import CommandError, DivergedError, EpisodeError, RenderError
+from pa_ros.arena.errors import ArenaError, DivergedError, RenderError
 from pa_ros.arena.gym_env import ENV_ID, ReachEnv, register
 from pa_ros.arena.references import mean_reward, random_policy, scripted_action
 from pa_ros.arena.task import ReachTask, scoring_of, world_of
@@ -18,15 +17,15 @@ __all__ = [
     "PRESETS",
     "ArenaChoice",
     "ArenaConfig",
+    "ArenaError",
     "Arm",
     "Block",
-    "CommandError",
     "Condition",
     "Design",
     "DivergedError",
     "Episode",
-    "EpisodeError",
     "Joint",
+    "JointSettings",
     "Kind",
     "ReachEnv",
     "ReachTask",

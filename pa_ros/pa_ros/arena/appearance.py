@@ -1,7 +1,7 @@
-"""What a block of some properties looks like, and what it is made of.
+"""Blocks as bodies: shape, size, color and density, from the properties of a block.
 
-Each property group has an entry in `APPEARANCES`: what its value makes of a look. One without an
-entry is seen in the features alone.
+`APPEARANCES` has an entry for each property group that shows; the entry changes a `Look` by the
+group's value. A group without an entry shows only in the features.
 """
 
 from __future__ import annotations
@@ -10,29 +10,48 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from pa_ros.arena import constants as c
 from pa_ros.arena.designs import Kind
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.registry import Registry
 
-MOST = 1000.0  # times ours, and as many times less
+# Our own sizes; the paper gives none.
+# Half the cube's edge, half the cylinder's height, and the radius of sphere and cylinder.
+BLOCK_HALF_SIZE_M = 0.03
+CAPSULE_RADIUS_M = 0.025
+CAPSULE_HALF_LENGTH_M = 0.025  # the capsule lies on its side, along the block's x axis
+
+RESTING_DEPTH_M = {"CUBE": 4.36e-5, "SPHERE": 1.69e-4, "CYLINDER": 4.4e-5, "CAPSULE": 8.66e-5}
+"""How far each shape sinks into the table, measured (tests/arena/test_physics.py). MuJoCo's contact
+is soft, and the depth doesn't depend on the mass. A block that starts at this depth does not move
+when it wakes."""
+
+COLOR_RGBA = {
+    "RED": "0.85 0.15 0.15 1",
+    "GREEN": "0.15 0.65 0.2 1",
+    "BLUE": "0.15 0.3 0.85 1",
+    "YELLOW": "0.95 0.85 0.1 1",
+    "MAGENTA": "0.85 0.15 0.75 1",
+}
+MAX_FACTOR = 1000.0  # of a scale or density; the least is its inverse
 
 
 @dataclass(frozen=True)
 class Look:
-    """A block: one of our shapes, larger or smaller, of a color and a weight."""
+    """One of four shapes, with a size, a color and a density."""
 
-    shape: str = "CUBE"  # of constants.RESTING_DEPTH_M
-    scale: float = 1.0  # of the lengths in arena.constants
+    shape: str = "CUBE"  # a key of RESTING_DEPTH_M
+    scale: float = 1.0  # factor of the lengths above
     rgba: str = "0.5 0.5 0.5 1"
-    density: float = 1.0  # of the mass that the arena gives to a block
+    density: float = 1.0  # factor of the mass that the arena gives to a block
 
     def __post_init__(self) -> None:
-        if self.shape not in c.RESTING_DEPTH_M:
-            raise ConfigError(f"shape: expected one of {[*c.RESTING_DEPTH_M]}, got {self.shape!r}")
+        if self.shape not in RESTING_DEPTH_M:
+            raise ConfigError(f"shape: expected one of {[*RESTING_DEPTH_M]}, got {self.shape!r}")
         for name, value in (("scale", self.scale), ("density", self.density)):
-            if not (isinstance(value, (int, float)) and 1 / MOST <= value <= MOST):
-                raise ConfigError(f"{name}: expected {1 / MOST:g} to {MOST}, got {value!r}")
+            if not (isinstance(value, (int, float)) and 1 / MAX_FACTOR <= value <= MAX_FACTOR):
+                raise ConfigError(
+                    f"{name}: expected {1 / MAX_FACTOR:g} to {MAX_FACTOR}, got {value!r}"
+                )
         try:
             parts = [float(part) for part in self.rgba.split()]
         except (AttributeError, ValueError):
@@ -44,34 +63,34 @@ class Look:
 
     @property
     def solid(self) -> Look:
-        """The same in grey: what physics depends on."""
+        """The same look in grey: all that the physics depends on."""
         return replace(self, rgba=Look.rgba)
 
     @property
     def marker(self) -> str:
-        """Of matplotlib, seen from above."""
+        """The matplotlib marker of this shape, seen from above."""
         return {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "D"}[self.shape]
 
     @property
     def rgb(self) -> tuple[float, ...]:
-        """For a picture."""
+        """Red, green and blue in [0, 1]."""
         return tuple(float(value) for value in self.rgba.split()[:3])
 
     @property
     def rest_height(self) -> float:
         """Height of a resting block's center above the table, m."""
-        half = c.CAPSULE_RADIUS_M if self.shape == "CAPSULE" else c.BLOCK_HALF_SIZE_M
-        return half * self.scale - c.RESTING_DEPTH_M[self.shape]
+        half = CAPSULE_RADIUS_M if self.shape == "CAPSULE" else BLOCK_HALF_SIZE_M
+        return half * self.scale - RESTING_DEPTH_M[self.shape]
 
     @property
     def geometry(self) -> str:
-        """Of an MJCF geom."""
-        half, radius = c.BLOCK_HALF_SIZE_M * self.scale, c.CAPSULE_RADIUS_M * self.scale
+        """Attributes of an MJCF geom."""
+        half, radius = BLOCK_HALF_SIZE_M * self.scale, CAPSULE_RADIUS_M * self.scale
         return {
             "CUBE": f'type="box" size="{half} {half} {half}"',
             "SPHERE": f'type="sphere" size="{half}"',
             "CYLINDER": f'type="cylinder" size="{half} {half}"',
-            "CAPSULE": f'type="capsule" size="{radius} {c.CAPSULE_HALF_LENGTH_M * self.scale}"'
+            "CAPSULE": f'type="capsule" size="{radius} {CAPSULE_HALF_LENGTH_M * self.scale}"'
             ' quat="0.7071067811865476 0 0.7071067811865476 0"',
         }[self.shape]
 
@@ -79,36 +98,32 @@ class Look:
 APPEARANCES: Registry[Callable[[Look, str], Look]] = Registry("appearance")
 APPEARANCES.register("shape", lambda look, value: replace(look, shape=value))
 APPEARANCES.register(
-    "color", lambda look, value: replace(look, rgba=c.COLOR_RGBA.get(value, look.rgba))
+    "color", lambda look, value: replace(look, rgba=COLOR_RGBA.get(value, look.rgba))
 )
 
 
 @lru_cache(maxsize=4096)
 def look_of(kind: Kind) -> Look:
-    """What a block of these properties looks like; ConfigError for what an entry cannot say."""
+    """The look of a block with these properties; ConfigError if an entry gives none."""
     look = Look()
     for group, value in kind.items():
-        if group in APPEARANCES:
-            look = _changed(look, group, value)
+        if group not in APPEARANCES:
+            continue
+        where = f"appearance of {group}: {value}"
+        try:
+            look = APPEARANCES[group](look, value)
+        except PaError as error:
+            raise ConfigError(f"{where}: {error}") from error
+        except Exception as error:  # code of an extension may raise anything
+            why = f"{type(error).__name__}: {error}"
+            raise ConfigError(f"{where}: expected a Look, got {why}") from error
+        if not isinstance(look, Look):
+            raise ConfigError(f"{where}: expected a Look, got {look!r}")
     return look
 
 
 def check_looks(values: Mapping[str, Iterable[str]]) -> None:
-    """ConfigError, with group and value, for one that looks like nothing."""
+    """Raise ConfigError, with group and value, for a value that has no look."""
     for group, some in values.items():
         for value in some:
             look_of(Kind(**{group: value}))
-
-
-def _changed(look: Look, group: str, value: str) -> Look:
-    where = f"appearance of {group}: {value}"
-    try:
-        changed = APPEARANCES[group](look, value)
-    except PaError as error:
-        raise ConfigError(f"{where}: {error}") from error
-    except Exception as error:  # whatever code of others raises
-        why = f"{type(error).__name__}: {error}"
-        raise ConfigError(f"{where}: expected a Look, got {why}") from error
-    if not isinstance(changed, Look):
-        raise ConfigError(f"{where}: expected a Look, got {changed!r}")
-    return changed

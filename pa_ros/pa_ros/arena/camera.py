@@ -1,7 +1,7 @@
-"""A camera over the table: pictures by OpenGL, and where in them a place is to be found.
+"""A camera over the table: pictures by OpenGL, and the pixel at which a place is seen.
 
-The optical frame is ROS's (REP 103): z forward, x right, y down. Pixel (u, v) has its center at
-these coordinates, from 0 at the upper left: u = fx x/z + cx, v = fy y/z + cy.
+The optical frame is that of ROS (REP 103): z forward, x right, y down. A place is seen at pixel
+u = fx x/z + cx, v = fy y/z + cy; (0, 0) is the center of the upper left pixel.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from pa_ros.core.settings import Settings
 
 MARK_M, MARK_RGBA = 0.065, (1.0, 1.0, 1.0, 1.0)
 LARGEST_PX = 2048
-ROOM = 1000  # geoms of a scene
-_refusals: list[str] = []  # of OpenGL in this process: none, or one
+MAX_GEOMS = 1000  # of a scene
+_failures: list[str] = []  # the message of a failed attempt to use OpenGL, if any
 
 
 class CameraConfig(Settings):
-    """Pictures of an arena."""
+    """Settings of the pictures of an arena."""
 
     SECTION: ClassVar[str] = "camera"
 
@@ -45,35 +45,35 @@ class CameraConfig(Settings):
 
 
 def intrinsics(model: mujoco.MjModel, view: str, width: int, height: int) -> Float64:
-    """K, [3, 3] px: pixels are square, the axis goes through the picture's middle."""
+    """The matrix K, [3, 3] px; pixels are square, the optical axis is in the middle."""
     focal = height / 2 / np.tan(np.radians(model.camera(view).fovy[0]) / 2)
     middle = (width - 1) / 2, (height - 1) / 2
     return np.array([[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]])
 
 
 def optical_pose(model: mujoco.MjModel, view: str) -> Body:
-    """Of the optical frame, in the table's. MuJoCo's camera looks along its own -z, y up."""
+    """Pose of the optical frame in the table's. MuJoCo's camera looks along its own -z, y up."""
     camera, turned = model.camera(view), np.zeros(4)
     mujoco.mju_mulQuat(turned, camera.quat, np.array([0.0, 1.0, 0.0, 0.0]))
     return Body.at_rest(camera.pos.copy(), np.roll(turned, -1))
 
 
 class Camera:
-    """Renders what it looked at. All but `look` is for the thread on which it was made."""
+    """Renders pictures. Call all methods but `look` on the thread that made the camera."""
 
     def __init__(
         self, model: mujoco.MjModel, view: str, width: int, height: int, shadows: bool = False
     ) -> None:
-        """Models that it looks at later may differ in their blocks.
+        """Later models may have other blocks than `model`.
 
-        MuJoCo renders by what the variable MUJOCO_GL says; where it is not set, by EGL, which needs
-        no screen. Raises RenderError if there is no such OpenGL on this machine; then nor is there
-        later in this process, for another attempt would make MuJoCo abort it.
+        The environment variable MUJOCO_GL chooses the OpenGL of MuJoCo; the default is EGL, which
+        needs no screen. Raises RenderError if this machine does not have it.
         """
-        if _refusals:
-            raise RenderError(_refusals[0])
+        # MuJoCo aborts the process at a second attempt, so the first failure is final.
+        if _failures:
+            raise RenderError(_failures[0])
         self._rect = mujoco.MjrRect(0, 0, width, height)
-        self._scene = mujoco.MjvScene(model, ROOM)
+        self._scene = mujoco.MjvScene(model, MAX_GEOMS)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._scene.flags[flag] = shadows
         self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
@@ -81,21 +81,21 @@ class Camera:
         self._camera.fixedcamid = model.camera(view).id
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # GLFW's, on a machine without a display
+                warnings.simplefilter("ignore")  # from GLFW, on a machine without a display
                 self._gl: Any = _context(width, height)
             self._gl.make_current()
             self._buffer = mujoco.MjrContext(_of_this_size(model, width, height, shadows), 100)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._buffer)
-        except Exception as error:  # each OpenGL back end has its own kinds of failure
-            _refusals.append(
+        except Exception as error:  # each OpenGL back end raises its own errors
+            _failures.append(
                 "expected offscreen OpenGL (MUJOCO_GL=egl or osmesa), got "
                 f"{type(error).__name__}: {error}"
             )
-            raise RenderError(_refusals[0]) from error
+            raise RenderError(_failures[0]) from error
 
     def look(self, simulation: Simulation, marked: Sequence[int] = ()) -> None:
-        """Take in the present moment; a ring lies on the table around each object that is
-        `marked`. On the simulation's thread, while no picture is being made."""
+        """Copy the current scene, with a ring on the table around each `marked` object. Call it on
+        the simulation's thread, and not while a picture is being made."""
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         known = simulation.model, simulation.data, self._option, None, self._camera, every
         mujoco.mjv_updateScene(*known, self._scene)
@@ -103,20 +103,20 @@ class Camera:
             _mark(self._scene, simulation.positions[index])
 
     def picture(self) -> NDArray[np.uint8]:
-        """Of what it looked at last: RGB, [height, width, 3]."""
+        """A picture of the last scene: RGB, [height, width, 3]."""
         upside_down = np.empty((self._rect.height, self._rect.width, 3), dtype=np.uint8)
         mujoco.mjr_render(self._rect, self._scene, self._buffer)
         mujoco.mjr_readPixels(upside_down, None, self._rect, self._buffer)
         return upside_down[::-1].copy()
 
     def close(self) -> None:
-        """Give back what OpenGL holds."""
+        """Free the resources of OpenGL."""
         self._buffer.free()
         self._gl.free()
 
 
 def _context(width: int, height: int) -> Any:
-    """What makes OpenGL draw into memory."""
+    """An OpenGL context that draws into memory."""
     if os.environ.get("MUJOCO_GL"):
         return mujoco.GLContext(width, height)
     from mujoco.egl import GLContext
@@ -125,7 +125,7 @@ def _context(width: int, height: int) -> Any:
 
 
 def _of_this_size(model: mujoco.MjModel, width: int, height: int, shadows: bool) -> mujoco.MjModel:
-    """The same, asking for memory for no more than such a picture."""
+    """A copy of the model whose buffers fit a picture of this size."""
     model = copy.copy(model)
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     if not shadows:
@@ -134,7 +134,7 @@ def _of_this_size(model: mujoco.MjModel, width: int, height: int, shadows: bool)
 
 
 def _mark(scene: mujoco.MjvScene, place: Float64) -> None:
-    """A bright disk on the table under a block, larger than it; dropped where the scene is full."""
+    """Add a bright disk on the table under a block, unless the scene is full."""
     if scene.ngeom < scene.maxgeom:
         mujoco.mjv_initGeom(
             scene.geoms[scene.ngeom],

@@ -1,49 +1,53 @@
 """Conditions: how the episodes of one column of the generalization figure are drawn.
 
-Each is data: from which targets, named how, among which other blocks, and how many (paper,
-section "Strong generalization" and appendix "Referencing objects by exclusion").
+Each condition is data: the targets, how programs name them, and the other blocks (paper, section
+"Strong generalization" and appendix "Referencing objects by exclusion").
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 
-from pa_ros.arena.deep_programs import DeepPrograms
 from pa_ros.arena.designs import Design, Kind, kinds
+from pa_ros.arena.errors import ArenaError
 from pa_ros.core.errors import ConfigError
-from pa_ros.language import Program, parse
+from pa_ros.language import And, Expression, Not, Or, Program, Word, parse, satisfying
 
-DEPTHS = (3, 4, 5, 6)  # of the conditions with longer programs; in training they are 2 deep
+DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
+TRIES = 10_000  # draws of a longer program before it is given up
+
+Denotation = tuple[bool, ...]
+"""For each kind of a pool: does the expression describe it?"""
 
 
 class Term(Enum):
     """How a program refers to one property of its target."""
 
     NAMED = "named"  # RED
-    ANY = "any"  # not mentioned; then the other properties alone identify the target
-    NOT_ANOTHER = "not another"  # NOT(BLUE), with the blue one on the table that else is the same
+    ANY = "any"  # not mentioned; the other properties alone identify the target
+    NOT_ANOTHER = "not another"  # NOT(BLUE); the same block in blue is on the table too
     NOVEL = "novel"  # OR(NOT(OR(RED, GREEN, BLUE)), A, B): by exclusion and by inclusion
 
 
 @dataclass(frozen=True)
 class Condition:
-    """Where targets come from and how programs name them.
+    """The targets of episodes, and how programs name them.
 
-    Whatever the terms, the program names exactly one block of the episode: the target.
+    The program of an episode always names exactly one block: the target.
     """
 
     name: str
     targets: tuple[Kind, ...]
     pool: tuple[Kind, ...]  # all blocks that may be on the table
     n_blocks: int
-    terms: Mapping[str, Term] = field(default_factory=dict)  # by group; NAMED where there is none
+    terms: Mapping[str, Term] = field(default_factory=dict)  # by group; NAMED is the default
     new_distractor: bool = False  # at least one other block has a new property
-    relations: tuple[str, ...] = ()  # that programs ask for; none: all of the design's
-    depth: int = 0  # 0: a conjunction as the terms say; else a random program this deep
+    relations: tuple[str, ...] = ()  # of the programs; empty: all of the design's
+    depth: int = 0  # 0: a conjunction of the terms; else a random program of this depth
 
     def __post_init__(self) -> None:
         if not self.targets:
@@ -56,7 +60,7 @@ class Condition:
 
 
 def training_programs(design: Design) -> tuple[Program, ...]:
-    """The programs that training episodes draw from: relation by relation, target by target."""
+    """The programs of training episodes, by relation and then by target."""
     return tuple(
         _program(design, relation, *kind.values())
         for relation in design.vocabulary.relations
@@ -67,8 +71,8 @@ def training_programs(design: Design) -> tuple[Program, ...]:
 def program_for(
     condition: Condition, design: Design, target: Kind, rng: np.random.Generator
 ) -> tuple[Program, tuple[Kind, ...]]:
-    """Program for a target, and the blocks that must be present for it to mean something."""
-    relation = _drawn(condition.relations or design.vocabulary.relations, rng)
+    """A program for a target, and the blocks that it needs besides the target."""
+    relation = _draw_relation(condition.relations or design.vocabulary.relations, rng)
     if condition.depth:
         others = min(condition.n_blocks - 1, len(design.pool) // 2)
         program = DeepPrograms(design, condition.depth).draw(target, others, rng)
@@ -91,8 +95,9 @@ def program_for(
     return _program(design, relation, *terms), tuple(required)
 
 
-def _drawn(relations: tuple[str, ...], rng: np.random.Generator) -> str:
-    """One of them; where there is one alone, nothing is drawn."""
+def _draw_relation(relations: tuple[str, ...], rng: np.random.Generator) -> str:
+    """A random relation. A single relation uses no random number, so that the episodes of one
+    relation are the same as before there were several."""
     return relations[int(rng.integers(len(relations))) if len(relations) > 1 else 0]
 
 
@@ -102,16 +107,16 @@ def _program(design: Design, relation: str, *terms: str) -> Program:
 
 
 def novel(known: tuple[str, ...], spare: tuple[str, ...]) -> str:
-    """Name what has no known property of a group: exclusion OR inclusion (paper, eq. 6)."""
+    """Describe objects without a known property: exclusion OR inclusion (paper, eq. 6)."""
     excluded = f"NOT({'OR(' + ', '.join(known) + ')' if len(known) > 1 else known[0]})"
     return f"OR({', '.join((excluded, *spare))})" if spare else excluded
 
 
 def condition_named(name: str, design: Design, n_blocks: int | None = None) -> Condition:
-    """Build a condition for a design; ConfigError if unknown, or if it means nothing there.
+    """Build a condition for a design; ConfigError if the design has no such condition.
 
-    `n_blocks` replaces the design's number of blocks, except where the condition sets it.
-    Zero-shot conditions use the held-out targets, or the training ones if nothing is held out.
+    `n_blocks` replaces the design's number of blocks, unless the condition sets it. Zero-shot
+    conditions use the held-out targets, or the training targets if nothing is held out.
     """
     conditions = _conditions(design, n_blocks or design.n_blocks)
     if name in conditions:
@@ -122,7 +127,7 @@ def condition_named(name: str, design: Design, n_blocks: int | None = None) -> C
 
 
 def conditions_for(design: Design) -> tuple[str, ...]:
-    """Names of the conditions that this design can be evaluated under."""
+    """Names of the conditions of a design."""
     return tuple(_conditions(design, design.n_blocks))
 
 
@@ -154,7 +159,7 @@ def _conditions(design: Design, n: int) -> dict[str, Condition]:
 
 
 def _by_relation(design: Design, n: int) -> list[Condition]:
-    """Training and held-out targets of one relation each, where programs ask for several."""
+    """Training and held-out targets by relation, for designs with several relations."""
     parts = (("train", design.train), ("eval", design.held_out))
     return [
         Condition(f"{part}-{relation.lower().replace('_', '-')}", targets, design.pool, n,
@@ -165,7 +170,7 @@ def _by_relation(design: Design, n: int) -> list[Condition]:
 
 
 def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition]:
-    """Targets with a new property; only where the vocabulary has words to spare for it."""
+    """Targets with a new property, for groups that have spare words in the vocabulary."""
     groups = [g.name for g in design.schema if g.name in design.novel and design.spare(g.name)]
     together = [groups] if len(groups) > 1 else []
     found = []
@@ -175,3 +180,65 @@ def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition
         terms = dict.fromkeys(new, Term.NOVEL)
         found.append(Condition(f"reach-new-{name}", kinds(values), pool, n, terms))
     return found
+
+
+class DeepPrograms:
+    """Draws random programs that are `depth` deep (a word is 1 deep, AND(RED, CUBE) is 2).
+
+    Every operator matters: no part of a program is true of all kinds of the design or of none, no
+    operand of AND or OR can be omitted, and NOT is never doubled. No program has the meaning of a
+    training program.
+    """
+
+    def __init__(self, design: Design, depth: int) -> None:
+        self._design, self._depth = design, depth
+        self._words = [Word(word) for word in design.words]
+        self._kinds = [kind.words for kind in design.pool]
+        self._trained = {tuple(kind == one for kind in design.pool) for one in design.train}
+
+    def draw(self, target: Kind, others: int, rng: np.random.Generator) -> Program:
+        """A program that names `target` and leaves at least `others` kinds of the design unnamed.
+
+        Raises ArenaError (arena.episode) if TRIES draws give none.
+        """
+        index = self._design.pool.index(target)
+        for _ in range(TRIES):
+            expression, named = self._expression(self._depth, rng)
+            if named[index] and named.count(False) >= others and named not in self._trained:
+                return Program(expression)
+        raise self._not_found(f"a program that names {target} and leaves {others} kinds unnamed")
+
+    def _expression(self, depth: int, rng: np.random.Generator) -> tuple[Expression, Denotation]:
+        if depth == 1:
+            word = self._words[int(rng.integers(len(self._words)))]
+            return word, self._denotation(word)
+        for _ in range(TRIES):
+            operands = [self._expression(depth - 1, rng)]
+            operator = int(rng.integers(3))
+            if operator > 0:
+                operands.append(self._expression(int(rng.integers(1, depth)), rng))
+                operands = [operands[i] for i in rng.permutation(2)]
+            expression = _combine(operator, [operand for operand, _ in operands])
+            if expression is None:
+                continue
+            named = self._denotation(expression)
+            if len(set(named)) == 2 and all(named != other for _, other in operands):
+                return expression, named
+        raise self._not_found(f"an expression {depth} deep in which every operator matters")
+
+    def _denotation(self, expression: Expression) -> Denotation:
+        return satisfying(Program(expression), self._kinds, None)
+
+    def _not_found(self, expected: str) -> ArenaError:
+        return ArenaError(
+            f"programs {self._depth} deep for design {self._design.name}: expected {expected}, "
+            f"found none in {TRIES} draws",
+            code="arena.episode",
+        )
+
+
+def _combine(operator: int, operands: Sequence[Expression]) -> Expression | None:
+    """NOT, AND or OR (0, 1, 2) of the operands; None for NOT of NOT."""
+    if operator == 0:
+        return None if isinstance(operands[0], Not) else Not(operands[0])
+    return And(tuple(operands)) if operator == 1 else Or(tuple(operands))

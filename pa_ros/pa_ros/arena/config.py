@@ -1,4 +1,6 @@
-"""Parameters of the arena, for any of its arms, and the presets `paper` and `fast`."""
+"""Settings of the arena: the values for any arm, the presets `paper` and `fast`, and the choice by
+name.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +9,19 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, PositiveFloat, model_validator
 
-from pa_ros.arena import constants
 from pa_ros.arena.arms import ARMS
+from pa_ros.arena.designs import DESIGNS, Design, design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings
+from pa_ros.world.relations import RELATIONS
 
-Joints = tuple[float, ...]  # an element for each of the arm's
-_JACO: dict[str, Any] = ARMS["jaco"].settings  # other arms bring their own (`_of_the_arm`)
+Joints = tuple[float, ...]  # one number for each joint of the arm
+# `_use_arm_defaults` replaces these for other arms.
+_JACO: dict[str, Any] = ARMS["jaco"].settings
 
 
 class ArenaConfig(Settings):
-    """The task's physics and timing. Lengths in metres, angles in radians, times in seconds."""
+    """Physics and timing of the task. Lengths in metres, angles in radians, times in seconds."""
 
     SECTION: ClassVar[str] = "arena"
 
@@ -73,22 +77,23 @@ class ArenaConfig(Settings):
 
     @property
     def control_period_ns(self) -> int:
+        """The control period in nanoseconds."""
         return round(self.control_period_s * 1e9)
 
     @property
     def joints(self) -> int:
-        """How many the arm has: sizes of commands and of the arm's features."""
+        """Number of joints of the arm."""
         return len(ARMS[self.arm].joints)
 
     @model_validator(mode="before")
     @classmethod
-    def _of_the_arm(cls, values: Any) -> Any:
-        """What is not given is the arm's own."""
+    def _use_arm_defaults(cls, values: Any) -> Any:
+        """Values that are not given are the defaults of the arm."""
         known = isinstance(values, Mapping) and values.get("arm", "jaco") in ARMS
         return {**ARMS[values.get("arm", "jaco")].settings, **values} if known else values
 
     @model_validator(mode="after")
-    def _ranges_hold(self) -> Self:
+    def _check_ranges(self) -> Self:
         for name in ("block_radii_m", "block_angles"):
             lower, upper = getattr(self, name)
             if not lower < upper:
@@ -96,7 +101,7 @@ class ArenaConfig(Settings):
         return self
 
     @model_validator(mode="after")
-    def _joints_can(self) -> Self:
+    def _check_joints(self) -> Self:
         arm = ARMS[self.arm]
         for name in ("joint_speed_limits", "start_pose", "joint_lower", "joint_upper"):
             if len(values := getattr(self, name)) != len(arm.joints):
@@ -118,7 +123,7 @@ class ArenaConfig(Settings):
         return self
 
     @model_validator(mode="after")
-    def _whole_steps(self) -> Self:
+    def _check_period(self) -> Self:
         if abs(self.substeps * self.timestep_s - self.control_period_s) > 1e-9:
             raise ValueError(
                 f"control_period_s: expected a multiple of timestep_s = {self.timestep_s}, "
@@ -127,14 +132,13 @@ class ArenaConfig(Settings):
         return self
 
 
-# The arm's speeds come with each. In `fast` it passes through blocks (but touches the table): the
-# setting in which learning takes the fewest frames. In `paper` it pushes them.
-_VALUES: dict[str, dict[str, Any]] = {name: {} for name in constants.PRESETS}
-_VALUES["fast"]["arm_touches_blocks"] = False
+# The arm adds its speeds to each preset. In `fast` the arm passes through blocks (but touches the
+# table); learning then needs the fewest frames. In `paper` it pushes them.
+_VALUES: dict[str, dict[str, Any]] = {"paper": {}, "fast": {"arm_touches_blocks": False}}
 
 
 def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:
-    """Look up a preset for an arm; ConfigError names the known ones."""
+    """Look up a preset for an arm; ConfigError lists the known presets."""
     speeds = ARMS[arm].speeds
     known = [preset for preset in _VALUES if preset in speeds]
     if name not in known:
@@ -143,3 +147,28 @@ def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:
 
 
 PRESETS = {name: preset_named(name) for name in _VALUES}
+"""The presets of the Jaco."""
+
+
+class ArenaChoice(Settings):
+    """A design, an arm and a preset, by name."""
+
+    design: Annotated[str, OneOf(lambda: DESIGNS)] = Field(
+        "2-L", description="which blocks there are, and which programs are held out"
+    )
+    relations: tuple[Annotated[str, OneOf(lambda: RELATIONS)], ...] = Field(
+        (), description="that programs ask for; none: the design's own, which is NEAR in the paper"
+    )
+    arm: Annotated[str, OneOf(lambda: ARMS)] = Field("jaco", description="in the middle")
+    preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
+        "fast", description="the arm's speed, and whether it touches blocks"
+    )
+
+    def design_of(self) -> Design:
+        """The design, with the chosen relations."""
+        design = design_named(self.design)
+        return design.with_relations(*self.relations) if self.relations else design
+
+    def arena_config(self) -> ArenaConfig:
+        """The preset of the arm; ConfigError if the arm has no such preset."""
+        return preset_named(self.preset, self.arm)

@@ -1,4 +1,4 @@
-"""Designs: which blocks exist, which are targets in training, which held out (paper, fig. 2)."""
+"""Designs: which blocks exist, which are training targets, which are held out (paper, fig. 2)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Values = Mapping[str, tuple[str, ...]]
 
 
 class Kind(Mapping[str, str]):
-    """What a block is, unique within an episode: a value of each property group.
+    """The properties of a block, unique in an episode: a value of each property group.
 
     `Kind(color="RED", shape="CUBE")["color"]` is "RED".
     """
@@ -47,16 +47,16 @@ class Kind(Mapping[str, str]):
 
     @cached_property
     def words(self) -> frozenset[str]:
-        """The property words that are true of such a block."""
+        """The property words that are true of the block."""
         return frozenset(self.values())
 
     @property
     def conjunction(self) -> str:
-        """AND(RED, CUBE), in the order of the groups; RED where there is but one."""
+        """The program text AND(RED, CUBE), in the order of the groups; RED for a single group."""
         return f"AND({', '.join(self.values())})" if len(self) > 1 else str(self)
 
     def but(self, **changed: str) -> Kind:
-        """The same with other values of some groups."""
+        """The same kind with other values of some groups."""
         return Kind(**{**self, **changed})
 
 
@@ -66,13 +66,13 @@ class Design:
 
     name: str
     values: Values = field(hash=False)
-    """Of the blocks on the table in training, by group, in the order in which programs name them"""
+    """Values of the blocks in training, by group, in the order in which programs name them."""
     vocabulary: Vocabulary
     train: tuple[Kind, ...]
     held_out: tuple[Kind, ...] = ()
     n_blocks: int = 4
     novel: Mapping[str, str] = field(default_factory=dict, hash=False)
-    """A value of a group, added to the pool by the conditions with new blocks"""
+    """A new value of a group, which the conditions with new blocks add to the pool."""
     schema: ObjectSchema = PAPER
 
     def __post_init__(self) -> None:

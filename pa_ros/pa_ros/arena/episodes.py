@@ -1,4 +1,4 @@
-"""Episodes: everything about one, drawn from one integer and its index."""
+"""Episodes: the whole start of one, drawn from a seed and an index."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pa_ros.arena.conditions import Condition, program_for
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.designs import Design, Kind
-from pa_ros.arena.errors import EpisodeError
+from pa_ros.arena.errors import ArenaError
 from pa_ros.language import Program, satisfying
 
 RANDOM_STREAM = 0  # docs/DESIGN.md: streams of random numbers
@@ -19,17 +19,17 @@ PLACEMENT_TRIES = 1000
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A block at the start: lying on the table, turned about the vertical. Table frame."""
+    """A block at the start of an episode: lying on the table, turned about the vertical axis."""
 
     kind: Kind
-    x: float  # metres from the base axis
+    x: float  # m from the base axis
     y: float
     yaw: float  # rad
 
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """The whole start of an episode; equal episodes evolve equally under equal commands."""
+    """The start of an episode. Equal episodes evolve equally under equal commands."""
 
     index: int
     condition: str
@@ -43,9 +43,9 @@ def generate(
 ) -> Episode:
     """Draw episode `index` from `default_rng([seed, 0, index])`.
 
-    Blocks are unique in (shape, color), in random order, and the program names exactly one.
-    Where too few blocks exist that the program does not name (say, 2 x 2 designs with the color
-    alone), there are fewer than `condition.n_blocks`. Raises EpisodeError if they don't fit.
+    Blocks are unique in their properties, in random order, and the program names exactly one.
+    There are fewer than `condition.n_blocks` if the design has too few kinds that the program
+    does not name. Raises ArenaError (arena.episode) if the blocks do not fit on the table.
     """
     rng = np.random.default_rng([seed, RANDOM_STREAM, index])
     base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
@@ -69,7 +69,7 @@ def _distractors(
     required: list[Kind],
     rng: np.random.Generator,
 ) -> list[Kind]:
-    """Draw the other blocks uniformly among those that the program does not name."""
+    """Draw the other blocks uniformly from the kinds that the program does not name."""
     rest = [kind for kind in unnamed if kind not in required]
     chosen: list[Kind] = []
     count = min(condition.n_blocks - 1 - len(required), len(rest))
@@ -82,8 +82,7 @@ def _distractors(
 
 
 def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Draw places uniformly on a ring, or a part of one, around the base, no two closer than the
-    separation."""
+    """Draw places uniformly from a sector of a ring around the base, with the least separation."""
     low, high = config.block_radii_m
     first, last = config.block_angles
     for _ in range(PLACEMENT_TRIES):
@@ -95,7 +94,8 @@ def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[t
                 places.append((x, y))
             if len(places) == count:
                 return places
-    raise EpisodeError(
+    raise ArenaError(
         f"{count} blocks don't fit on the ring {low} to {high} m, {first:.2f} to {last:.2f} rad, "
-        f"at a distance of {config.block_separation_m} m"
+        f"at a distance of {config.block_separation_m} m",
+        code="arena.episode",
     )

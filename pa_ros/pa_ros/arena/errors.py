@@ -1,35 +1,26 @@
-"""What the arena refuses."""
+"""Errors of the arena."""
 
 from __future__ import annotations
 
 from pa_ros.core.errors import PaError
 
 
-class CommandError(PaError):
-    """A joint command that is mis-sized, not numbers or not finite. Nothing moved."""
+class ArenaError(PaError):
+    """A rejected command, episode or arrangement of blocks; nothing has changed.
 
-    code = "arena.command"
+    Codes: "arena.command", "arena.episode", "arena.scene".
+    """
 
-
-class EpisodeError(PaError):
-    """An episode that cannot be generated, placed or stepped."""
-
-    code = "arena.episode"
+    code = "arena"
 
 
-class DivergedError(PaError):
+class DivergedError(ArenaError):
     """The physics became unstable; the episode is void."""
 
     code = "arena.diverged"
 
 
-class SceneError(PaError):
-    """An arrangement of blocks that cannot be. Nothing has changed."""
-
-    code = "arena.scene"
-
-
-class RenderError(PaError):
-    """No offscreen OpenGL here. Nothing but pictures needs it."""
+class RenderError(ArenaError):
+    """This machine has no offscreen OpenGL, or a picture cannot be written."""
 
     code = "arena.render"

@@ -1,11 +1,7 @@
-"""The reaching task as a Gymnasium environment, `pa_ros/Reach-v0`, for any RL library.
-
-Observed as one flat vector, what a standard network needs, goal included; or as it is, structured.
-"""
+"""The reaching task as a Gymnasium environment, `pa_ros/Reach-v0`, for any RL library."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Literal
 
 import gymnasium
@@ -15,10 +11,9 @@ from numpy.typing import NDArray
 
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import Design, design_named
-from pa_ros.arena.errors import CommandError
-from pa_ros.arena.flat import FlatObservation
+from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.observations import PROGRAM_ROWS, FlatObservation, StructuredObservation
 from pa_ros.arena.render import top_view
-from pa_ros.arena.structured import PROGRAM_ROWS, StructuredObservation
 from pa_ros.arena.task import ReachTask, world_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, Verdict
@@ -33,12 +28,12 @@ SEED_RANGE = 2**31 - 1
 class ReachEnv(gymnasium.Env[Any, Float32]):
     """Reach for one named block.
 
-    Observation: a vector (`pa_ros.arena.flat`). Action, [J] in [-1, 1]:
-    parts of the joint speed limits. With `observation="structured"` a `Dict` of objects, arm and
-    program (`pa_ros.arena.structured`), for programs of any kind. Reward ±1, or as `reward` has
-    it: one of `pa_ros.world`'s, its name, or its JSON. Episodes are truncated, never terminated.
-    `info` has the program, the distance (m) and whether it is satisfied. `copy.deepcopy` makes one
-    that goes on by itself from the same state; pickle refuses one that was reset (ConfigError).
+    Observations are vectors, or with `observation="structured"` a `Dict` of objects, arm and
+    program, for programs of any kind (`pa_ros.arena.observations`). Actions [J] in [-1, 1] are
+    parts of the joint speed limits. The reward is ±1, or that of `reward`: a `Reward`, its name, or
+    its JSON. Episodes are truncated, never terminated. `info` contains the program, the distance
+    (m) and `is_success`. `copy.deepcopy` makes an independent copy in the same state; pickle works
+    only before the first reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -54,23 +49,18 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         observation: Literal["flat", "structured"] = "flat",
         program_rows: int = PROGRAM_ROWS,
     ) -> None:
-        """`arm`: "jaco" unless given; an ArenaConfig has its own. `program_rows`: instructions that
-        there is room for in a structured observation."""
+        """`arm` is "jaco" by default; an ArenaConfig contains its own. `program_rows` is the number
+        of instructions in a structured observation."""
         if observation not in ("flat", "structured"):
             raise ConfigError(f"gym: observation: expected flat or structured, got {observation!r}")
-        if render_mode not in (None, "rgb_array"):
-            raise ConfigError(f"gym: render_mode: expected None or rgb_array, got {render_mode!r}")
-        own = preset if isinstance(preset, ArenaConfig) else preset_named(preset, arm or "jaco")
-        if arm not in (None, own.arm):
+        self.config = preset_named(preset, arm or "jaco") if isinstance(preset, str) else preset
+        if arm not in (None, self.config.arm):
             raise ConfigError(
-                f"gym: arm: expected none beside an ArenaConfig of {own.arm}, got {arm!r}"
+                f"gym: arm: expected none beside an ArenaConfig of {self.config.arm}, got {arm!r}"
             )
-        self.config = own
         self.design = design if isinstance(design, Design) else design_named(design)
-        reward = reward_from(reward) if isinstance(reward, str) else reward
-        if not isinstance(reward, (Reward, type(None))):
-            raise ConfigError(f"gym: reward: expected a Reward or a name of one, got {reward!r}")
-        self.condition, self.render_mode, self._reward = condition, render_mode, reward
+        self._reward = reward_from(reward) if isinstance(reward, str) else reward
+        self.condition, self.render_mode = condition, render_mode
         self.world = world_of(self.config, self.design)
         self.flat = FlatObservation(self.world, self.design, condition)
         self.observation_space: spaces.Space[Any] = self.flat.space
@@ -86,20 +76,15 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Next episode; with a seed, episode 0 of that seed.
+        """Start the next episode, or with a seed, episode 0 of that seed.
 
-        `options`: {"program": its text} in place of the episode's own. Raises ConfigError for other
-        options, ProgramError for a text that is none, and ProgramError for one that names none
-        of the blocks of that episode, which begins all the same.
+        `options={"program": text}` replaces the program of the episode. Raises ProgramError for a
+        wrong program or one that names no block of the episode, ConfigError for other options.
         """
-        if not isinstance(options, (Mapping, type(None))):
-            raise ConfigError(f"gym: options: expected a mapping, got {options!r}")
-        asked = dict(options or {})
-        program = asked.pop("program", None)
-        if asked:
-            raise ConfigError(
-                f"gym: options: expected 'program' alone, got {sorted(map(str, asked))}"
-            )
+        chosen = dict(options or {})
+        program = chosen.pop("program", None)
+        if chosen:
+            raise ConfigError(f"gym: options: expected only 'program', got {[*map(str, chosen)]}")
         parsed = None if program is None else parse(str(program), self.world.vocabulary)
         super().reset(seed=seed)
         if seed is not None or self._task is None:
@@ -112,27 +97,26 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         return self._observed(observation), self._info(verdict)
 
     def step(self, action: Float32) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Raises CommandError for an action that is not [J] finite numbers; then nothing moves."""
-        expected = f"gym: action: expected [{len(self._limits)}] numbers in [-1, 1], got"
-        try:
-            if np.iscomplexobj(action):
-                raise TypeError("complex numbers")
-            parts = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise CommandError(f"{expected} {type(action).__name__}: {error}") from error
+        """Act for one control period; ArenaError (arena.command) unless `action` is [J] finite
+        numbers."""
+        parts = np.asarray(action, dtype=np.float64)
         if parts.shape != self._limits.shape:
-            raise CommandError(f"{expected} {list(parts.shape)}")
+            raise ArenaError(
+                f"gym: action: expected [{len(self._limits)}] numbers in [-1, 1], "
+                f"got shape {list(parts.shape)}",
+                code="arena.command",
+            )
         observation, verdict = self.task.step(parts * self._limits)
         seen, info = self._observed(observation), self._info(verdict)
         return seen, verdict.reward, False, verdict.truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Top view [480, 480, 3] if `render_mode` is "rgb_array"; needs no OpenGL."""
+        """A top view [480, 480, 3] if `render_mode` is "rgb_array"; does not need OpenGL."""
         return top_view(self.task, 480) if self.render_mode == "rgb_array" else None
 
     @property
     def task(self) -> ReachTask:
-        """The task underneath; ConfigError before the first reset."""
+        """The underlying task; ConfigError before the first reset."""
         if self._task is None:
             raise ConfigError("gym: expected a reset before the first step")
         return self._task
@@ -154,6 +138,6 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
 
 
 def register() -> None:
-    """Make `gymnasium.make("pa_ros/Reach-v0")` work; importing pa_ros.arena calls it."""
+    """Register the environment for `gymnasium.make`; importing pa_ros.arena calls this."""
     if ENV_ID not in gymnasium.registry:
         gymnasium.register(ENV_ID, entry_point=f"{__name__}:{ReachEnv.__name__}")

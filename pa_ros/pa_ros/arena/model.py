@@ -1,4 +1,4 @@
-"""MuJoCo model of table, arm and blocks, built from the constants."""
+"""The MuJoCo model of table, arm and blocks."""
 
 from __future__ import annotations
 
@@ -6,37 +6,39 @@ from collections.abc import Sequence
 
 import mujoco
 
-from pa_ros.arena import constants as c
 from pa_ros.arena.appearance import Look
 from pa_ros.arena.arms import ARMS
-from pa_ros.arena.arms.arm import Arm
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.errors import ConfigError
 
-# Contact bits: two geoms touch if one's type meets the other's affinity. The arm has no type, so
-# it never touches itself.
+TABLE_SIDE_M = 1.6
+TABLE_THICKNESS_M = 0.04
+FLOOR_DEPTH_M = 0.5  # below the table top; catches blocks that fall off
+
+# Contact bits: two geoms touch if the type of one meets the affinity of the other. The arm has no
+# type, so it never touches itself.
 SOLID, BLOCK = 1, 2
-# m/s below which a pushed block may fall asleep again. MuJoCo's default, 1e-3, stops a block that
-# still rolls; this changes no reward in docs/arena.md's comparison and costs no speed.
+# m/s below which a pushed block falls asleep again. With MuJoCo's default, 1e-3, a block that still
+# rolls would stop.
 SLEEP_TOLERANCE = 1e-5
 
 
 def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
-    """Compile the arena with one free block per entry of `looks`, in that order.
+    """Compile the arena with one free block for each of `looks`, in that order.
 
-    Bodies are the arm's, the last one `hand`, then `block0` …, so that the hand and the blocks are
-    consecutive. Raises ConfigError for an arm that isn't what `Arm` says.
+    The bodies are the arm's, of which `hand` is the last, then `block0` …, so that hand and blocks
+    are consecutive. Raises ConfigError if the arm's bodies are not as `Arm` describes.
     """
     try:
         model = mujoco.MjModel.from_xml_string(mjcf(config, looks))
     except ValueError as error:
         raise ConfigError(f"arm {config.arm}: expected MJCF bodies, got: {error}") from error
-    _check(model, ARMS[config.arm], len(looks))
+    _check_arm(model, config.arm, len(looks))
     return model
 
 
 def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:
-    """The arena as text: all that its physics depends on. Raises ConfigError as `Arm.bodies`."""
+    """The arena as MJCF text: all that its physics depends on."""
     blocks = "".join(_block(config, i, look) for i, look in enumerate(looks))
     return f"""
 <mujoco model="programmable reaching">
@@ -51,28 +53,28 @@ def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:
     <light pos="0 0 2.5" diffuse="0.7 0.7 0.7"/>
     <camera name="overview" pos="1.1 -1.1 1.1" xyaxes="1 1 0 -0.55 0.55 1"/>
     <camera name="above" pos="0 0 2" xyaxes="1 0 0 0 1 0"/>
-    <geom name="floor" type="plane" size="3 3 0.1" pos="0 0 {-c.FLOOR_DEPTH_M}"
+    <geom name="floor" type="plane" size="3 3 0.1" pos="0 0 {-FLOOR_DEPTH_M}"
       contype="{SOLID}" conaffinity="0" rgba="0.3 0.3 0.35 1"/>
-    <geom name="table" type="box" pos="0 0 {-c.TABLE_THICKNESS_M / 2}"
-      size="{c.TABLE_SIDE_M / 2} {c.TABLE_SIDE_M / 2} {c.TABLE_THICKNESS_M / 2}"
+    <geom name="table" type="box" pos="0 0 {-TABLE_THICKNESS_M / 2}"
+      size="{TABLE_SIDE_M / 2} {TABLE_SIDE_M / 2} {TABLE_THICKNESS_M / 2}"
       contype="{SOLID}" conaffinity="0" rgba="0.6 0.5 0.4 1"/>
-    {ARMS[config.arm].bodies(config, _arm_contact(config))}
+    {ARMS[config.arm].mjcf(config, _arm_contact(config))}
     {blocks}
   </worldbody>
   <actuator>{_actuators(config)}</actuator>
 </mujoco>"""
 
 
-def _check(model: mujoco.MjModel, arm: Arm, blocks: int) -> None:
-    """The arm has its joints, in order, each of one number, and the hand as its last body."""
+def _check_arm(model: mujoco.MjModel, name: str, blocks: int) -> None:
+    """Raise ConfigError unless the arm has its joints, in order, and `hand` as its last body."""
     joints = [model.joint(i).name for i in range(model.njnt - blocks)]
     bodies = [model.body(i).name for i in range(model.nbody - blocks)]
-    if joints != list(arm.joint_names) or model.nq != len(joints) + 7 * blocks:
+    if joints != list(ARMS[name].joint_names) or model.nq != len(joints) + 7 * blocks:
         raise ConfigError(
-            f"arm {arm.name}: expected hinges {list(arm.joint_names)} in its model, got {joints}"
+            f"arm {name}: expected hinges {list(ARMS[name].joint_names)}, got {joints}"
         )
     if bodies[-1] != "hand":
-        raise ConfigError(f"arm {arm.name}: expected `hand` as its last body, got {bodies[1:]}")
+        raise ConfigError(f"arm {name}: expected `hand` as its last body, got {bodies[1:]}")
 
 
 def _arm_contact(config: ArenaConfig) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from pa_ros.arena.constants import COLOR_RGBA
+from pa_ros.arena.appearance import COLOR_RGBA
 from pa_ros.arena.errors import RenderError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.files import written_beside

@@ -1,4 +1,4 @@
-"""Blocks that someone moves, adds or takes away while an episode goes on."""
+"""Moving, adding and removing blocks during an episode."""
 
 from __future__ import annotations
 
@@ -8,19 +8,23 @@ from math import atan2
 
 import numpy as np
 
-from pa_ros.arena.constants import TABLE_SIDE_M
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.episodes import Block, Episode
-from pa_ros.arena.errors import SceneError
+from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.body import Body
 
-REACH_M = TABLE_SIDE_M / 2  # of the table, and of heights above it
-APART_M = 0.05  # centers of blocks that would overlap are closer than this
+REACH_M = TABLE_SIDE_M / 2  # greatest coordinate of a block, from the middle of the table
+APART_M = 0.05  # least distance between the centers of two blocks
+
+
+def _scene_error(message: str) -> ArenaError:
+    return ArenaError(message, code="arena.scene")
 
 
 def bodies(task: ReachTask) -> list[Body]:
-    """Hand and blocks, in Ω's order."""
+    """The bodies of hand and blocks, in the order of object features."""
     poses, twists = task.simulation.body_states()
     return [
         Body(pose[:3], np.roll(pose[3:], -1), twist[:3], twist[3:])
@@ -29,13 +33,13 @@ def bodies(task: ReachTask) -> list[Body]:
 
 
 def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) -> None:
-    """Have exactly these blocks on the table, moving as they say; the arm goes on as it was.
+    """Replace the blocks by these, with their poses and velocities; the arm keeps its state.
 
-    The program stays in force, though it may name nothing for a while. Raises SceneError, with
-    nothing changed, for poses that cannot be, or if no block is left.
+    The program stays, even if it names nothing for a while. Raises ArenaError (arena.scene), and
+    changes nothing, for impossible poses or if no block is left.
     """
     if not kinds:
-        raise SceneError("blocks: expected at least one to stay, got none")
+        raise _scene_error("blocks: expected at least one to stay, got none")
     placed = [_lifted(task, kind, body) for kind, body in zip(kinds, blocks, strict=True)]
     _check_apart(placed)
     episode = replace(
@@ -44,25 +48,25 @@ def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) ->
     )
     poses = np.array([[*body.position, *np.roll(body.quaternion, 1)] for body in placed])
     twists = np.array([[*body.linear, *body.angular] for body in placed])
-    task.rearranged(episode, poses, twists)
+    task.rearrange(episode, poses, twists)
 
 
 def check_added(task: ReachTask, episode: Episode, added: Sequence[tuple[Kind, Body]]) -> None:
-    """Raise SceneError unless blocks can be added to those that an episode begins with."""
+    """Raise ArenaError (arena.scene) unless blocks can be added to those at an episode's start."""
     upright = np.array([0.0, 0.0, 0.0, 1.0])
     own = [(b.kind, Body.at_rest(np.array([b.x, b.y, 0.0]), upright)) for b in episode.blocks]
     _check_apart([_lifted(task, kind, body) for kind, body in [*own, *added]])
 
 
 def _lifted(task: ReachTask, kind: Kind, body: Body) -> Body:
-    """The body, no deeper than it would lie. SceneError for a pose that cannot be."""
+    """The body, raised to where it rests if it is lower; ArenaError for an impossible pose."""
     numbers = np.concatenate([body.position, body.quaternion, body.linear, body.angular])
     if not np.isfinite(numbers).all():
-        raise SceneError(f"pose: expected finite numbers, got {numbers.tolist()}")
+        raise _scene_error(f"pose: expected finite numbers, got {numbers.tolist()}")
     if abs(np.linalg.norm(body.quaternion) - 1.0) > 1e-3:
-        raise SceneError(f"pose: expected a unit quaternion, got {body.quaternion.tolist()}")
+        raise _scene_error(f"pose: expected a unit quaternion, got {body.quaternion.tolist()}")
     if (np.abs(body.position) > REACH_M).any():
-        raise SceneError(
+        raise _scene_error(
             f"pose: expected a position within {REACH_M} m of the table's middle, "
             f"got {body.position.tolist()}"
         )
@@ -76,13 +80,13 @@ def _check_apart(blocks: Sequence[Body]) -> None:
         for other in blocks[:i]:
             gap = float(np.linalg.norm(one.position - other.position))
             if gap < APART_M:
-                raise SceneError(
+                raise _scene_error(
                     f"pose: expected at least {APART_M} m to every other block, got {gap:.3f} m"
                 )
 
 
 def _resting(kind: Kind, body: Body) -> Block:
-    """Where it would lie, were it put down as it is."""
+    """The place and yaw at which the body would rest."""
     x, y, z, w = body.quaternion
     yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return Block(kind, float(body.position[0]), float(body.position[1]), yaw)

@@ -1,4 +1,4 @@
-"""The two ends of the scale: a scripted controller that knows the answer, and chance."""
+"""Reference policies: a scripted controller with privileged information, and random actions."""
 
 from __future__ import annotations
 
@@ -15,50 +15,49 @@ from pa_ros.world.relations import RELATIONS
 Policy = Callable[[ReachTask], Float64]
 
 DAMPING = 0.02  # of the least squares; m/rad
-SLACK_RAD = 0.02  # a joint this near to its limit is not asked to go on
+SLACK_RAD = 0.02  # a joint this close to its limit is not moved further
 
 
 def scripted_action(task: ReachTask) -> Float64:
-    """Joint velocities (rad/s, [J]) toward where the program's relation to the nearest named block
-    holds. Privileged."""
+    """Joint velocities (rad/s, [J]) toward a place where the program is satisfied. Privileged."""
     return pursue(task, nearest_target(task))
 
 
 def nearest_target(task: ReachTask) -> Float64:
-    """Center of the named block that is nearest to the hand, m, table frame, [3]."""
+    """Center of the named block nearest to the hand, [3] m in the table's frame."""
     positions = task.simulation.positions  # [N, 3]
     hand = positions[0]
     return min((positions[i] for i in task.verifier.targets), key=lambda p: _distance(p, hand))
 
 
 def pursue(task: ReachTask, target: Float64) -> Float64:
-    """Joint velocities (rad/s, [J]) that bring the hand into the program's relation to something at
-    `target` (m, table frame, [3])."""
+    """Joint velocities (rad/s, [J]) that bring the hand into the program's relation to `target`
+    ([3] m in the table's frame)."""
     relation = task.program.relation
     hand, threshold = task.simulation.positions[0], task.scoring.threshold(relation)
     return toward(task, RELATIONS[relation].goal(hand, target, threshold))
 
 
 def toward(task: ReachTask, goal: Float64) -> Float64:
-    """Joint velocities (rad/s, [J]) toward the point `goal` (m, table frame, [3]).
+    """Joint velocities (rad/s, [J]) toward `goal` ([3] m in the table's frame).
 
     Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
-    height), so that a target behind the arm is reached by turning the base, the way that its
-    working range allows. The base turns at its own limit; the others are slowed down together.
+    height), so that the base turns toward a target behind the arm, in the direction that its range
+    allows. The base turns at its own limit; the other joints are slowed down together.
     """
     simulation = task.simulation
     hand = simulation.positions[0]
     error = _cylindrical_error(task, hand, goal)
     jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
     rates = error / task.config.control_period_s
-    for _ in range(2):  # again without the joints that are at their limits
+    for _ in range(2):  # the second time without the joints at their limits
         velocity = _damped_least_squares(jacobian, rates)
         jacobian = jacobian * _free(task, velocity)
     return _limited(velocity, np.array(task.config.joint_speed_limits))
 
 
 def random_policy(seed: int) -> Policy:
-    """Uniform joint velocities within the limits; its own random stream."""
+    """Uniform joint velocities within the limits, from a separate random stream."""
     rng = np.random.default_rng([seed, 3])
 
     def act(task: ReachTask) -> Float64:
@@ -70,7 +69,7 @@ def random_policy(seed: int) -> Policy:
 def reward_per_step(
     task: ReachTask, policy: Policy, episode_index: int, condition: str = "train"
 ) -> float:
-    """Mean reward of the actions of one episode."""
+    """Mean reward per step of one episode."""
     _, verdict = task.reset(episode_index, condition)
     total, steps = 0.0, 0
     while not verdict.truncated:
@@ -89,9 +88,9 @@ def _distance(a: Float64, b: Float64) -> float:
 
 
 def _cylindrical_error(task: ReachTask, hand: Float64, goal: Float64) -> Float64:
-    """Goal minus hand: radius (m), azimuth (rad, the way the base can turn), height (m)."""
+    """Goal minus hand: radius (m), azimuth (rad, as the base can turn), height (m)."""
     turn = atan2(goal[1], goal[0]) - atan2(hand[1], hand[0])
-    turn = (turn + pi) % (2 * pi) - pi  # the short way round
+    turn = (turn + pi) % (2 * pi) - pi  # the shorter direction
     if not _turns_freely(task):
         low, high = task.config.joint_lower[0], task.config.joint_upper[0]
         other = turn - copysign(2 * pi, turn)
@@ -106,7 +105,7 @@ def _turns_freely(task: ReachTask) -> bool:
 
 
 def _cylindrical_jacobian(hand: Float64, jacobian: Float64) -> Float64:
-    """Rows for x, y, z turned into rows for radius, azimuth and height, [3, J]."""
+    """The Jacobian with rows for radius, azimuth and height instead of x, y, z: [3, J]."""
     radius = max(hypot(*hand[:2]), 0.05)
     x, y = hand[:2] / radius
     frame = np.array([[x, y, 0.0], [-y / radius, x / radius, 0.0], [0.0, 0.0, 1.0]])
@@ -119,7 +118,7 @@ def _damped_least_squares(jacobian: Float64, rates: Float64) -> Float64:
 
 
 def _free(task: ReachTask, velocity: Float64) -> Float64:
-    """1 for joints that can go where the velocity points, 0 at a limit."""
+    """1 for joints that can move as `velocity` says, 0 for joints at a limit."""
     position = task.simulation.joint_position
     up = (velocity > 0) & (position > np.array(task.config.joint_upper) - SLACK_RAD)
     down = (velocity < 0) & (position < np.array(task.config.joint_lower) + SLACK_RAD)

@@ -1,4 +1,4 @@
-"""Pictures of the arena: a plain top view anywhere, a rendered one where there is OpenGL."""
+"""Pictures of the arena: a top view without OpenGL, or a rendered view with it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from contextlib import closing
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.arena import constants as c
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.camera import Camera
+from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.references import nearest_target
 from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.task import ReachTask
@@ -22,8 +22,8 @@ _INCH_PX = 100
 
 
 def draw(task: ReachTask, side_px: int, rendered: bool) -> NDArray[np.uint8]:
-    """The present moment, targets marked: in perspective (RenderError without OpenGL) or from
-    above, [side, side, 3] RGB."""
+    """A picture of the current scene with marked targets, [side, side, 3] RGB: in perspective
+    (RenderError without OpenGL), or from above."""
     if not rendered:
         return top_view(task, side_px)
     return render(task.simulation, side_px, side_px, task.verifier.targets)
@@ -32,21 +32,21 @@ def draw(task: ReachTask, side_px: int, rendered: bool) -> NDArray[np.uint8]:
 def render(
     simulation: Simulation, width: int, height: int, marked: Sequence[int] = ()
 ) -> NDArray[np.uint8]:
-    """Rendered RGB picture of the present moment, [height, width, 3]; a ring lies on the table
-    around each object that is `marked`. Raises RenderError as `Camera` does."""
+    """A rendered picture of the current scene, [height, width, 3] RGB, with a ring on the table
+    around each `marked` object. Raises RenderError without OpenGL."""
     with closing(Camera(simulation.model, VIEW, width, height, shadows=True)) as camera:
         camera.look(simulation, marked)
         return camera.picture()
 
 
 def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
-    """Table from above, [side, side, 3] RGB: links, hand, blocks, targets, and in dots
-    where the program's relation holds: NEAR, a circle around the hand."""
+    """The table from above, [side, side, 3] RGB, with the arm, the blocks and the targets. A dotted
+    line shows where the program's relation holds; for NEAR it is a circle around the hand."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(side_px / _INCH_PX, side_px / _INCH_PX), dpi=_INCH_PX)
-    canvas, half = FigureCanvasAgg(figure), c.TABLE_SIDE_M / 2
+    canvas, half = FigureCanvasAgg(figure), TABLE_SIDE_M / 2
     axes = figure.add_axes((0, 0, 1, 1), xlim=(-half, half), ylim=(-half, half))
     axes.set(xticks=[], yticks=[], facecolor="#e8e0d8")
     simulation, size = task.simulation, 0.09 * side_px
@@ -68,10 +68,8 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
 
 
 def outline(task: ReachTask) -> Float64:
-    """The line that shows the program's relation, to the nearest target, from above: [M, 2] m.
-
-    There has to be a target.
-    """
+    """The line around the places where the program's relation to the nearest target holds, from
+    above: [M, 2] m. The program must name a present block."""
     relation = task.program.relation
     hand, threshold = task.simulation.positions[0], task.scoring.threshold(relation)
     return RELATIONS[relation].outline(hand, nearest_target(task), threshold)

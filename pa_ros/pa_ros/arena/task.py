@@ -2,39 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from pa_ros.arena.appearance import check_looks
 from pa_ros.arena.conditions import condition_named
 from pa_ros.arena.config import ArenaConfig
-from pa_ros.arena.designs import Design
+from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Episode, generate
-from pa_ros.arena.errors import EpisodeError
-from pa_ros.arena.features import HAND_INDEX
-from pa_ros.arena.simulation import Simulation
-from pa_ros.arena.verifier import Verifier
-from pa_ros.core.experience import Float64, Observation, Verdict
-from pa_ros.language import Program
-from pa_ros.world import Reward, Scoring
+from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.simulation import HAND_INDEX, Simulation
+from pa_ros.core.experience import Float32, Float64, Observation, Verdict
+from pa_ros.language import Program, require_target, satisfying
+from pa_ros.world import Reward, Score, Scoring
 from pa_ros.world.world import World
 
 
 def world_of(config: ArenaConfig, design: Design) -> World:
-    """The world that an arm and a design make."""
+    """The world of an arm and a design."""
     return World(design.schema, design.vocabulary, joints=config.joints)
 
 
 def scoring_of(config: ArenaConfig, design: Design, reward: Reward | None = None) -> Scoring:
-    """The rule of an arena's rewards; the paper's ±1 unless another reward is given."""
+    """The scoring rule of an arena; the default reward is the paper's ±1."""
     return Scoring.of(design.vocabulary.relations, config.thresholds, reward)
 
 
+class Verifier:
+    """Scores the true state under one program, for one set of blocks (paper, section "Programmable
+    reaching environment"). This is privileged information."""
+
+    def __init__(
+        self,
+        program: Program,
+        kinds: Sequence[Kind],
+        scoring: Scoring,
+        may_name_nothing: bool = False,
+    ) -> None:
+        """`kinds` are the blocks, which are objects 1, 2, …
+
+        Raises ProgramError (program.names_nothing) if no block is named, unless that is allowed,
+        and ConfigError for an unknown relation.
+        """
+        scoring.threshold(program.relation)
+        check = satisfying if may_name_nothing else require_target
+        named = check(program, [kind.words for kind in kinds], None)
+        self.program = program
+        self.targets = tuple(i for i, is_named in enumerate(named, start=1) if is_named)
+        self._scoring = scoring
+
+    def score(self, objects: Float32, hand_pose: Float64) -> Score:
+        """Score one state: object features [N, F], and the hand's pose [7] in the base's frame."""
+        return self._scoring.of_targets(self.targets, objects, self.program.relation, hand_pose)
+
+
 class ReachTask:
-    """Reach for what the program names (paper, section "Programmable reaching environment").
+    """Reach for the object that the program names (paper, "Programmable reaching environment").
 
     An episode has `config.episode_steps` actions; then `Verdict.truncated` is set and the next
-    call must be a reset. Nothing ever terminates. Stamps grow by one control period with each
-    observation, resets included, from one control period at the first reset.
+    call must be a reset. Episodes never terminate. The stamp of each observation, including those
+    of resets, is one control period later than the previous one.
     """
 
     def __init__(
@@ -45,8 +74,8 @@ class ReachTask:
         n_blocks: int | None = None,
         reward: Reward | None = None,
     ) -> None:
-        """`seed` and an episode's index fix it; `n_blocks` replaces the design's number, `reward`
-        the paper's ±1. ConfigError for a value that looks like nothing (`arena.appearance`)."""
+        """`seed` and the index determine an episode. `n_blocks` replaces the design's number of
+        blocks, `reward` the paper's ±1. ConfigError for a value that has no `arena.appearance`."""
         check_looks(design.values)
         check_looks({group: [value] for group, value in design.novel.items()})
         self.config = config
@@ -56,27 +85,27 @@ class ReachTask:
         self.simulation = Simulation(config, self.design.schema)
         self._episode: Episode | None = None
         self._stamp_ns, self._period_ns = 0, config.control_period_ns
-        self._step = 0
+        self._step, self._limits = 0, np.array(config.joint_speed_limits)
 
     @property
     def world(self) -> World:
-        """What agents and learners of this task have to agree on."""
+        """The facts that agents and learners of this task must agree on."""
         return world_of(self.config, self.design)
 
     @property
     def control_period_s(self) -> float:
-        """Simulation time of one control step."""
+        """Simulation time of one control step, s."""
         return self.config.control_period_s
 
     def reset(self, episode_index: int, condition: str = "train") -> tuple[Observation, Verdict]:
-        """Start episode `episode_index` of a condition. ConfigError if the condition is unknown."""
+        """Start episode `episode_index` of a condition; ConfigError for an unknown condition."""
         drawn_from = condition_named(condition, self.design)
         return self.reset_to(
             generate(self.config, self.design, drawn_from, self.seed, episode_index)
         )
 
     def reset_to(self, episode: Episode) -> tuple[Observation, Verdict]:
-        """Start a given episode, its program included."""
+        """Start a given episode with its own program."""
         verifier = self._verifier(episode, episode.program)
         self.simulation.place(episode)
         self._episode, self.verifier = episode, verifier
@@ -88,10 +117,10 @@ class ReachTask:
     def set_program(
         self, program: Program, program_id: str | None = None
     ) -> tuple[Observation, Verdict]:
-        """Score by another program from now on; returns the present step under it.
+        """Change the program; returns the current step, scored by the new program.
 
-        Raises ProgramError if it names no block that is present; then nothing changes. The id
-        defaults to one that this episode has not used.
+        Raises ProgramError if the program names no present block; then nothing changes. The
+        default id is new in this episode.
         """
         episode = self.episode
         self.verifier = self._verifier(episode, program)
@@ -99,9 +128,9 @@ class ReachTask:
         self.program_id = program_id or f"{episode.index}.{self._programs}"
         return self._observe()
 
-    def rearranged(self, episode: Episode, poses: Float64, twists: Float64) -> None:
-        """Go on with other blocks in other places, as `Simulation.rearrange` has it; the program,
-        the step and the time stay as they are. It may name nothing now."""
+    def rearrange(self, episode: Episode, poses: Float64, twists: Float64) -> None:
+        """Continue the episode with other blocks (see `Simulation.rearrange`). Program, step and
+        time stay; the program may name nothing now."""
         self.simulation.rearrange(episode, poses, twists)
         kinds = [block.kind for block in episode.blocks]
         self._episode = episode
@@ -109,32 +138,42 @@ class ReachTask:
 
     @property
     def program(self) -> Program:
-        """The program that the verifier scores by now."""
+        """The current program."""
         return self.verifier.program
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
         """Act for one control period with joint velocities in rad/s [J], clamped to the limits.
 
-        Raises CommandError for a command that is mis-sized or not finite, EpisodeError before
-        the first reset and after the time limit; either way nothing moves.
+        Raises ArenaError: arena.command for a command of the wrong size or with non-finite numbers,
+        arena.episode before the first reset and after the time limit. Then nothing moves.
         """
-        if self.episode and self._step >= self.config.episode_steps:
-            raise EpisodeError(f"the episode was truncated at step {self._step}: expected a reset")
-        observation = self.advance(self.simulation.checked(joint_velocity))
-        return observation, self.judge(observation)
+        if self._step >= self.config.episode_steps:
+            raise ArenaError(
+                f"the episode was truncated at step {self._step}: expected a reset",
+                code="arena.episode",
+            )
+        command = np.asarray(joint_velocity, dtype=np.float64)
+        if command.shape != self._limits.shape or not np.isfinite(command).all():
+            raise ArenaError(
+                f"joint command: expected {self.config.joints} finite numbers (rad/s), "
+                f"got {command.tolist()}",
+                code="arena.command",
+            )
+        observation = self.advance(np.minimum(np.maximum(command, -self._limits), self._limits))
+        return observation, self.verdict(observation)
 
     def advance(self, joint_velocity: Float64) -> Observation:
-        """Act with joint velocities that are known to be finite and within the limits.
+        """Act with joint velocities that are finite and within the limits, without a verdict.
 
-        The verdict isn't computed: call `judge` before anything else happens in the arena.
+        Call `verdict` before anything else happens in the arena.
         """
         self.simulation.advance(joint_velocity)
         self._step += 1
         self._stamp_ns += self._period_ns
         return self._observation()
 
-    def judge(self, observation: Observation) -> Verdict:
-        """What the verifier says of the present step, under the program in force."""
+    def verdict(self, observation: Observation) -> Verdict:
+        """The verifier's answer for the current step, under the current program."""
         score = self.verifier.score(observation.objects, observation.hand_pose)
         return Verdict(
             episode=observation.episode,
@@ -153,14 +192,14 @@ class ReachTask:
 
     @property
     def episode(self) -> Episode:
-        """The episode on the table; EpisodeError before the first reset."""
+        """The current episode; ArenaError (arena.episode) before the first reset."""
         if self._episode is None:
-            raise EpisodeError("expected a reset before the first step")
+            raise ArenaError("expected a reset before the first step", code="arena.episode")
         return self._episode
 
     def _observe(self) -> tuple[Observation, Verdict]:
         observation = self._observation()
-        return observation, self.judge(observation)
+        return observation, self.verdict(observation)
 
     def _observation(self) -> Observation:
         return Observation(

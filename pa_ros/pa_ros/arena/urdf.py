@@ -1,4 +1,4 @@
-"""The arm of a compiled model as URDF, for viewers and planners; geoms as MuJoCo has them."""
+"""The arm of a compiled model as URDF, for viewers and planners, with MuJoCo's geoms."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ _BOX, _SPHERE = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_SPHERE
 
 
 def urdf(model: mujoco.MjModel, name: str, speed_limits: Sequence[float]) -> str:
-    """The chain from the table to the hand: links named as bodies, joints as on the graph.
+    """URDF of the chain from the table to the hand. Links have the names of bodies, joints their
+    names on the graph.
 
-    A joint's position in `joint_states` is its position here. Capsules, which URDF lacks, are
-    cylinders with two balls. Only what is to be seen: no masses.
+    Joint positions have the same zero as `joint_states`. URDF lacks capsules, so they become
+    cylinders with two spheres. The links have shapes but no masses.
     """
     robot = ET.Element("robot", name=name)
     _link(robot, model, 0, ROOT)
@@ -31,7 +32,7 @@ def urdf(model: mujoco.MjModel, name: str, speed_limits: Sequence[float]) -> str
 
 
 def _chain(model: mujoco.MjModel) -> list[int]:
-    """Bodies from the first link to the hand."""
+    """Body ids from the first link to the hand."""
     found = [model.body(HAND).id]
     while model.body_parentid[found[0]]:
         found.insert(0, int(model.body_parentid[found[0]]))
@@ -55,7 +56,9 @@ def _joint(
         limited = bool(model.jnt_limited[first])
         kind = "revolute" if limited else "continuous"
         joint = _child(robot, "joint", name=model.joint(first).name, type=kind)
-        reference = model.qpos0[model.jnt_qposadr[first]]  # the body is turned by so much already
+        reference = model.qpos0[
+            model.jnt_qposadr[first]
+        ]  # MuJoCo's body frame is turned by the reference
         pose = _turned(pose, model.jnt_axis[first], -reference)
         _child(joint, "axis", xyz=_text(model.jnt_axis[first]))
         low, high = model.jnt_range[first] if limited else (-np.pi, np.pi)
@@ -69,7 +72,7 @@ def _joint(
 def _link(robot: ET.Element, model: mujoco.MjModel, body: int, name: str) -> None:
     link = _child(robot, "link", name=name)
     for geom in range(model.ngeom):
-        base = body == 0 and model.geom(geom).name in ("floor", "table")  # not of the arm
+        base = body == 0 and model.geom(geom).name in ("floor", "table")  # not part of the arm
         if model.geom_bodyid[geom] == body and not base:
             _visuals(link, model, geom)
 
@@ -106,7 +109,7 @@ def _turned(pose: Any, axis: Any, angle: float) -> Any:
 
 
 def _origin(element: ET.Element, position: Any, quaternion: Any) -> None:
-    """Of a quaternion wxyz: URDF has rotations about the fixed axes x, y, z."""
+    """Add an origin; URDF has rotations about fixed axes x, y, z instead of quaternions."""
     w, x, y, z = quaternion
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from pa_ros.arena import ReachTask, RenderError
-from pa_ros.arena.constants import TABLE_SIDE_M
+from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.render import render, top_view
 from pa_ros.evaluation.pictures.drawing import heat_map, save
 from pa_ros.evaluation.scoring.agents import TrainedAgent

@@ -1,0 +1,118 @@
+"""Observations for RL libraries: a flat vector, and a `Dict` with the program as arrays.
+
+Both are functions of the observation and the task, so that a policy that was trained on
+`pa_ros/Reach-v0` can be scored outside of that environment too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from pa_ros.arena.conditions import condition_named, conditions_for
+from pa_ros.arena.designs import Design
+from pa_ros.arena.task import ReachTask
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Observation
+from pa_ros.language import Program
+from pa_ros.language.flat import COPY, compile_program
+from pa_ros.world.world import World
+
+PROGRAM_ROWS = 24  # instructions; the paper's conditions need 11, programs of depth 6 about 16
+MAX_ROWS = 4096
+OPERATIONS = 4
+
+
+class FlatObservation:
+    """A float32 vector [A + F · K + V + R] for standard networks.
+
+    It contains the A features of the arm; the F features of each of the K kinds of block, at fixed
+    places and zero if absent (paper, appendix "Canonical"); 1 at each of the V words that describe
+    the target; and 1 at the program's relation, if the design has several (R).
+    """
+
+    def __init__(self, world: World, design: Design, condition: str = "train") -> None:
+        """The conditions "train" and "eval" have no places for the kinds that only others use."""
+        self._world, self._vocabulary = world, design.vocabulary
+        kinds = design.pool if condition in ("train", "eval") else design.extended_pool
+        self._slot = {kind: i for i, kind in enumerate(kinds)}
+        size = world.arm_features + world.object_features * len(self._slot)
+        size += len(self._vocabulary.words) + self._vocabulary.relation_inputs
+        self.space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+
+    def __call__(self, observation: Observation, task: ReachTask) -> Float32:
+        """Encode an observation of the task's current episode."""
+        slots = np.zeros((len(self._slot), self._world.object_features), dtype=np.float32)
+        for block, row in zip(task.episode.blocks, observation.objects[1:], strict=True):
+            slots[self._slot[block.kind]] = row
+        return np.concatenate([self._world.arm(observation), slots.ravel(), self._goal(task)])
+
+    def _goal(self, task: ReachTask) -> Float32:
+        """The goal as words and relation, [V + R]."""
+        vocabulary = self._vocabulary
+        words = np.zeros(len(vocabulary.words), dtype=np.float32)
+        target = task.episode.blocks[task.verifier.targets[0] - 1].kind
+        words[[vocabulary.row[word] for word in target.words if word in vocabulary.row]] = 1.0
+        relations = np.zeros(vocabulary.relation_inputs, dtype=np.float32)
+        if len(relations):
+            relations[vocabulary.relation_row[task.program.relation]] = 1.0
+        return np.concatenate([words, relations])
+
+
+class StructuredObservation:
+    """A `Dict` of the same size under every condition of a design.
+
+    - `objects` float32 [N, F]: object features, the hand's first; rows of absent blocks are zero.
+    - `arm` float32 [A]: arm features.
+    - `program` int64 [3 · L]: `op`, `a`, `b` of each instruction of the flat form
+      (docs/DESIGN.md, "Programs"), padded with copies of the last register.
+    - `relation`: index of the relation, if the design has several.
+    """
+
+    def __init__(self, world: World, design: Design, program_rows: int = PROGRAM_ROWS) -> None:
+        """`program_rows`: instructions of the longest program, 1 to MAX_ROWS."""
+        if type(program_rows) is not int or not 1 <= program_rows <= MAX_ROWS:
+            raise ConfigError(
+                f"gym: program_rows: expected an integer of 1 to {MAX_ROWS}, got {program_rows!r}"
+            )
+        self._world = world
+        self._vocabulary, self._rows = design.vocabulary, program_rows
+        blocks = (condition_named(name, design).n_blocks for name in conditions_for(design))
+        self._objects = np.zeros((1 + max(blocks), world.object_features), np.float32)
+        registers = len(self._vocabulary.words) + 1 + program_rows
+        numbers = np.tile([OPERATIONS, registers, registers], program_rows)
+        parts: dict[str, spaces.Space[Any]] = {
+            "objects": spaces.Box(-np.inf, np.inf, self._objects.shape, np.float32),
+            "arm": spaces.Box(-np.inf, np.inf, (world.arm_features,), np.float32),
+            "program": spaces.MultiDiscrete(numbers),
+        }
+        if len(self._vocabulary.relations) > 1:
+            parts["relation"] = spaces.Discrete(len(self._vocabulary.relations))
+        self.space = spaces.Dict(parts)
+
+    def __call__(self, observation: Observation, program: Program) -> dict[str, Any]:
+        """Encode an observation; ConfigError for a program of more than `program_rows` rows."""
+        objects, hand = self._objects.copy(), observation.hand_index
+        seen = np.roll(observation.objects, -hand, axis=0)  # the hand first
+        objects[: len(seen)] = seen
+        parts = {
+            "objects": objects,
+            "arm": self._world.arm(observation),
+            "program": self._instructions(program),
+        }
+        if "relation" in self.space.spaces:
+            parts["relation"] = np.int64(self._vocabulary.relations.index(program.relation))
+        return parts
+
+    def _instructions(self, program: Program) -> np.ndarray[Any, np.dtype[np.int64]]:
+        flat = compile_program(program, self._vocabulary)
+        if len(flat) > self._rows:
+            raise ConfigError(
+                f"gym: program_rows: expected at least {len(flat)} for {program}, got {self._rows}"
+            )
+        result = len(self._vocabulary.words) + len(flat)  # the register of p
+        rows = np.tile(np.array([COPY, result, result], np.int64), (self._rows, 1))
+        rows[: len(flat)] = np.stack([flat.op, flat.a, flat.b], -1)
+        return rows.ravel()
