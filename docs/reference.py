@@ -19,8 +19,8 @@ from pa_ros.core.settings import Leaf, Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.td3.config import TD3Config
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.protocols import PROTOCOLS, protocol_named
-from pa_ros.networks.config import NetworkConfig
+from pa_ros.learning.protocols import PROTOCOLS, LearningSettings
+from pa_ros.networks.config import NetworkSettings
 from sim_node.config import SimConfig
 
 ROOT = Path(__file__).parents[1]
@@ -30,6 +30,7 @@ NODES: dict[str, type[Settings]] = {
     "agent_node": AgentConfig,
     "learner_node": LearnerNodeConfig,
 }
+OF_PROTOCOLS = ("learner.", "network.")  # described once, in docs/learning.md
 # By what the nodes are started for: what each node's file says differently from the defaults.
 PURPOSES: dict[str, dict[str, dict[str, object]]] = {
     "learn": {
@@ -44,15 +45,17 @@ PURPOSES: dict[str, dict[str, dict[str, object]]] = {
 }
 SETS: dict[str, dict[str, dict[str, Any]]] = {  # marker: named sets of values, by path
     "arena": {name: preset.flat() for name, preset in PRESETS.items()},
-    "learner": {name: protocol.of("learner") for name, protocol in PROTOCOLS.items()},
-    "td3": {name: protocol_named(name, "td3").of("learner") for name in PROTOCOLS},
-    "network": {name: protocol.of("network") for name, protocol in PROTOCOLS.items()},
+    "learner": {name: LearningSettings(protocol=name).learner.flat() for name in PROTOCOLS},
+    "td3": {
+        name: LearningSettings(protocol=name, algorithm="td3").learner.flat() for name in PROTOCOLS
+    },
+    "network": {name: LearningSettings(protocol=name).network.flat() for name in PROTOCOLS},
 }
 TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "arena": ("docs/arena.md", ArenaConfig),
     "learner": ("docs/learning.md", DPGConfig),
     "td3": ("docs/learning.md", TD3Config),
-    "network": ("docs/learning.md", NetworkConfig),
+    "network": ("docs/learning.md", NetworkSettings),
     **{node: ("docs/graph.md", kind) for node, kind in NODES.items()},
 }
 
@@ -68,31 +71,42 @@ def parameters_yaml(node: str, purpose: str) -> str:
         "  ros__parameters:",
     ]
     for leaf in NODES[node].leaves():
+        if leaf.path.startswith(OF_PROTOCOLS):
+            continue
         default = changed.get(leaf.path, leaf.default)
         default = list(default or ("",)) if isinstance(default, tuple) else default
         value = yaml.safe_dump(default, default_flow_style=True, width=1000).partition("\n")[0]
         lines += [f"    # {leaf.description}", f"    {leaf.path}: {value}"]
+    if any(leaf.path.startswith(OF_PROTOCOLS) for leaf in NODES[node].leaves()):
+        lines += [
+            "    # Settings that follow the protocol (docs/learning.md), such as",
+            "    # learner.updates.discount: 0.95",
+            "    # network.family: programmable",
+        ]
     return "\n".join(lines) + "\n"
 
 
 def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     """A row for each setting, with its value in each named set.
 
-    A vocabulary is no setting that one gives; of TD3's settings those that DPG lacks.
+    TD3's table has only the settings that DPG lacks; a node's has not those of its protocol.
     """
     names = ["Name", "Default", *(f"`{name}`" for name in sets), "Expected", "Meaning"]
     rows = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
-    shared = set(LearnerConfig.paths()) if kind is TD3Config else set()
+    shared = {leaf.path for leaf in LearnerConfig.leaves()} if kind is TD3Config else set()
     leaves = [leaf for leaf in kind.leaves() if leaf.path not in shared]
-    rows += [_row(leaf, sets) for leaf in leaves if leaf.default is not ...]
+    if kind in NODES.values():
+        leaves = [leaf for leaf in leaves if not leaf.path.startswith(OF_PROTOCOLS)]
+    prefix = f"{kind.SECTION}." if issubclass(kind, (LearnerConfig, NetworkSettings)) else ""
+    rows += [_row(leaf, sets, prefix) for leaf in leaves if leaf.default is not ...]
     return "\n".join(rows)
 
 
-def _row(leaf: Leaf, sets: dict[str, dict[str, Any]]) -> str:
+def _row(leaf: Leaf, sets: dict[str, dict[str, Any]], prefix: str) -> str:
     default = shown(leaf.default)
     values = [shown(values.get(leaf.path, leaf.default)) for values in sets.values()]
     other = ["" if value == default else value for value in values]
-    cells = (f"`{leaf.path}`", default, *other, leaf.expected, leaf.description)
+    cells = (f"`{prefix}{leaf.path}`", default, *other, leaf.expected, leaf.description)
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 

@@ -6,18 +6,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from pa_ros.core.authentication import Authenticated
-from pa_ros.core.extensions import Extensible
-from pa_ros.core.managed import Managed
+from pa_ros.core.extensions import NodeSettings
 from pa_ros.core.settings import OneOf
 from pa_ros.language import LOGICS, MIN_MAX
-from pa_ros.networks.families import FAMILIES
 from pa_ros.ros.environment import check_namespace
 
 LONGEST_S = 1e6  # of any period; 11 days
 
 
-class AgentConfig(Managed, Authenticated, Extensible):
+class AgentConfig(NodeSettings):
     """One agent on the graph: greedy, or learning."""
 
     learning: bool = Field(
@@ -34,9 +31,6 @@ class AgentConfig(Managed, Authenticated, Extensible):
     )
     agent_id: str = Field("", description="empty: a new one at each start")
     seed: int = Field(0, ge=0, description="of the exploration noise, and of random weights")
-    network: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
-        "programmable", description="of random weights"
-    )
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
         MIN_MAX.name,
         description="what AND and OR of degrees are in executing programs; who learns acts by "

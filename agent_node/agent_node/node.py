@@ -21,7 +21,7 @@ from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import Program, ProgramError, Vocabulary, logic_named
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance.origins import origin
@@ -328,6 +328,6 @@ def make_agent(config: AgentConfig, key: AgentKey) -> Agent:
 
 def random_policy(world: World, config: AgentConfig) -> PolicySnapshot:
     """The weights that a learner of the configured network would begin with."""
-    network = protocol_named("ours").network_config(world, config.network)
+    network = LearningSettings().network.for_world(world)
     tensors = initial_actor(network, np.random.default_rng(config.seed))
     return PolicySnapshot(0, network.architecture, world.digest, tensors)

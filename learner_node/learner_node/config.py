@@ -6,20 +6,15 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from pa_ros.core.authentication import Authenticated
-from pa_ros.core.extensions import Extensible
-from pa_ros.core.managed import Managed
-from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
+from pa_ros.core.extensions import NodeSettings
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.ros.environment import check_namespace
 
 
-class LearnerNodeConfig(LearningChoice, Managed, Authenticated, Extensible):
+class LearnerNodeConfig(NodeSettings, LearningSettings):
     """One learner on the graph; what it learns about comes with arena_info."""
 
     seed: int = Field(0, ge=0, description="of initial weights and of sampling")
-    options: tuple[str, ...] = Field(
-        (), description="learner.PART.NAME=VALUE or network.NAME=VALUE over the protocol"
-    )
     arenas: tuple[str, ...] = Field(
         (), description="namespaces of the arenas that are learned about; empty: the learner's own"
     )
@@ -57,8 +52,4 @@ class LearnerNodeConfig(LearningChoice, Managed, Authenticated, Extensible):
 
     @property
     def _exact(self) -> bool:
-        return self.settings().learner.schedule.in_step == "exact"
-
-    def settings(self) -> Protocol:
-        """How to learn; ConfigError for an unknown protocol or option."""
-        return protocol_named(self.protocol, self.algorithm).with_options(self.options)
+        return self.learner.schedule.in_step == "exact"

@@ -269,9 +269,8 @@ class LearnerWorker:
 
 
 def _make_learner(config: LearnerNodeConfig, arena: ArenaDescription) -> Learner:
-    settings = config.settings()
-    network = settings.network_config(arena.world, config.network)
+    network = config.network.for_world(arena.world)
     reward = reward_from(arena.reward)
     scoring = Scoring.of(arena.world.relations, arena.thresholds, reward)
     programs, n_objects = arena.training_programs, arena.block_count + 1
-    return Learner(network, settings.learner, programs, config.seed, scoring, n_objects)
+    return Learner(network, config.learner, programs, config.seed, scoring, n_objects)

@@ -12,9 +12,9 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.report import write_report
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
 from pa_ros.core.software import device, versions
+from pa_ros.core.text import write_report
 
 # name: help. The module `benchmarks.NAME` defines add_arguments(parser) and run(options).
 BENCHMARKS = {

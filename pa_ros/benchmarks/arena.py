@@ -18,7 +18,7 @@ from pa_ros.arena import (
     scripted_action,
 )
 from pa_ros.core.experience import Float64
-from pa_ros.core.report import Report
+from pa_ros.core.text import Report
 from pa_ros.world.relations import RELATIONS
 
 DESIGN = "2-L"

@@ -12,8 +12,8 @@ from math import prod
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import Canonical, Family, Programmable
-from pa_ros.networks.parameters import Shapes, actor_shapes, critic_shapes
+from pa_ros.networks.families import Canonical, Family, Programmable, Shapes, family_of
+from pa_ros.networks.parameters import actor_shapes, critic_shapes
 from pa_ros.networks.slots import canonical_inputs
 
 ADAM_FLOPS = 12  # per parameter: 3 for m, 4 for v, 5 for the step
@@ -73,7 +73,7 @@ def floor_us(cost: Cost, rates: Rates) -> float:
 
 def update_cost(network: NetworkConfig, sizes: Sizes) -> Cost:
     """One update: targets, both gradients, Adam (docs/DESIGN.md, "Learning")."""
-    return _parts(network.family, network, sizes) + _adam(network) + _batch(network, sizes)
+    return _parts(family_of(network), network, sizes) + _adam(network) + _batch(network, sizes)
 
 
 @singledispatch

@@ -14,7 +14,7 @@ from pa_ros.acting.actor import Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot
-from pa_ros.core.report import Report
+from pa_ros.core.text import Report
 from pa_ros.evaluation.scoring.evaluate import REFERENCES, reference_scores, run_episodes
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
 from pa_ros.evaluation.scoring.training import EVALUATION_SEED
@@ -99,7 +99,7 @@ def _parameters(arenas: int, seed: int) -> Parameters:
     one: Parameters = {
         "sim_node": scene | timing | {"mode": "real_time"},
         "agent_node": {"learning": True, "seed": 100 * seed},
-        "learner_node": {"seed": seed, "options": ["learner.updates.per_frame=1"]},
+        "learner_node": {"seed": seed, "learner.updates.per_frame": 1.0},
     }
     return in_step(fleet(one, arenas), "free")
 

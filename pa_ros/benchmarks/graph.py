@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmarks.pingpong import measure_round_trips
 from pa_ros.core.errors import PaError
-from pa_ros.core.report import Report
+from pa_ros.core.text import Report
 from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_domain
 from pa_ros.tools.graph import start_nodes, watch

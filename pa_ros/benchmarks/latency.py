@@ -21,7 +21,7 @@ from rclpy.qos import QoSProfile
 
 from pa_ros.arena import design_named
 from pa_ros.core.errors import PaError
-from pa_ros.core.report import Report
+from pa_ros.core.text import Report
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until, steady_timer
 from pa_ros.tools.client import client_node

@@ -24,16 +24,17 @@ from pa_ros.acting.actor import Actor
 from pa_ros.arena import design_named, preset_named, training_programs, world_of
 from pa_ros.arena.gym_env import ENV_ID
 from pa_ros.core.experience import Float32, Observation
-from pa_ros.core.report import Report
+from pa_ros.core.text import Report
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world import Trajectory
@@ -75,8 +76,8 @@ def run(options: argparse.Namespace) -> Report:
 def setting(kind: str) -> tuple[NetworkConfig, LearnerConfig]:
     """Networks of this kind and the learner's settings, as `pa_ros train` has them."""
     world = world_of(preset_named("fast"), design_named(DESIGN))
-    protocol = protocol_named(PROTOCOL)
-    return protocol.network_config(world, kind), protocol.learner
+    settings = LearningSettings(protocol=PROTOCOL)
+    return settings.network.changed(family=kind).for_world(world), settings.learner
 
 
 def bench_learner(
@@ -103,7 +104,7 @@ def bench_learner(
     ]
     measure(contenders, rounds, slice_s)
     report: dict[str, Any] = {
-        "learner.network": network.kind,
+        "learner.network": network.family,
         "learner.batch": sizes.transitions,
         "learner.objects": sizes.objects,
         "learner.programs_per_transition": sizes.programs,
@@ -170,7 +171,7 @@ def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
         EAGER: engine_of(learner, name="torch").update,
         TWO_THREADS: engine_of(learner, name="fused", threads=2).update,
     }
-    if learner.network.family.evaluates_programs:
+    if family_of(learner.network).evaluates_programs:
         updates[STRAIGHTFORWARD] = _straightforward(learner).update
     return [
         Contender(name, _repeated(update, batches), 1 + (name == TWO_THREADS), name == TWO_THREADS)

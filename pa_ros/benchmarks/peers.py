@@ -25,8 +25,8 @@ import numpy as np
 from pa_ros.arena import design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
-from pa_ros.core.report import Report
 from pa_ros.core.signals import end_with_parent, interrupts_later
+from pa_ros.core.text import Report
 from pa_ros.evaluation.scoring.tables import read_rows, write_rows
 from pa_ros.evaluation.scoring.training import Acts, TrainingScores
 from pa_ros.evaluation.studies.experiments import Experiment, experiment_named, run_seed

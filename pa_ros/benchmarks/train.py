@@ -16,7 +16,7 @@ from benchmarks.timing import Contender, measure
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.core.errors import PaError
-from pa_ros.core.report import Report
+from pa_ros.core.text import Report
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
 from pa_ros.tools.client import client_node

@@ -15,9 +15,7 @@ from pa_ros.arena import (
     condition_named,
 )
 from pa_ros.arena.camera import CameraConfig
-from pa_ros.core.authentication import Authenticated
-from pa_ros.core.extensions import Extensible
-from pa_ros.core.managed import Managed
+from pa_ros.core.extensions import NodeSettings
 from pa_ros.world import reward_from
 
 LONGEST_S = 1e6  # of any period; 11 days
@@ -25,7 +23,7 @@ ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
 LAST_EPISODE = 2**62  # that one may begin with; those after it fit a message, too
 
 
-class SimConfig(ArenaChoice, Managed, Authenticated, Extensible):
+class SimConfig(NodeSettings, ArenaChoice):
     """One arena on the graph."""
 
     mode: Literal["lockstep", "real_time"] = Field(

@@ -77,7 +77,7 @@ def test_weights_that_do_not_fit_are_refused_and_change_nothing(change, message)
 @pytest.mark.parametrize("kind", ["programmable", "canonical"])
 @pytest.mark.parametrize("logic", [MIN_MAX, PRODUCT])
 def test_newer_weights_act_as_they_do_in_an_actor_of_their_own(inference, kind, logic) -> None:
-    network = NETWORK.changed(kind=kind)
+    network = NETWORK.changed(family=kind)
     older, newer = (Learner(network, SETTINGS, PROGRAMS, seed).snapshot() for seed in (0, 1))
     observation, _ = PointWorld().reset(0)
     actions = []
@@ -119,7 +119,7 @@ def test_acts_by_torch_if_asked_to_and_says_so(caplog) -> None:
 def test_the_graph_and_the_loop_choose_alike() -> None:
     """An agent on the graph knows the network by its architecture alone."""
     for kind in ("programmable", "distilled-critic", "true-properties", "canonical"):
-        network = NETWORK.changed(kind=kind)
+        network = NETWORK.changed(family=kind)
         there = actor_config(network.architecture)
         assert inference_for(network, "auto") is inference_for(there, "auto")
 
@@ -143,7 +143,7 @@ def test_other_refusals() -> None:
 
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
 def test_an_actor_of_a_snapshot_needs_nothing_else(kind) -> None:
-    network = NETWORK.changed(kind=kind)
+    network = NETWORK.changed(family=kind)
     given = snapshot(network)
     ours = Actor(network)
     ours.load(given)

@@ -118,7 +118,7 @@ def test_commands_are_numbered_and_a_held_step_is_no_experience(arm) -> None:
 
 
 def test_a_program_that_the_networks_cannot_be_told_is_refused_before_it_is_acted_on() -> None:
-    network = NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=4)
+    network = NetworkConfig(world=WORLD, family="canonical", canonical_hidden=4)
     agent, either = Agent(ME), parse("NEAR(HAND, RED)", DESIGN.vocabulary)
     agent.check_program(either)  # before there are weights nothing can be said
     agent.offer(PublishedPolicy(snapshot(0, network), "run", "learner"))

@@ -45,7 +45,7 @@ class Place:
 
     def network(self, family: str) -> NetworkConfig:
         world = world_of(*self.made_of)
-        return NetworkConfig(world=world, kind=family, hidden=6, attention=4, canonical_hidden=8)
+        return NetworkConfig(world=world, family=family, hidden=6, attention=4, canonical_hidden=8)
 
 
 PLACES = [

@@ -119,8 +119,8 @@ def test_one_altered_transition_is_found_and_named(
 
 def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(tmp_path):
     """Without relabeling, which asks the verifier instead of the recorded reward."""
-    alone = ("--set=learner.relabeling.rule=none",
-             "--set=learner.relabeling.programs_per_transition=1")  # fmt: skip
+    alone = ("--learner.relabeling.rule=none",
+             "--learner.relabeling.programs_per_transition=1")  # fmt: skip
     assert train(tmp_path, "--record", tmp_path / "bag", *alone, frames=FRAMES) == 0
     alter = altered("rewards", 2, 42, lambda reward: -reward)
     found = verified(rewritten(tmp_path / "bag", tmp_path / "copy", alter))
@@ -282,7 +282,7 @@ def test_transitions_alone_can_be_learned_from_but_not_verified(recorded, tmp_pa
     )  # fmt: skip
     assert main(["verify", str(copy)]) == 2
     assert "it is not known how this run was made" in capsys.readouterr().err
-    assert learn(tmp_path / "out", copy, "--set=network.hidden=16") == 0
+    assert learn(tmp_path / "out", copy, "--network.hidden=16") == 0
     assert "5 trajectories, 500 transitions" in capsys.readouterr().out
 
 
@@ -290,7 +290,7 @@ def test_agents_of_different_bags_are_kept_apart(recorded, tmp_path, capsys):
     """The second run's agent has the same name and the same numbers."""
     assert train(tmp_path / "b", "--record", tmp_path / "b/bag", "--seed", "6", frames=200) == 0
     bags = [recorded / "bag", tmp_path / "b/bag", recorded / "bag"]
-    assert learn(tmp_path / "out", *bags, "--set", "learner.updates.per_frame=0.5") == 0
+    assert learn(tmp_path / "out", *bags, "--learner.updates.per_frame=0.5") == 0
     assert "7 trajectories, 700 transitions, 350 updates" in capsys.readouterr().out
 
 
@@ -311,7 +311,7 @@ def test_a_resumed_run_is_not_verified(tmp_path, capsys):
 
 
 def test_a_run_with_few_recorded_versions_is_verified_completely(tmp_path):
-    arguments = ["--set=learner.schedule.trajectory_steps=1", "--set=learner.schedule.policy_lag=0"]
+    arguments = ["--learner.schedule.trajectory_steps=1", "--learner.schedule.policy_lag=0"]
     assert train(tmp_path, "--record", tmp_path / "bag", *arguments, frames=200) == 0
     with Bag(tmp_path / "bag") as bag:
         assert bag.counts["/trajectories"] == 200 and bag.counts["/policy_weights"] == 3
@@ -329,7 +329,7 @@ def test_a_run_continues_when_the_disk_of_its_recording_is_full(tmp_path, monkey
     assert len(learned_state(tmp_path)[0]) > 1000
 
 
-@pytest.mark.parametrize("wrong", [["--set=learner.engine.device=xla"], ["--resume"], []])
+@pytest.mark.parametrize("wrong", [["--learner.engine.device=xla"], ["--resume"], []])
 def test_a_rejected_run_leaves_no_bag(recorded, tmp_path, wrong):
     out = tmp_path / "out" if wrong else recorded  # which contains a run
     assert train(out, "--record", tmp_path / "bag", *wrong) == 2

@@ -10,8 +10,8 @@ from chaos.campaign import ChaosConfig, campaign
 from chaos.report import report, write_table
 from pa_ros.cli.options import add_settings, settings_from
 from pa_ros.core.errors import PaError
-from pa_ros.core.report import write_report
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
+from pa_ros.core.text import write_report
 
 
 def main() -> int:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from chaos.campaign import Row, failed_rows
-from pa_ros.core.report import Report
+from pa_ros.core.text import Report
 
 HEAD = """# Faults
 

@@ -32,14 +32,14 @@ LAUNCHED: Final = "launched"
 NODES: Final = ("sim_node", "agent_node", "learner_node")
 RECORDER: Final = "recorder"
 LAUNCHER: Final = "launcher"
-SMALL: Final = [
-    "learner.replay.warmup_frames=20",
-    "learner.replay.batch_size=32",
-    "learner.replay.capacity_frames=50000",
-    "learner.updates.per_frame=4",
-    "learner.schedule.trajectory_steps=20",
-    "network.hidden=16",
-]
+SMALL: Final = {
+    "learner.replay.warmup_frames": 20,
+    "learner.replay.batch_size": 32,
+    "learner.replay.capacity_frames": 50000,
+    "learner.updates.per_frame": 4,
+    "learner.schedule.trajectory_steps": 20,
+    "network.hidden": 16,
+}
 
 
 class StageError(PaError):
@@ -53,7 +53,7 @@ def learning() -> Parameters:
     return {
         "sim_node": {"seed": 4, "episode_steps": 40, "resend_period_s": 0.25},
         "agent_node": {"seed": 4, "learning": True, "resend_period_s": 0.5, "stuck_after_s": 2.0},
-        "learner_node": {"seed": 4, "options": SMALL, "checkpoint_every_frames": 400},
+        "learner_node": {"seed": 4, **SMALL, "checkpoint_every_frames": 400},
     }
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pa_ros.core.files import write_whole
-from pa_ros.core.report import write_report
+from pa_ros.core.text import write_report
 from pa_ros.learning.progress import Progress
 
 COMMAND = (sys.executable, "-m", "pa_ros")

@@ -15,7 +15,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import MIN_MAX, parse, relevance
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance.origins import describe
 
@@ -47,7 +47,7 @@ def test_without_a_program_there_is_phi_alone():
 
 
 def test_networks_without_detectors_are_refused():
-    network = protocol_named("ours").network_config(TASK.world, "canonical")
+    network = LearningSettings().network.changed(family="canonical").for_world(TASK.world)
     tensors = initial_actor(network, np.random.default_rng(0))
     snapshot = PolicySnapshot(0, network.architecture, TASK.world.digest, tensors)
     with pytest.raises(ConfigError, match="canonical"):

@@ -31,19 +31,22 @@ class Whole(Settings):
         ({"part.share": True}, "whole.part.share: expected a number in [0, 1), got True"),
         ({"part.share": "0.5"}, "whole.part.share: expected a number in [0, 1), got '0.5'"),
         ({"part.kind": "c"}, "whole.part.kind: expected one of ['a', 'b'], got 'c'"),
-        ({"part.pair": [1, 2, 3]}, "whole.part.pair: expected 2 numbers, got [1, 2, 3]"),
+        ({"part.pair": [1, 2, 3]}, "whole.part.pair: expected 2 numbers, got (1, 2, 3)"),
         ({"name": "z"}, "whole.name: expected one of ['x', 'y'], got 'z'"),
         ({"steps": 2.0}, "whole.steps: expected an integer in [1, 9], got 2.0"),
         ({"steps": 10}, "whole.steps: expected an integer in [1, 9], got 10"),
         ({"part": 3}, "whole.part: expected the settings of this part, got 3"),
         ({"part.pair": [1]}, "whole.part.pair: expected 2 numbers, got [1]"),
-        ({"qqq": 1}, "whole.qqq: expected a known name of ['name', 'part', 'steps'], got 1"),
         (
-            {"part.qqq": 1},
-            "whole.part.qqq: expected a known name of ['part.kind', 'part.pair', 'part.share'], "
-            "got 1",
+            {"qqq": 1},
+            "whole.qqq: unknown setting; known: whole.part.share, whole.part.kind, "
+            "whole.part.pair, whole.name, whole.steps",
         ),
-        ({"share": 0.1}, "whole.share: expected a known name, such as part.share, got 0.1"),
+        (
+            {"part.kidn": 1},
+            "whole.part.kidn: unknown setting; did you mean 'whole.part.kind'?",
+        ),
+        ({"share": 0.1}, "whole.share: unknown setting; did you mean 'whole.part.share'?"),
     ],
 )
 def test_a_refusal_names_the_path(changes, message) -> None:

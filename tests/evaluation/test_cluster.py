@@ -177,7 +177,7 @@ def test_a_seed_that_is_refused_leaves_the_others_to_be_trained(tmp_path, capsys
     said: list[str] = []
     there = object.__new__(cluster.Cluster)
     there._ray, there._extended = LocalRay(), ()
-    wrong = replace(SMALL, options=("learner.updates.discount=nan",))
+    wrong = replace(SMALL, options={"learner.updates.discount": float("nan")})
     jobs = [SeedJob(wrong if seed == 1 else SMALL, seed, tmp_path / f"seed-{seed}")
             for seed in range(3)]  # fmt: skip
     with pytest.raises(FailedError, match=r"but for seed 1: .*discount.*got 'nan'"):

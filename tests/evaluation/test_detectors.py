@@ -101,7 +101,7 @@ def test_designs_without_spare_words_have_known_scenes_only(novice: TrainedAgent
 
 def test_an_agent_without_detectors_is_refused(novice: TrainedAgent):
     config = NetworkConfig(
-        world=world_of(novice.arena, novice.design), kind="canonical", canonical_hidden=8
+        world=world_of(novice.arena, novice.design), family="canonical", canonical_hidden=8
     )
     tensors = initial_actor(config, np.random.default_rng(0))
     snapshot = replace(novice.snapshot, architecture=config.architecture, tensors=tensors)

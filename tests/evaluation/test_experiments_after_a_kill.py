@@ -28,7 +28,7 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 
 NOTHING = {"train_greedy.normalized": 0.0, "eval_greedy.normalized": 0.0}
-LEARNS = ("learner.replay.warmup_frames=100", "learner.replay.batch_size=8")
+LEARNS = {"learner.replay.warmup_frames": 100, "learner.replay.batch_size": 8}
 SMALL = replace(
     experiment_named("programmable-2L"), frames=600, evaluate_every_frames=300, options=LEARNS
 )
@@ -36,7 +36,7 @@ FORGETTING = replace(
     SMALL,
     design="3-D",
     switch_frames=300,
-    options=(*EXPERIMENTS["forgetting"].options, *LEARNS),
+    options={**EXPERIMENTS["forgetting"].options, **LEARNS},
 )
 
 

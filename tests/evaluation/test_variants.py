@@ -46,7 +46,7 @@ def table(
 
 def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.96, 0.2], 1: [0.92, 0.93, 0.94, 0.95]})
-    changed = replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))
+    changed = replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})
     table(tmp_path, changed, {0: [0.1, 0.2, 0.5], 1: [0.1, 0.91, 0.93]})
     table(tmp_path, replace(BASE, preset="paper"), {0: [0.0]})  # another arm: no variant
     path = write_variants("programmable-2L", tmp_path)
@@ -62,7 +62,7 @@ def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
 
 def test_a_seed_that_ends_there_is_judged_on_fresh_episodes(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.2]}, {0: 0.2})
-    changed = replace(BASE, tag="noise", options=("learner.detectors.sparsity=0",))
+    changed = replace(BASE, tag="noise", options={"learner.detectors.sparsity": 0})
     table(tmp_path, changed, {0: [0.1, 0.87]}, {0: 0.95})
     ours, noise = read_rows(write_variants("programmable-2L", tmp_path), Variant)
     assert (ours.solved, noise.solved) == (1, 1)
@@ -72,7 +72,7 @@ def test_variants_of_an_arm_are_beside_that_arms_own(tmp_path: Path) -> None:
     slow = replace(BASE, preset="paper")
     for own in (BASE, slow):
         table(tmp_path, own, {0: [0.1, 0.95]})
-        changed = replace(own, tag="noise-0.3", options=("learner.exploration.sigma=0.3",))
+        changed = replace(own, tag="noise-0.3", options={"learner.exploration.sigma": 0.3})
         table(tmp_path, changed, {0: [0.1, 0.2]})
     for experiment in (BASE, slow):
         rows = read_rows(write_variants(experiment.label, tmp_path), Variant)
@@ -117,7 +117,7 @@ def test_a_variant_is_called_what_it_changes(changed: str, words: str) -> None:
 
 @pytest.mark.parametrize("said", ["{", "[]", "{}", '{"preset": "fast"}'])
 def test_a_damaged_setting_is_refused_and_not_passed_over(tmp_path, said, capsys) -> None:
-    for experiment in (BASE, replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))):
+    for experiment in (BASE, replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})):
         table(tmp_path, experiment, {0: [0.1, 0.95]})
     (tmp_path / "programmable-2L.free.json").write_text(said)
     for command in (["experiment", "variants"], ["figures", "programmable-2L.free"]):
@@ -127,7 +127,7 @@ def test_a_damaged_setting_is_refused_and_not_passed_over(tmp_path, said, capsys
 
 
 def test_a_seed_without_its_summary_is_refused(tmp_path) -> None:
-    for experiment in (BASE, replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))):
+    for experiment in (BASE, replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})):
         table(tmp_path, experiment, {0: [0.1, 0.95]})
     other = tmp_path / "other"
     table(other, replace(BASE, tag="free"), {3: [0.1]})
@@ -139,7 +139,7 @@ def test_a_seed_without_its_summary_is_refused(tmp_path) -> None:
 @pytest.mark.parametrize("text", ["", "seed,frames,wall_s,train_greedy.normalized\n", "a,b\n1,2\n"])
 @pytest.mark.parametrize("name", ["programmable-2L", "programmable-2L.free"])
 def test_a_damaged_table_is_refused(tmp_path, text, name, capsys) -> None:
-    for experiment in (BASE, replace(BASE, tag="free", options=("learner.detectors.sparsity=0",))):
+    for experiment in (BASE, replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})):
         table(tmp_path, experiment, {0: [0.1, 0.95]})
     (tmp_path / f"{name}.csv").write_text(text)
     assert main(["experiment", "variants", "--results", str(tmp_path)]) == 2

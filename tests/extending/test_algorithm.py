@@ -16,7 +16,7 @@ from pa_ros.learning.algorithms import ALGORITHMS, Algorithm
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.inference import TorchActor
 
@@ -36,9 +36,12 @@ def test_it_learns_through_the_same_learner_and_is_announced(tmp_path: Path) -> 
 def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
     """In one state with two stored actions, of which one is rewarded: a bandit."""
     load_example("algorithm")
-    fast = ["learner.optimizer.actor_rate=3e-3", "learner.optimizer.critic_rate=3e-3"]
-    fast.append("network.critic_output_bias=0")  # what a bandit's values are near
-    learner = trained(tmp_path, algorithm="crr", frames=100, options=fast)
+    fast: dict[str, Any] = {
+        "learner.optimizer.actor_rate": 3e-3,
+        "learner.optimizer.critic_rate": 3e-3,
+        "network.critic_output_bias": 0,  # the values of a bandit are near 0
+    }
+    learner = trained(tmp_path, algorithm="crr", frames=100, **fast)
     (batch,) = learner.batches(1)
     good = np.arange(len(batch.action)) % 2 == 0
     sign = np.where(good, 1.0, -1.0).astype(np.float32)
@@ -63,12 +66,14 @@ def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
 
 def test_its_settings_are_options_and_its_values_join_the_protocol() -> None:
     load_example("algorithm")
-    assert protocol_named("ours", "crr").learner.value("temperature") == 0.2
-    assert protocol_named("paper", "crr").learner.value("temperature") == 0.1
-    changed = protocol_named("ours", "crr").with_options(["learner.temperature=0.3"])
-    assert changed.learner.value("temperature") == 0.3
+    ours = LearningSettings(algorithm="crr")
+    assert ours.flat()["learner.temperature"] == 0.2
+    paper = LearningSettings(protocol="paper", algorithm="crr")
+    assert paper.flat()["learner.temperature"] == 0.1
+    changed = ours.changed(**{"learner.temperature": 0.3})
+    assert changed.flat()["learner.temperature"] == 0.3
     with pytest.raises(ConfigError, match="temperature"):
-        protocol_named("ours", "crr").with_options(["learner.temperature=0"])
+        ours.changed(**{"learner.temperature": 0})
 
 
 class InheritedConfig(DPGConfig):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,11 +25,15 @@ from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.tools.launch_params import Parameters
 
 CRANE = str(Path(__file__).with_name("crane.py"))
-QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32"]
+QUICK: dict[str, Any] = {
+    "learner.replay.warmup_frames": 100,
+    "learner.replay.batch_size": 16,
+    "network.hidden": 32,
+}
 FRAMES = 300
 DESIGN = design_named("2-L")
 ALL = {"crane": 4, "panda": 7}
@@ -50,11 +55,11 @@ def test_it_moves_and_its_script_scores() -> None:
 @pytest.mark.parametrize(("arm", "joints"), ALL.items())
 def test_it_is_learned_with_in_process(arm: str, joints: int, tmp_path: Path) -> None:
     arena = preset_named("fast", arm)
-    protocol, world = protocol_named("ours").with_options(QUICK), world_of(arena, DESIGN)
+    learning, world = LearningSettings().changed(**QUICK), world_of(arena, DESIGN)
     learner = train(
         TrainConfig(out=tmp_path, seed=1, frames=FRAMES, evaluate_every_frames=0, arm=arm),
-        protocol.network_config(world),
-        protocol.learner,
+        learning.network.for_world(world),
+        learning.learner,
         ReachTask(arena, DESIGN, seed=1),
         np.array(arena.joint_speed_limits),
         training_programs(DESIGN),
@@ -102,7 +107,7 @@ def test_it_is_learned_with_over_the_graph(arm: str, joints: int, tmp_path: Path
     given: Parameters = {
         "sim_node": {"arm": arm, **({"extensions": [CRANE]} if arm == "crane" else {})},
         "agent_node": {"learning": True, "agent_id": "agent"},
-        "learner_node": {"options": [*QUICK]},
+        "learner_node": {**QUICK},
     }
 
     policy, arena = learned_over_the_graph(tmp_path, given, FRAMES // 100)

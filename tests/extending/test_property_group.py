@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,16 +27,16 @@ from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.tools.launch_params import Parameters
 
 SIZES = str(Path(__file__).with_name("sizes.py"))
-QUICK = [
-    "learner.replay.warmup_frames=100",
-    "learner.replay.batch_size=16",
-    "network.hidden=32",
-    "learner.detectors.sparsity=0",
-]  # what is read leaves its trace
+QUICK: dict[str, Any] = {
+    "learner.replay.warmup_frames": 100,
+    "learner.replay.batch_size": 16,
+    "network.hidden": 32,
+    "learner.detectors.sparsity": 0,
+}  # what is read leaves its trace
 FRAMES = 300
 
 
@@ -93,11 +94,11 @@ def test_conditions_are_those_of_every_group(design: Design, arena: ArenaConfig)
 
 
 def test_it_is_learned_about_in_process(design: Design, arena: ArenaConfig, tmp_path: Path) -> None:
-    protocol, world = protocol_named("ours").with_options(QUICK), world_of(arena, design)
+    learning, world = LearningSettings().changed(**QUICK), world_of(arena, design)
     learner = train(
         TrainConfig(out=tmp_path, seed=1, frames=FRAMES, evaluate_every_frames=0),
-        protocol.network_config(world),
-        protocol.learner,
+        learning.network.for_world(world),
+        learning.learner,
         ReachTask(arena, design, seed=1),
         np.array(arena.joint_speed_limits),
         training_programs(design),
@@ -134,7 +135,7 @@ def test_it_is_learned_about_over_the_graph(
     given: Parameters = {
         "sim_node": {"design": "sizes", "extensions": [SIZES]},
         "agent_node": {"learning": True, "agent_id": "agent"},
-        "learner_node": {"options": [*QUICK]},
+        "learner_node": {**QUICK},
     }
 
     policy, _ = learned_over_the_graph(tmp_path, given, FRAMES // 100)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,13 +28,17 @@ from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.tools.launch_params import Parameters
 
 WITHIN = str(Path(__file__).with_name("within.py"))
-QUICK = ["learner.replay.warmup_frames=100", "learner.replay.batch_size=16", "network.hidden=32"]
+QUICK: dict[str, Any] = {
+    "learner.replay.warmup_frames": 100,
+    "learner.replay.batch_size": 16,
+    "network.hidden": 32,
+}
 FRAMES, ARENA = 300, preset_named("fast")
 
 
@@ -59,11 +64,11 @@ def test_the_verifier_pays_for_the_ring_and_the_script_gets_there(design: Design
 
 
 def trained(design: Design, out: Path) -> Learner:
-    protocol, world = protocol_named("ours").with_options(QUICK), world_of(ARENA, design)
+    learning, world = LearningSettings().changed(**QUICK), world_of(ARENA, design)
     return train(
         TrainConfig(out=out, seed=1, frames=FRAMES, evaluate_every_frames=0),
-        protocol.network_config(world),
-        protocol.learner,
+        learning.network.for_world(world),
+        learning.learner,
         ReachTask(ARENA, design, seed=1),
         np.array(ARENA.joint_speed_limits),
         training_programs(design),
@@ -125,7 +130,7 @@ def test_it_is_learned_about_over_the_graph(design: Design, tmp_path: Path) -> N
     given: Parameters = {
         "sim_node": {"relations": ["NEAR", "WITHIN"], "extensions": [WITHIN]},
         "agent_node": {"learning": True, "agent_id": "agent", "extensions": [WITHIN]},
-        "learner_node": {"options": [*QUICK], "extensions": [WITHIN]},
+        "learner_node": {**QUICK, "extensions": [WITHIN]},
     }
 
     policy, _ = learned_over_the_graph(tmp_path, given, FRAMES // 100)

@@ -31,7 +31,7 @@ def test_the_arena_announces_it_and_the_learner_learns_from_it(tmp_path: Path) -
     given: Parameters = {
         "sim_node": {"reward": REWARD, "extensions": EXTENSIONS},
         "agent_node": {"learning": True, "agent_id": "agent"},
-        "learner_node": {"algorithm": "td3", "options": [*SMALL], "extensions": EXTENSIONS},
+        "learner_node": {"algorithm": "td3", **SMALL, "extensions": EXTENSIONS},
     }
     with Supervisor(tmp_path) as supervisor, client_node("watch") as node:
         for topic, take in (

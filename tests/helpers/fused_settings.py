@@ -69,7 +69,7 @@ def setting(
     ask for `relations` in turn."""
     vocabulary = vocabulary.asking(*relations)
     network = NetworkConfig(
-        world=World(schema, vocabulary, joints), kind=kind, actor_output_scale=0.3, **sizes
+        world=World(schema, vocabulary, joints), family=kind, actor_output_scale=0.3, **sizes
     )  # type: ignore[arg-type]
     table = ProgramTable(vocabulary)
     words = set(vocabulary.words)

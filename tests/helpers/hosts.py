@@ -173,9 +173,9 @@ class Site:
         environment = self._common | self._environment(host)
         self.hosts.run(host, words, environment, log)
 
-    def begin(self, *options: str, sim: Mapping[str, Any] | None = None, **learner: Any) -> None:
+    def begin(self, *, sim: Mapping[str, Any] | None = None, **learner: Any) -> None:
         arenas = ["arena1", "arena2"]
-        learner |= {"options": [*SMALL, *options], "out": str(self.folder / "run")}
+        learner = SMALL | learner | {"out": str(self.folder / "run")}
         learner.setdefault("checkpoint_every_frames", 200)
         self.run(0, "learner_node", arenas=arenas, **learner)
         for host, arena in enumerate(arenas, start=1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -20,7 +20,7 @@ from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.wire.arena import ArenaDescription, Mode
@@ -158,12 +158,12 @@ def following(learner: LearnerInfo = FAR_BEHIND) -> LearningAgent:
 EXAMPLES = Path(__file__).parents[1] / "extending"
 FRAMES = 300
 # Settings for the protocol `ours` with which a few hundred frames are enough.
-SMALL = (
-    "learner.replay.warmup_frames=100",
-    "learner.replay.batch_size=16",
-    "network.hidden=16",
-    "network.attention=8",
-)
+SMALL: dict[str, Any] = {
+    "learner.replay.warmup_frames": 100,
+    "learner.replay.batch_size": 16,
+    "network.hidden": 16,
+    "network.attention": 8,
+}
 
 
 def load_example(name: str) -> ModuleType:
@@ -176,15 +176,15 @@ def trained(
     reward: Reward | None = None,
     algorithm: str = "dpg",
     frames: int = FRAMES,
-    options: Sequence[str] = (),
+    **settings: Any,
 ) -> Learner:
-    """Train 2-L on the fast arm under the protocol `ours`, in process."""
+    """Train 2-L on the fast arm under `ours`, in process; `settings` are by dotted name."""
     design, arena = design_named("2-L"), preset_named("fast")
-    protocol = protocol_named("ours", algorithm).with_options([*SMALL, *options])
+    learning = LearningSettings(algorithm=algorithm).changed(**SMALL | settings)
     return train(
         TrainConfig(out=out, frames=frames, evaluate_every_frames=0),
-        protocol.network_config(world_of(arena, design)),
-        protocol.learner,
+        learning.network.for_world(world_of(arena, design)),
+        learning.learner,
         ReachTask(arena, design, 0, reward=reward),
         np.array(arena.joint_speed_limits),
         training_programs(design),

@@ -145,12 +145,16 @@ def recorded(folder: Path, steps: list[Step]) -> Path:
     return folder
 
 
-SMALL = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16"]
+SMALL: dict[str, Any] = {
+    "learner.replay.warmup_frames": 20,
+    "learner.replay.batch_size": 8,
+    "network.hidden": 16,
+}
 
 
 def train(out: Path, *arguments: str | Path, frames: int = 500) -> int:
     """Run `pa_ros train` with small networks; its exit status."""
-    options = [f"--set={option}" for option in SMALL]
+    options = [f"--{name}={value}" for name, value in SMALL.items()]
     fixed = ["--seed", "5", "--eval-every", "0", "--frames", str(frames)]
     return main(["train", "--out", str(out), *fixed, *options, *map(str, arguments)])
 

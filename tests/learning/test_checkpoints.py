@@ -99,7 +99,7 @@ def test_a_checkpoint_names_the_machines_that_its_run_used(saved, monkeypatch) -
     ("network", "settings", "message"),
     [
         (NETWORK.changed(hidden=7), SETTINGS, "hidden: checkpoint 6, here 7"),
-        (NETWORK.changed(kind="distilled-critic"), SETTINGS, "checkpoint 'programmable', here"),
+        (NETWORK.changed(family="distilled-critic"), SETTINGS, "checkpoint 'programmable', here"),
         (
             NETWORK,
             dpg(SETTINGS, optimizer__critic_rate=1e-3),

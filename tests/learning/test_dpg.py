@@ -67,7 +67,7 @@ def test_updates_agree_with_the_formulas_as_they_stand(kind, k, see, biased) -> 
     """Five updates with a target copy between: formulas, clipping and Adam written out."""
     network = NetworkConfig(
         world=WORLD,
-        kind=kind,
+        family=kind,
         hidden=8,
         attention=5,
         actor_output_scale=0.5,
@@ -137,7 +137,7 @@ def flattened(objects: np.ndarray, arm: np.ndarray, program: np.ndarray) -> np.n
 
 def test_one_update_by_hand() -> None:
     """The whole update in float64 NumPy: target, both gradients, clip, Adam."""
-    network = NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=10)
+    network = NetworkConfig(world=WORLD, family="canonical", canonical_hidden=10)
     actor, critic = networks(network)
     actor["output.weight"] *= 100.0
     critic["output.weight"] *= 30.0
@@ -176,7 +176,7 @@ def test_one_update_by_hand() -> None:
 
 
 def made(config: DPGConfig = CONFIG, kind: str = "programmable") -> TorchDPG:
-    network = NetworkConfig(world=WORLD, kind=kind, hidden=8, attention=5)
+    network = NetworkConfig(world=WORLD, family=kind, hidden=8, attention=5)
     engine = make_engine(network, config, table(), np.random.default_rng(4))
     assert isinstance(engine, TorchDPG)
     return engine

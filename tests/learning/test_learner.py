@@ -121,7 +121,7 @@ def test_a_refused_trajectory_changes_nothing() -> None:
 
 
 def test_canonical_networks_refuse_other_programs() -> None:
-    one = learner(NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=6))
+    one = learner(NetworkConfig(world=WORLD, family="canonical", canonical_hidden=6))
     rng = np.random.default_rng(0)
     assert one.consume(random_trajectory(rng)).updates == 5
     with pytest.raises(NetworkError):

@@ -23,11 +23,11 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import LearningChoice, protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
 
-NETWORK = NetworkConfig(world=WORLD, kind="true-properties", hidden=6, attention=4)
+NETWORK = NetworkConfig(world=WORLD, family="true-properties", hidden=6, attention=4)
 CONFIG = TD3Config().changed(**{"engine.dtype": "float64", "targets.tau": 0.25})
 LEARNS = TD3Config().changed(
     **{
@@ -135,10 +135,8 @@ def test_a_checkpoint_of_another_algorithm_is_refused_with_both_named(tmp_path: 
 
 
 def test_an_unknown_algorithm_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"unknown algorithm: .*'dpg', 'td3'.*got 'sac'"):
-        protocol_named("ours", "sac")
     with pytest.raises(ConfigError, match=r"algorithm: .*'dpg', 'td3'.*got 'sac'"):
-        LearningChoice(algorithm="sac")
+        LearningSettings(algorithm="sac")
 
 
 def test_the_fused_engine_is_refused_for_it() -> None:
@@ -147,9 +145,9 @@ def test_the_fused_engine_is_refused_for_it() -> None:
 
 
 def test_its_settings_are_options_of_its_own_and_not_of_dpg() -> None:
-    option = "learner.targets.tau=0.1"
-    learner = protocol_named("ours", "td3").with_options([option]).learner
+    option = {"learner.targets.tau": 0.1}
+    learner = LearningSettings(algorithm="td3").changed(**option).learner
     assert isinstance(learner, TD3Config) and learner.targets.tau == 0.1
     assert learner.updates.discount == 0.95  # the protocol's
     with pytest.raises(ConfigError, match="targets"):
-        protocol_named("ours").with_options([option])
+        LearningSettings().changed(**option)

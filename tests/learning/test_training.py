@@ -370,7 +370,7 @@ def mean_reward(actor: Actor, episodes: range) -> float:
 
 def test_dpg_solves_the_point_world(tmp_path) -> None:
     """From about −1 to most of the time near the block that the program names."""
-    network = NetworkConfig(world=WORLD, kind="true-properties", hidden=32, attention=8)
+    network = NetworkConfig(world=WORLD, family="true-properties", hidden=32, attention=8)
     settings = dpg(
         SETTINGS, replay__batch_size=64, replay__capacity_frames=20_000, replay__warmup_frames=200,
         optimizer__actor_rate=1e-3,

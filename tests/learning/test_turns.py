@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -13,26 +14,30 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.learning.run import LearningRun
 from pa_ros.learning.turns import Turns, in_turn
 from pa_ros.world import Trajectory
 
-SMALL = ("learner.replay.warmup_frames=0", "learner.replay.batch_size=4", "network.hidden=8",
-         "network.attention=4")  # fmt: skip
+SMALL: dict[str, Any] = {
+    "learner.replay.warmup_frames": 0,
+    "learner.replay.batch_size": 4,
+    "network.hidden": 8,
+    "network.attention": 4,
+}
 EVERY = [trajectory(m, agent) for m, agent in itertools.product(range(2), "ab")]
 
 
-def run_of(*options: str) -> LearningRun:
-    protocol = protocol_named("ours").with_options([*SMALL, *options])
-    network = protocol.network_config(WORLD)
-    learner = Learner(network, protocol.learner, training_programs(DESIGN), seed=0)
+def run_of(**settings: Any) -> LearningRun:
+    learning = LearningSettings().changed(**SMALL | settings)
+    network = learning.network.for_world(WORLD)
+    learner = Learner(network, learning.learner, training_programs(DESIGN), seed=0)
     return LearningRun(learner, 0.1)
 
 
 def taken_in(order: tuple[Trajectory, ...], agents: str = "ab") -> list[tuple[str, int]]:
     """What a learner with turns learns from, in its order, of what comes in another."""
-    run, learned = run_of("learner.schedule.in_step=exact"), []
+    run, learned = run_of(**{"learner.schedule.in_step": "exact"}), []
     turns = Turns(run, agents)
     for one in order:
         for ready in turns.ready(one):
@@ -48,7 +53,7 @@ def test_whatever_comes_first_trajectories_are_learned_from_in_turn(order):
 
 
 def test_a_missing_trajectory_is_waited_for_and_named_by_its_agent():
-    run = run_of("learner.schedule.in_step=exact")
+    run = run_of(**{"learner.schedule.in_step": "exact"})
     turns = Turns(run, ("a", "b"))
     assert turns.awaited == ""
     assert list(turns.ready(trajectory(0, "b"))) == []
@@ -58,7 +63,7 @@ def test_a_missing_trajectory_is_waited_for_and_named_by_its_agent():
 
 
 def test_who_has_no_turn_and_who_was_superseded_is_refused():
-    run = run_of("learner.schedule.in_step=exact")
+    run = run_of(**{"learner.schedule.in_step": "exact"})
     turns = Turns(run, ("a", "b"))
     with pytest.raises(
         LearningError, match=r"expected one of the agents \['a', 'b'\].*got one of 'c'"
@@ -71,7 +76,7 @@ def test_who_has_no_turn_and_who_was_superseded_is_refused():
 
 
 def test_an_agent_that_starts_again_takes_its_turn_with_what_it_sends_now():
-    run = run_of("learner.schedule.in_step=exact")
+    run = run_of(**{"learner.schedule.in_step": "exact"})
     turns = Turns(run, ("a", "b"))
     assert list(turns.ready(trajectory(0, "b"))) == []
     assert list(turns.ready(replace(trajectory(0, "b"), incarnation=1))) == []
@@ -92,7 +97,7 @@ def test_keys_are_put_in_turn_from_a_version_on():
 
 
 def test_free_agents_are_not_to_wait_and_what_too_old_weights_did_is_counted_and_refused():
-    run = run_of("learner.schedule.in_step=free", "learner.schedule.oldest_policy=2")
+    run = run_of(**{"learner.schedule.in_step": "free", "learner.schedule.oldest_policy": 2})
     assert run.info.free
     ours = [replace(trajectory(m), run_id=run.info.run_id) for m in range(6)]
     for one in ours[:3]:
@@ -109,7 +114,7 @@ def test_free_agents_are_not_to_wait_and_what_too_old_weights_did_is_counted_and
 
 
 def test_others_are_told_to_wait_however_old_their_weights():
-    run = run_of("learner.schedule.oldest_policy=0")
+    run = run_of(**{"learner.schedule.oldest_policy": 0})
     assert not run.info.free and run.info.policy_lag == 1
     for m in range(3):
         run.consume(replace(trajectory(m), run_id=run.info.run_id))
@@ -118,4 +123,4 @@ def test_others_are_told_to_wait_however_old_their_weights():
 
 def test_an_unknown_way_is_refused():
     with pytest.raises(ConfigError, match="in_step: expected one of .*'free'.*, got 'both'"):
-        run_of("learner.schedule.in_step=both")
+        run_of(**{"learner.schedule.in_step": "both"})

@@ -31,6 +31,7 @@ from pa_ros.native.engine import FusedActor
 from pa_ros.native.errors import FusedError
 from pa_ros.native.families import FUSED
 from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
 from pa_ros.world.relations import RELATIONS
 from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
@@ -333,7 +334,7 @@ def test_equal_programs_are_executed_alike_by_min_and_max_alone() -> None:
 
 def test_who_learns_needs_what_can_be_differentiated() -> None:
     made = setting()
-    family = FUSED[type(made.network.family)]
+    family = FUSED[type(family_of(made.network))]
     actor, critic = (family.describe(made.network, x, MIN_MAX) for x in (False, True))
     values = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
     values |= {"actor_rate": 1e-3, "critic_rate": 1e-3, "sparsity": 0.0, "free_from": 1.0}

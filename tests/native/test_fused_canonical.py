@@ -32,7 +32,7 @@ CONFIG = dpg(actor__gradient_clip=0.05)
 
 
 def network(hidden: int = 40) -> NetworkConfig:
-    return NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=hidden)
+    return NetworkConfig(world=WORLD, family="canonical", canonical_hidden=hidden)
 
 
 def tensors(config: NetworkConfig) -> tuple[Tensors, Tensors]:

@@ -50,7 +50,7 @@ def test_is_chosen_where_it_applies() -> None:
 def test_says_why_it_does_not_apply() -> None:
     config, network = DPGConfig(), setting().network
     assert why_not_fused(network, config) == ""
-    assert why_not_fused(network.changed(kind="canonical"), config) == ""
+    assert why_not_fused(network.changed(family="canonical"), config) == ""
     many = tuple(f"COLOR{i}" for i in range(_fused.MAX_SLOTS + 1))
     color = PropertyGroup("color", many, OneHot(many))
     world = World(ObjectSchema((color,)), Vocabulary.of(color=many), joints=6)

@@ -18,7 +18,7 @@ from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "BLUE"))
 WORLD = World(PAPER, WORDS, joints=6)
-CONFIG = NetworkConfig(world=WORLD, kind="canonical", canonical_hidden=9)
+CONFIG = NetworkConfig(world=WORLD, family="canonical", canonical_hidden=9)
 
 
 def block(shape: str, color: str, x: float) -> np.ndarray:
@@ -86,7 +86,7 @@ def test_modules_and_inference_agree_with_the_layers_by_hand() -> None:
 
 
 def test_initial_weights_are_lillicraps() -> None:
-    config = NetworkConfig(world=WORLD, kind="canonical")
+    config = NetworkConfig(world=WORLD, family="canonical")
     rng = np.random.default_rng(0)
     for tensors, shapes in (
         (initial_actor(config, rng), actor_shapes(config)),

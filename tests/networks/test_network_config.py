@@ -22,7 +22,7 @@ WORLD = World(PAPER, WORDS, joints=6)
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("kind", "quantum"),
+        ("family", "quantum"),
         ("hidden", 0),
         ("attention", -1),
         ("canonical_hidden", 1.5),
@@ -39,7 +39,7 @@ def test_a_refused_value_is_shown(field, value) -> None:
 
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_json_round_trip(kind) -> None:
-    config = NetworkConfig(world=WORLD, kind=kind, hidden=7, critic_output_bias=-100.0)
+    config = NetworkConfig(world=WORLD, family=kind, hidden=7, critic_output_bias=-100.0)
     assert NetworkConfig.from_json(config.to_json()) == config
     again = actor_config(config.architecture)
     assert again.architecture == config.architecture
@@ -49,13 +49,13 @@ def test_json_round_trip(kind) -> None:
 def test_architecture_tells_actors_apart_and_nothing_else() -> None:
     config = NetworkConfig(world=WORLD)
     other_words = Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A"))
-    same = [config.changed(kind="distilled-critic"), config.changed(critic_output_bias=-100.0)]
+    same = [config.changed(family="distilled-critic"), config.changed(critic_output_bias=-100.0)]
     other = [
         config.changed(hidden=151),
         config.changed(attention=65),
         config.changed(position_scale=1.0),
-        config.changed(kind="canonical"),
-        config.changed(kind="true-properties"),
+        config.changed(family="canonical"),
+        config.changed(family="true-properties"),
         config.changed(world=World(PAPER, WORDS, joints=7)),
         config.changed(world=World(PAPER, other_words, joints=6)),
     ]
@@ -89,7 +89,7 @@ def test_shapes_are_those_of_the_design_notes() -> None:
     assert shapes["local.0.weight"] == (150, 34) and shapes["local.1.weight"] == (150, 150)
     assert shapes["message.0.weight"] == (150, 68) and shapes["message.1.weight"] == (150, 150)
     assert shapes["output.weight"] == (6, 150)
-    critic = critic_shapes(NetworkConfig(world=WORLD, kind="distilled-critic"))
+    critic = critic_shapes(NetworkConfig(world=WORLD, family="distilled-critic"))
     assert "detectors.weight" not in critic
     assert critic["action.weight"] == (150, 6) and critic["output.weight"] == (1, 150)
 

@@ -47,7 +47,7 @@ def random_objects(rng: np.random.Generator, batch: int, n: int) -> np.ndarray:
 def network(kind: str = "programmable", self_weight: float = 1.0) -> NetworkConfig:
     return NetworkConfig(
         world=WORLD,
-        kind=kind,
+        family=kind,
         hidden=12,
         attention=7,
         actor_output_scale=0.5,
@@ -128,7 +128,7 @@ def test_agree_with_the_formulas(kind, self_weight, n, k, hand_index, dtype, tol
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_state_dicts_are_the_table_of_tensors(kind) -> None:
-    config = NetworkConfig(world=WORLD, kind=kind)
+    config = NetworkConfig(world=WORLD, family=kind)
     for made, shapes in (
         (ProgrammableActor(config), actor_shapes(config)),
         (ProgrammableCritic(config), critic_shapes(config)),

@@ -10,6 +10,7 @@ from torch import Tensor
 from pa_ros.arena import PRESETS, design_named, world_of
 from pa_ros.language import parse
 from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.world.programs import ProgramTable
@@ -35,9 +36,9 @@ def programs(config: NetworkConfig, rows: list[list[int]]) -> Programs:
     for text in TEXTS:
         table.add(parse(text, config.vocabulary))
     codes = [
-        torch.from_numpy(code).long()[torch.tensor(rows)] for code in config.family.codes(table)
+        torch.from_numpy(code).long()[torch.tensor(rows)] for code in family_of(config).codes(table)
     ]
-    goals: Programs = config.family.goals(*codes)
+    goals: Programs = family_of(config).goals(*codes)
     return goals
 
 
@@ -77,8 +78,8 @@ def test_a_relation_is_another_bias_of_r() -> None:
     table = ProgramTable(one.vocabulary)
     table.add(parse(TEXTS[0], one.vocabulary))
     codes = [torch.from_numpy(code).long()[torch.zeros(5, 1, dtype=torch.int64)]
-             for code in one.family.codes(table)]  # fmt: skip
-    torch.testing.assert_close(asked, plain(objects, arm, one.family.goals(*codes)))
+             for code in family_of(one).codes(table)]  # fmt: skip
+    torch.testing.assert_close(asked, plain(objects, arm, family_of(one).goals(*codes)))
 
 
 def test_only_relations_that_are_asked_for_learn() -> None:
@@ -111,9 +112,9 @@ def test_the_architecture_says_which_relations_there_are() -> None:
 
 def test_the_true_properties_and_the_distilled_critic_mix_relations_too() -> None:
     for kind in ("true-properties", "distilled-critic"):
-        config = network(*THREE).changed(kind=kind)
+        config = network(*THREE).changed(family=kind)
         objects, arm = scenes(config, 2)
-        action = config.family.modules()[0](config)(
+        action = family_of(config).modules()[0](config)(
             objects, arm, programs(config, [[0, 1], [2, 3]])
         )
         assert action.shape == (2, 2, 6)

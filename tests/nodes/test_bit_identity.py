@@ -14,12 +14,16 @@ from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.tools.launch_params import Parameters
 
 pytestmark = pytest.mark.graph
 SEED, EPISODES = 11, 3
-OPTIONS = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=16", "network.hidden=32"]
+OPTIONS: dict[str, Any] = {
+    "learner.replay.warmup_frames": 20,
+    "learner.replay.batch_size": 16,
+    "network.hidden": 32,
+}
 
 
 def parameters(**changes: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -27,7 +31,7 @@ def parameters(**changes: dict[str, Any]) -> dict[str, dict[str, Any]]:
     common: dict[str, dict[str, Any]] = {
         "sim_node": {"seed": SEED},
         "agent_node": {"learning": True, "seed": SEED, "agent_id": "agent"},
-        "learner_node": {"seed": SEED, "options": [*OPTIONS]},
+        "learner_node": {"seed": SEED, **OPTIONS},
     }
     return {node: values | changes.get(node, {}) for node, values in common.items()}
 
@@ -41,11 +45,11 @@ def over_the_graph(
 
 def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:
     design, arena = design_named("2-L"), preset_named("fast")
-    protocol = protocol_named("ours").with_options(OPTIONS)
+    learning = LearningSettings().changed(**OPTIONS)
     learner = train(
         TrainConfig(out=folder, seed=SEED, frames=version * 100, evaluate_every_frames=0),
-        protocol.network_config(world_of(arena, design)),
-        protocol.learner,
+        learning.network.for_world(world_of(arena, design)),
+        learning.learner,
         ReachTask(arena, design, SEED),
         np.array(arena.joint_speed_limits),
         training_programs(design),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,12 +15,16 @@ from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
 
-OPTIONS = ["learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16",
-           "learner.schedule.trajectory_steps=10"]  # fmt: skip
+OPTIONS: dict[str, Any] = {
+    "learner.replay.warmup_frames": 20,
+    "learner.replay.batch_size": 8,
+    "learner.schedule.trajectory_steps": 10,
+    "network.hidden": 16,
+}
 GIVEN = {
     "agent_node__learning": True,
     "agent_node__resend_period_s": 0.5,
-    "learner_node__options": OPTIONS,
+    **{f"learner_node__{name}": value for name, value in OPTIONS.items()},
 }
 
 
@@ -52,7 +57,7 @@ def assert_all_is_well(probe: Probe, above: int) -> None:
 
 def test_a_learner_stopped_and_resumed_beside_its_agent_misses_nothing(tmp_path: Path) -> None:
     out = str(tmp_path / "run")
-    begin_run(LearnerNodeConfig(options=tuple(OPTIONS), out=out))  # to go on from both times
+    begin_run(LearnerNodeConfig(**OPTIONS, out=out))  # to go on from both times
     nodes = SimNode, AgentNode, LearnerNode
     with graph(*nodes, **GIVEN, learner_node__out=out, learner_node__resume=True) as probe:
         assert probe.until(lambda: version(probe) > 10)

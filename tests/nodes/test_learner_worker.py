@@ -23,8 +23,8 @@ from pa_ros.learning.errors import FolderTakenError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.world import Trajectory
 
-OPTIONS = ("learner.replay.warmup_frames=0", "learner.replay.batch_size=4", "network.hidden=8",
-           "network.attention=4")  # fmt: skip
+OPTIONS = {"learner.replay.warmup_frames": 0, "learner.replay.batch_size": 4, "network.hidden": 8,
+           "network.attention": 4}  # fmt: skip
 
 
 A = AgentKey("a", 0)
@@ -40,9 +40,7 @@ class Bench:
         sinks = Sinks(
             self.published.append, lambda _, error: self.refused.append(error), self.told.append
         )
-        self.worker = LearnerWorker(
-            LearnerNodeConfig(**{"options": OPTIONS} | config), ARENA, sinks
-        )
+        self.worker = LearnerWorker(LearnerNodeConfig(**OPTIONS | config), ARENA, sinks)
         self.worker.start()
 
     def submit(self, *trajectories: Trajectory) -> PublishedPolicy:
@@ -211,8 +209,8 @@ def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path
 
 
 def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_path: Path):
-    wild = (*OPTIONS, "learner.optimizer.critic_rate=1e30")
-    bench = Bench(out=str(tmp_path), checkpoint_every_frames=10, options=wild)
+    wild = {"learner.optimizer.critic_rate": 1e30}
+    bench = Bench(out=str(tmp_path), checkpoint_every_frames=10, **wild)
     for i in range(5):
         bench.worker.submit(trajectory(i))
     wait_for(lambda: bench.worker.trouble)
@@ -233,8 +231,8 @@ def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_p
 
 def test_of_learning_that_diverges_the_state_before_is_kept(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("pa_ros.learning.learner.KEPT_BEFORE", 1)
-    wild = (*OPTIONS, "learner.optimizer.critic_rate=1e30")
-    bench = Bench(out=str(tmp_path), options=wild)
+    wild = {"learner.optimizer.critic_rate": 1e30}
+    bench = Bench(out=str(tmp_path), **wild)
     for i in range(5):
         bench.worker.submit(trajectory(i))
     wait_for(lambda: bench.worker.trouble)
@@ -244,7 +242,7 @@ def test_of_learning_that_diverges_the_state_before_is_kept(tmp_path: Path, monk
     assert [path.name for path in tmp_path.rglob("version-*")] == [f"version-{last:09d}"]
     counters = read_metadata(checkpoint_of(tmp_path))["counters"]
     assert (counters["version"], counters["updates"]) == (last, counters["frames"])
-    again = Bench(out=str(tmp_path), options=wild, resume=True)
+    again = Bench(out=str(tmp_path), **wild, resume=True)
     assert again.published[-1].snapshot.version == last
 
 

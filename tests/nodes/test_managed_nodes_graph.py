@@ -35,11 +35,11 @@ LEARNING = {
     "agent_node__learning": True,
     "agent_node__agent_id": "a",
     "agent_node__resend_period_s": 0.2,
-    "learner_node__options": [
-        "learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16",
-        f"learner.schedule.trajectory_steps={STEPS}",
-    ],
-}  # fmt: skip
+    "learner_node__learner.replay.warmup_frames": 20,
+    "learner_node__learner.replay.batch_size": 8,
+    "learner_node__network.hidden": 16,
+    "learner_node__learner.schedule.trajectory_steps": STEPS,
+}
 
 
 def stands(probe: Probe, topic: topics.Topic, for_s: float = 0.4) -> bool:
@@ -195,8 +195,8 @@ def test_a_learning_graph_loses_and_counts_twice_nothing_whoever_rests(tmp_path:
 
 
 def test_a_learner_cleaned_up_has_closed_its_run_which_can_be_resumed(tmp_path: Path) -> None:
-    options = LEARNING["learner_node__options"]
-    given = {"learner_node__out": tmp_path / "run", "learner_node__options": options}
+    given = {k: v for k, v in LEARNING.items() if k.startswith("learner_node__")}
+    given["learner_node__out"] = tmp_path / "run"
     with graph(LearnerNode, **given) as probe:
         learner = probe.nodes[0]
         user, sent = User(probe, learner), probe.speaker(topics.TRAJECTORIES)

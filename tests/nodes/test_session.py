@@ -159,7 +159,7 @@ def test_arenas_that_cannot_be_are_refused(wrong):
 @pytest.mark.parametrize(
     "wrong",
     [{"weights": "mail"}, {"learning": True, "weights": "random"}, {"checkpoint": "x"},
-     {"weights": "checkpoint"}, {"seed": -1}, {"network": "deep"}, {"stuck_after_s": 0.0},
+     {"weights": "checkpoint"}, {"seed": -1}, {"network.family": "deep"}, {"stuck_after_s": 0.0},
      {"stuck_after_s": 1e300}, {"resend_period_s": 1e300}],
 )  # fmt: skip
 def test_agents_that_cannot_be_are_refused(wrong):
@@ -169,11 +169,11 @@ def test_agents_that_cannot_be_are_refused(wrong):
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"seed": -1}, {"checkpoint_every_frames": -1}, {"resume": True}, {"network": "deep"},
-     {"protocol": "theirs"}, {"options": ("learner.none=7",)},
-     {"options": ("network.hidden=100000000",)},
-     {"options": ("learner.replay.batch_size=100000000",)},
-     {"options": ("learner.replay.capacity_frames=1000000000000",)}],
+    [{"seed": -1}, {"checkpoint_every_frames": -1}, {"resume": True}, {"network.family": "deep"},
+     {"protocol": "theirs"}, {"learner.none": 7},
+     {"network.hidden": 100000000},
+     {"learner.replay.batch_size": 100000000},
+     {"learner.replay.capacity_frames": 1000000000000}],
 )  # fmt: skip
 def test_learners_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError):

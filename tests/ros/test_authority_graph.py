@@ -31,11 +31,11 @@ NODES = SimNode, AgentNode, LearnerNode
 GIVEN = {
     "agent_node__learning": True,
     "agent_node__resend_period_s": 0.5,
-    "learner_node__options": [
-        "learner.replay.warmup_frames=20", "learner.replay.batch_size=8", "network.hidden=16",
-        "learner.schedule.trajectory_steps=10",
-    ],
-}  # fmt: skip
+    "learner_node__learner.replay.warmup_frames": 20,
+    "learner_node__learner.replay.batch_size": 8,
+    "learner_node__network.hidden": 16,
+    "learner_node__learner.schedule.trajectory_steps": 10,
+}
 STRANGERS = {
     "joint_commands": (topics.JOINT_COMMANDS, lambda: encode_command(sample_step()[2])),
     "trajectories": (topics.TRAJECTORIES, lambda: encode_trajectory(trajectory(0, "x"))),

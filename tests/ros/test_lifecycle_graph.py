@@ -11,9 +11,8 @@ from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SHUTDOWN, User, graph
-from pa_ros.core.authentication import Authenticated
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.managed import Managed
+from pa_ros.core.extensions import NodeSettings
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, GoalServer
 from pa_ros.ros.executor import steady_timer
@@ -23,7 +22,7 @@ from pa_ros.ros.lifecycle import ManagedNode
 pytestmark = pytest.mark.graph
 
 
-class Config(Managed, Authenticated):
+class Config(NodeSettings):
     number: int = Field(1, ge=1, le=9, description="13 can't be configured, nor can 7 be activated")
     name: str = Field("none", description="anything")
 

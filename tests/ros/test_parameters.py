@@ -12,7 +12,7 @@ from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.environment import prepare_environment
-from pa_ros.ros.parameters import settings_from_parameters
+from pa_ros.ros.parameters import NodeParameters
 from sim_node.config import SimConfig
 
 pytestmark = pytest.mark.graph
@@ -53,7 +53,7 @@ def node_with():
 
 def test_defaults_are_declared_so_that_tools_can_list_them(node_with):
     node = node_with()
-    assert settings_from_parameters(node, Config) == Config()
+    assert NodeParameters(node, Config).fix() == Config()
     assert node.get_parameter("factor").value == 0.5
 
 
@@ -61,7 +61,7 @@ def test_overrides_arrive_in_the_fields_types(node_with):
     node = node_with(
         "number:=7", "factor:=2", "name:='3'", "flag:=true", "words:=[a, 'b=1']", "part.share:=0.5"
     )
-    config = settings_from_parameters(node, Config)
+    config = NodeParameters(node, Config).fix()
     assert config == Config(
         number=7, factor=2.0, name="3", flag=True, words=("a", "b=1"), part=Part(share=0.5)
     )
@@ -70,7 +70,8 @@ def test_overrides_arrive_in_the_fields_types(node_with):
 
 @pytest.mark.parametrize(
     ("parameter", "shown"),
-    [("number:=1.5", "1.5"), ("number:=true", "True"), ("name:=3", "3"), ("nmae:=x", "nmae"),
+    [("number:=1.5", "1.5"), ("number:=true", "True"), ("name:=3", "3"),
+     ("nmae:=x", "did you mean 'name'"),
      ("words:=x", "'x'"), ("number:=0", "at least 1, got 0"),
      ("part.share:=1.0", "part.share: .*got 1.0"), ("use_sim_timee:=true", "use_sim_timee"),
      ("use_sim_time_factor:=2", "use_sim_time_factor"), ("qos_overridess:=1", "qos_overridess"),
@@ -80,12 +81,12 @@ def test_overrides_arrive_in_the_fields_types(node_with):
 )  # fmt: skip
 def test_wrong_types_and_unknown_names_are_refused(node_with, parameter, shown):
     with pytest.raises(ConfigError, match=shown):
-        settings_from_parameters(node_with(parameter), Config)
+        NodeParameters(node_with(parameter), Config).fix()
 
 
 def test_later_changes_are_rejected_with_a_reason(node_with):
     node = node_with()
-    settings_from_parameters(node, Config)
+    NodeParameters(node, Config).fix()
     result = node.set_parameters([Parameter("number", value=2)])[0]
     assert not result.successful and "number" in result.reason
     assert node.get_parameter("number").value == 1
@@ -93,7 +94,7 @@ def test_later_changes_are_rejected_with_a_reason(node_with):
 
 def test_parameters_are_described_with_their_ranges(node_with):
     node = node_with("part.share:=0")
-    settings_from_parameters(node, Config)
+    NodeParameters(node, Config).fix()
     number, share = (node.describe_parameter(name) for name in ("number", "part.share"))
     assert (number.description, number.read_only) == ("how many", True)
     assert (number.integer_range[0].from_value, number.integer_range[0].to_value) == (1, 2**63 - 1)
@@ -112,7 +113,30 @@ def test_parameters_are_described_with_their_ranges(node_with):
 )
 def test_each_nodes_parameters_say_what_they_mean(node_with, kind, name, constraint):
     node = node_with()
-    settings_from_parameters(node, kind)
+    NodeParameters(node, kind).fix()
     described = node.describe_parameter(name)
     assert (described.additional_constraints, described.read_only) == (constraint, True)
     assert described.description
+
+
+def test_a_parameter_that_nobody_gave_follows_the_protocol(node_with):
+    node = node_with("protocol:=paper", "learner.replay.batch_size:=8")
+    parameters = NodeParameters(node, LearnerNodeConfig)
+    assert node.get_parameter("learner.updates.discount").value is None
+    settings = parameters.fix()
+    assert settings.learner.updates.discount == 0.99
+    assert node.get_parameter("learner.updates.discount").value == 0.99
+    assert node.get_parameter("network.family").value == "programmable"
+    parameters.open()
+    node.set_parameters([Parameter("protocol", value="ours")])
+    settings = parameters.fix()
+    assert settings.learner.updates.discount == 0.95
+    assert settings.learner.replay.batch_size == 8
+
+
+def test_an_algorithms_own_settings_are_parameters(node_with):
+    node = node_with("algorithm:=td3", "learner.targets.tau:=0.1")
+    settings = NodeParameters(node, LearnerNodeConfig).fix()
+    assert settings.flat()["learner.targets.tau"] == 0.1
+    assert node.get_parameter("learner.delay").value == 2
+    assert not node.has_parameter("learner.actor.gradient_clip")

@@ -83,7 +83,7 @@ def test_a_bad_link_that_is_cut_for_half_a_minute_loses_nothing_unsaid(three: Si
     topics = [*TOPICS, *(f"arena{i}/{name}" for i in (1, 2) for name in TOPICS[2:])]
     site.record(bag, [*topics, "arena1/arena_info", "arena2/arena_info"])
     site.record(there, ["arena2/joint_states", "/diagnostics"], host=2)
-    site.begin(f"learner.schedule.in_step={in_step}", sim=sim, checkpoint_every_frames=500)
+    site.begin(sim=sim, checkpoint_every_frames=500, **{"learner.schedule.in_step": in_step})
     site.learns()
     figures["frames_per_s_good"] = frames_per_s(site)
     site.hosts.worsen(2, *BAD, log=site.folder / "link.log")

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.graph
 ONE: Parameters = {
     "sim_node": {"seed": 4},
     "agent_node": {"seed": 4, "learning": True, "weights": "topic"},
-    "learner_node": {"seed": 4, "options": list(SMALL)},
+    "learner_node": {"seed": 4, **SMALL},
 }
 
 

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.graph
 ONE: Parameters = {
     "sim_node": {"seed": 4},
     "agent_node": {"seed": 4, "learning": True, "weights": "topic"},
-    "learner_node": {"seed": 4, "options": list(SMALL)},
+    "learner_node": {"seed": 4, **SMALL},
 }
 ROUNDS = 4
 
@@ -74,7 +74,7 @@ def test_free_agents_act_on_while_the_learner_stands_still_and_what_gets_too_old
 ):
     figures = GraphFigures()
     parameters = in_step(fleet(ONE, 2), "free")
-    parameters["learner_node"]["options"] += ["learner.schedule.oldest_policy=3"]
+    parameters["learner_node"]["learner.schedule.oldest_policy"] = 3
 
     def made(over: Callable[[Sequence[float]], float]) -> float:
         """Trajectories, over the agents that were heard of."""

@@ -1,5 +1,7 @@
 """The parameters file of a launch: which nodes, with what, and what is refused."""
 
+from typing import Any
+
 import pytest
 import yaml
 
@@ -167,10 +169,12 @@ def test_a_packaged_file_is_chosen_by_name_and_any_other_by_its_path(tmp_path):
 
 
 def test_a_list_used_twice_is_written_twice_since_rcl_refuses_aliases(tmp_path):
-    options = ["learner.replay.batch_size=32"]
+    extensions = ["one.py"]
     path = tmp_path / "params.yaml"
-    write_parameters(path, {name: {"options": options} for name in ("agent_node", "learner_node")})
-    assert path.read_text().count("learner.replay.batch_size=32") == 2
+    write_parameters(
+        path, {name: {"extensions": extensions} for name in ("agent_node", "learner_node")}
+    )
+    assert path.read_text().count("one.py") == 2
     assert "&" not in path.read_text()
 
 
@@ -213,9 +217,9 @@ def test_what_would_mix_up_a_fleet_is_refused():
     both = LEARNING | {"agent_node": {"learning": True, "agent_id": "me"}}
     with pytest.raises(ConfigError, match=r"agent_id: expected another one in each arena"):
         fleet(both, 2)
-    exact = ("learner.schedule.in_step=exact",)
+    exact: dict[str, Any] = {"learner.schedule.in_step": "exact"}
     with pytest.raises(ConfigError, match="expected the agent_id of each that learns"):
-        LearnerNodeConfig(arenas=("a", "b"), options=exact)
+        LearnerNodeConfig(arenas=("a", "b"), **exact)
     with pytest.raises(ConfigError, match="agents: expected each once"):
         LearnerNodeConfig(agents=("a", "a"))
     with pytest.raises(ConfigError, match="learner_node"):
@@ -248,8 +252,6 @@ def test_a_seed_that_is_none_is_refused_before_a_fleet_counts_on_from_it(seed):
 def test_what_is_to_be_added_to_is_a_list(value):
     with pytest.raises(ConfigError, match="sim_node: extensions: expected a list of texts, got"):
         extended({"sim_node": {"extensions": value}}, ["another.module"])
-    with pytest.raises(ConfigError, match="learner_node: options: expected a list of texts, got"):
-        in_step({"learner_node": {"options": value}}, "exact")
 
 
 @pytest.mark.parametrize("text", WRONG_YAML.values(), ids=WRONG_YAML.keys())

@@ -232,11 +232,11 @@ def test_commands_without_their_arena_say_so(tmp_path, monkeypatch):
 
 def test_a_learner_fed_by_a_replayed_bag_learns_the_recorded_weights(tmp_path):
     assert train(tmp_path, "--record", tmp_path / "bag", frames=400) == 0
-    options = "options:=[" + ", ".join(f"'{option}'" for option in SMALL) + "]"
+    settings = [f"{name}:={value}" for name, value in SMALL.items()]
     chosen = [topics.POLICY_WEIGHTS, topics.PROVENANCE]
     names = ("arena_info", "trajectories")
     with client_node("test") as node, Recorder(tmp_path / "live", node, chosen) as recorder:
-        with process("learner_node", "seed:=5", options):
+        with process("learner_node", "seed:=5", *settings):
             replayed(node, tmp_path / "bag", rate=0.0, topics=names, wait_s=DEADLINE_S)
             wait_for(lambda: recorder.counts["/policy_weights"] == 5, "the last weights")
     live = {m.version: m.checksum for n, m in decoded(tmp_path / "live") if "weights" in n}

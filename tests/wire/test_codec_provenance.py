@@ -19,7 +19,7 @@ ORIGIN = Origin(
     software_version="0.1.0",
     versions="python 3.11",
     seed=2**63,
-    parameters={"protocol": "ours", "options": ["learner.replay.batch_size=16"], "resume": False},
+    parameters={"protocol": "ours", "learner.replay.batch_size": 16, "resume": False},
     design="2-L",
     arm="jaco",
     preset="fast",

@@ -20,6 +20,7 @@ from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.detectors import degrees
 from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ class Actor:
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: how far it takes the program to mean each object; empty if that has no degrees,
         or there are no weights yet. Raises what `act` raises."""
-        if self._inference is None or not self.network.family.evaluates_programs:
+        if self._inference is None or not family_of(self.network).evaluates_programs:
             return ()
         arm = self._arm(observation)
         phi = degrees(self.network, self._tensors, observation.objects, arm, self.logic)

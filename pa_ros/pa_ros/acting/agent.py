@@ -24,6 +24,7 @@ from pa_ros.core.experience import (
 from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.families import family_of
 from pa_ros.world import Trajectory
 from pa_ros.world.world import World
 
@@ -151,7 +152,7 @@ class Agent:
         """Raise NetworkError or ProgramError if the weights cannot represent this program."""
         if self._actor is not None:
             network = self._actor.network
-            network.family.check(program, network.vocabulary)
+            family_of(network).check(program, network.vocabulary)
 
     def check_world(self, world: World) -> None:
         """Raise ActingError if the weights expect other objects, or another arm."""

@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.report import Report, write_report
 from pa_ros.core.software import device, versions
+from pa_ros.core.text import Report, write_report
 from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.evaluate import (

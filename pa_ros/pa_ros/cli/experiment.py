@@ -10,11 +10,19 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, folder_to_write
+from pa_ros.cli.options import (
+    add_learning,
+    add_setting,
+    add_settings,
+    asked,
+    file_to_write,
+    folder_to_write,
+    learning_given,
+)
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.report import write_report
+from pa_ros.core.text import write_report
 from pa_ros.language import MIN_MAX, Logic, logic_named
 
 if TYPE_CHECKING:
@@ -32,13 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from pa_ros.evaluation.studies.experiments import EXPERIMENTS
     from pa_ros.evaluation.studies.seeds import SeedsConfig
     from pa_ros.learning.config import TrainConfig
-    from pa_ros.learning.protocols import LearningChoice
 
     parser.set_defaults(names=(*EXPERIMENTS, *STUDIES, *OF_TABLES))
     parser.add_argument("name", metavar="NAME", help=", ".join(parser.get_default("names")))
     add_settings(parser, SeedsConfig, "seeds", "first_seed", "jobs")
     add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
-    add_settings(parser, LearningChoice, "protocol", "algorithm")
     add_settings(parser, ArenaChoice, "arm", "preset")
     add_setting(parser, EvaluationConfig, "logic")
     parser.add_argument(
@@ -46,10 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="generalization: these alone (every one)",
     )  # fmt: skip
     parser.add_argument(
-        "--set", action="append", default=[], metavar="learner.NAME=VALUE", dest="options",
-        help="change the protocol, as in pa_ros train; with --tag",
-    )  # fmt: skip
-    parser.add_argument("--tag", default="", help="names what --set changed, in the tables' names")
+        "--tag", default="", help="names the changed settings of learning, in the tables' names"
+    )
+    add_learning(parser, with_network=False)
     parser.add_argument(
         "--runs", type=folder_to_write, default=Path("runs/experiments"), metavar="DIR",
         help="of what is trained (%(default)s)",
@@ -104,8 +109,10 @@ def run(options: argparse.Namespace) -> int:
             f"experiment {options.name}: expected --logic with one of {', '.join(STUDIES)} alone: "
             "who learns acts by products"
         )
-    if bool(options.options) != bool(options.tag):
-        raise ConfigError("experiment: expected --set and --tag together, got one of them")
+    if bool(_changes(options)) != bool(options.tag):
+        raise ConfigError(
+            "experiment: expected --tag together with settings of learning, got one of them"
+        )
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     if options.conditions and options.name != "generalization":
@@ -165,13 +172,12 @@ def _refuse_unused(options: argparse.Namespace) -> None:
     from pa_ros.evaluation.scoring.evaluate import EvaluationConfig
     from pa_ros.evaluation.studies.seeds import SeedsConfig
     from pa_ros.learning.config import TrainConfig
-    from pa_ros.learning.protocols import LearningChoice
+    from pa_ros.learning.protocols import LearningSettings
 
-    kinds = (ArenaChoice, EvaluationConfig, SeedsConfig, TrainConfig, LearningChoice)
+    kinds = (ArenaChoice, EvaluationConfig, SeedsConfig, TrainConfig, LearningSettings)
     unused = {name for kind in kinds for name in asked(options, kind)}
     unused |= {name for name in ("conditions", "cluster", "tag") if getattr(options, name)}
-    if options.options:
-        unused.add("set")
+    unused |= _changes(options).keys()
     if unused:
         names = ", --".join(sorted(unused)).replace("_", "-")
         raise ConfigError(f"experiment {options.name}: expected no --{names}: it reads tables")
@@ -209,6 +215,13 @@ def _compare(results: Path) -> int:
     return int(not written)
 
 
+def _changes(options: argparse.Namespace) -> dict[str, Any]:
+    """The settings of learning that were given, by dotted name."""
+    from pa_ros.learning.protocols import LearningSettings
+
+    return learning_given(options, LearningSettings(algorithm=options.algorithm))
+
+
 def _experiment(options: argparse.Namespace) -> Experiment:
     from pa_ros.evaluation.studies.experiments import experiment_named, under_protocol
 
@@ -218,7 +231,7 @@ def _experiment(options: argparse.Namespace) -> Experiment:
         preset=options.preset,
         arm=options.arm,
         algorithm=options.algorithm,
-        options=(*experiment.options, *options.options),
+        options={**experiment.options, **_changes(options)},
         tag=options.tag,
     )
     if options.frames is None:

@@ -13,14 +13,15 @@ from pa_ros.arena import ArenaChoice, training_programs, world_of
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience, OfflineResult, learn
 from pa_ros.bags.reader import Bag
-from pa_ros.cli.options import asked, settings_from
+from pa_ros.cli.options import asked, learning_from, learning_given, settings_from
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import nested
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import LearningChoice, Protocol, protocol_named
+from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire.errors import WireError
 from pa_ros.wire.learning import weights_checksum
@@ -71,13 +72,13 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         "preset": origin.preset,
         "protocol": str(origin.parameters.get("protocol", "")),
         "algorithm": algorithm,
-        "network": network.kind,
+        "network.family": network.family,
         "reward": bag.scoring.reward.to_json(),
     }
     _refuse_others(options, recorded)
-    changes = Protocol("recorded", algorithm=algorithm).with_options(options.options)
-    network = network.changed(**changes.of("network"))
-    config = config.changed(**changes.of("learner"))
+    changes = nested(learning_given(options, LearningSettings(algorithm=algorithm)))
+    network = network.changed(**changes.get("network", {}))
+    config = config.changed(**changes.get("learner", {}))
     seed = origin.seed if options.seed is None else options.seed
     programs = origin.learner.training_programs
     learner = Learner(network, config, programs, seed, bag.scoring)
@@ -104,11 +105,11 @@ def _check_world(path: Path, bag: Experience, learner: Learner) -> None:
 def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, object]]:
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
-    protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
+    learning = learning_from(options)
     seed = options.seed or 0
     learner = Learner(
-        protocol.network_config(world_of(arena, design), options.network),
-        protocol.learner,
+        learning.network.for_world(world_of(arena, design)),
+        learning.learner,
         training_programs(design),
         seed,
         Scoring.of(design.vocabulary.relations, arena.thresholds, reward_from(options.reward)),
@@ -119,8 +120,10 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
 
 def _refuse_others(options: argparse.Namespace, recorded: Mapping[str, object]) -> None:
     """Raise ConfigError for options that say something else than the recording."""
-    kinds = (ArenaChoice, LearningChoice, TrainConfig)
+    kinds = (ArenaChoice, LearningSettings, TrainConfig)
     given = {name: getattr(options, name) for kind in kinds for name in asked(options, kind)}
+    if family := getattr(options, "network.family", None):
+        given["network.family"] = family
     if "relations" in given:
         given["relations"] = tuple(given["relations"])
     if "reward" in given:
@@ -140,8 +143,8 @@ def _refuse(others: Mapping[str, tuple[object, object]]) -> None:
     own = ", ".join(f"{name} {own}" for name, (own, _) in sorted(others.items()) if own)
     came = ", ".join(f"{name} {value}" for name, (_, value) in sorted(others.items()))
     raise ConfigError(
-        f"--from-bag: expected the recording's own {', '.join(sorted(others))}, which --set and "
-        f"--seed alone may change{own and ': '}{own}, got {came}"
+        f"--from-bag: expected the recording's own {', '.join(sorted(others))}{own and ': '}{own}, "
+        f"got {came}; only --seed and settings such as --learner.updates.per_frame may differ"
     )
 
 

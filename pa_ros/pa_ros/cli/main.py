@@ -12,12 +12,13 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any, NoReturn
 
 from pa_ros import __version__
-from pa_ros.core.errors import PaError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.opengl import check_opengl
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
-from pa_ros.core.text import printable_lines
+from pa_ros.core.text import did_you_mean, printable_lines
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
 COMMANDS = {
@@ -44,11 +45,26 @@ EXIT_PIPE = 141  # as a shell says of SIGPIPE
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what standard output goes to
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, and suggest an option for a misspelled one."""
+
+    def error(self, message: str) -> NoReturn:
+        raise ConfigError(f"{message} (see {self.prog} --help)")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            name = unknown[0].partition("=")[0]
+            known = did_you_mean(name, self._option_string_actions, few=0)
+            self.error(f"unknown argument {name}{known}")
+        return options, unknown
+
+
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
-    """The parser; only the chosen subcommand's module is imported (torch and rclpy are slow)."""
+    """The parser; only the chosen command's module is imported, since torch and rclpy are slow."""
     from pa_ros.cli.options import add_extension
 
-    parser = argparse.ArgumentParser(prog="pa_ros", description=ABOUT, allow_abbrev=False)
+    parser = _Parser(prog="pa_ros", description=ABOUT, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"pa_ros {__version__}")
     add_extension(parser)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -86,6 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns its exit status (2: the input was refused)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = next((a for a in arguments if a in COMMANDS), None)
+    command = f"pa_ros {chosen}" if chosen else "pa_ros"
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # as standard error: text has … and —
     try:
@@ -95,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return status
     except PaError as error:
-        print(f"pa_ros {chosen}: {printable_lines(str(error))}", file=sys.stderr)
+        print(f"{command}: {printable_lines(str(error))}", file=sys.stderr)
         return EXIT_REFUSED
     except Interrupted as interrupted:
         return interrupted.status
@@ -106,12 +123,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_PIPE
     except OSError as error:
         if error.filename is not None:  # a path that the system refuses
-            print(f"pa_ros {chosen}: {printable_lines(str(error))}", file=sys.stderr)
+            print(f"{command}: {printable_lines(str(error))}", file=sys.stderr)
             return EXIT_REFUSED
         if error.errno not in FULL:
             raise
         _say_no_more()
-        print(f"pa_ros {chosen}: standard output: {error}", file=sys.stderr)
+        print(f"{command}: standard output: {error}", file=sys.stderr)
         return EXIT_UNSAID
 
 

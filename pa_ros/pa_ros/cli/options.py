@@ -1,25 +1,81 @@
-"""Options of the command line that follow from settings (type, default, choices and help), and
-those that every command has."""
+"""Options of the command line: those made from settings, and those that commands share."""
 
 from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar, get_origin
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Leaf, Settings
 
+if TYPE_CHECKING:
+    from pa_ros.learning.protocols import LearningSettings
+
 Kind = TypeVar("Kind", bound=Settings)
+LEARNING = ("learner.", "network.")  # the options of `add_learning` begin with these
 
 
 def add_extension(parser: argparse.ArgumentParser) -> None:
-    """Declare `--extension`, which stands anywhere on the line."""
+    """Declare `--extension`, which may be anywhere on the line."""
     parser.add_argument(
         "--extension", action="append", default=[], metavar="MODULE|FILE.py",
-        help="import what registers arms, designs, relations … of your own; repeatable",
+        help="import custom arms, designs, relations …; repeatable",
     )  # fmt: skip
+
+
+def add_learning(parser: argparse.ArgumentParser, *, with_network: bool = True) -> None:
+    """Declare --protocol, --algorithm, --network and every setting of learning by dotted name.
+
+    Settings of all algorithms are declared, since the algorithm is known only after parsing.
+    """
+    from pa_ros.learning.algorithms import ALGORITHMS
+    from pa_ros.learning.protocols import LearningSettings
+
+    add_settings(parser, LearningSettings, "protocol", "algorithm")
+    if with_network:
+        leaf = LearningSettings.leaf("network.family")
+        parser.add_argument(
+            "--network", dest=leaf.path, default=argparse.SUPPRESS, metavar="NAME",
+            help=f"{leaf.description}; one of {', '.join(leaf.choices)} ({leaf.default})",
+        )  # fmt: skip
+    group = parser.add_argument_group(
+        "settings of learning", "each has the protocol's value unless it is given; docs/learning.md"
+    )
+    parser.usage = "%(prog)s [option …]"  # else it would list them all
+    kinds = [LearningSettings(algorithm=algorithm) for algorithm in ALGORITHMS]
+    leaves = {leaf.path: leaf for kind in kinds for leaf in kind.own_leaves()}
+    for path, leaf in leaves.items():
+        if path.startswith(LEARNING) and (with_network or path != "network.family"):
+            group.add_argument(
+                f"--{path}", dest=path, default=argparse.SUPPRESS, metavar=_metavar(leaf),
+                help=leaf.description.replace("%", "%%"),
+            )  # fmt: skip
+
+
+def learning_given(options: argparse.Namespace, learning: LearningSettings) -> dict[str, Any]:
+    """The settings of learning that were given by `add_learning`'s options, by dotted name.
+
+    `learning` says which settings the algorithm has. Raises ConfigError for another's, or for text
+    that a setting rejects.
+    """
+    leaves = {leaf.path: leaf for leaf in learning.own_leaves()}
+    given = {path: text for path, text in vars(options).items() if path.startswith(LEARNING)}
+    if unknown := sorted(given.keys() - leaves):
+        raise ConfigError(f"--{unknown[0]}: not a setting of the algorithm {learning.algorithm}")
+    return {path: leaves[path].read(text) for path, text in given.items()}
+
+
+def learning_from(options: argparse.Namespace, **values: Any) -> LearningSettings:
+    """How to learn, by the options of `add_learning`; `values` are others by dotted name."""
+    from pa_ros.learning.protocols import LearningSettings
+
+    names = {"protocol": options.protocol, "algorithm": options.algorithm}
+    given = learning_given(options, LearningSettings(**names))
+    return LearningSettings(**names, **values, **given)
 
 
 def add_setting(
@@ -41,13 +97,13 @@ def add_setting(
         parser.add_argument(flag, dest=path, action="store_true", help=leaf.description)
         return
     shown = f"{leaf.description}; one of {', '.join(leaf.choices)}".removesuffix("; one of ")
-    several: dict[str, Any] = {"nargs": "+"} if get_origin(leaf.type) is tuple else {}
+    several: dict[str, Any] = {"nargs": "+"} if leaf.is_list else {}
     required = leaf.default is ... and not otherwise
     ending = "" if required else f" ({otherwise or _shown(leaf)})"
     parser.add_argument(
         flag,
         dest=path,
-        type=_reader(kind, path, flag) if not several else str,
+        type=str if several else _reader(leaf, flag),
         default=None if otherwise or required else leaf.default,
         required=required,
         metavar=metavar or _metavar(leaf),
@@ -99,15 +155,9 @@ def _check_folder(folder: Path, asked: Path) -> None:
         raise ConfigError(f"{asked}: expected a folder that may be written, got {there}")
 
 
-def _reader(kind: type[Settings], path: str, flag: str) -> Any:
-    def read(text: str) -> Any:
-        try:
-            return kind.read(path, text)
-        except ValueError:
-            expected = kind.leaf(path).expected
-            raise ConfigError(f"{flag}: expected {expected}, got {text or repr(text)}") from None
-
-    return read
+def _reader(leaf: Leaf, flag: str) -> Callable[[str], Any]:
+    """The function that argparse calls with an option's text."""
+    return replace(leaf, path=flag).read
 
 
 def _shown(leaf: Leaf) -> str:

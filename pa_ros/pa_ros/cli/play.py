@@ -9,8 +9,8 @@ from pathlib import Path
 
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
-from pa_ros.core.report import write_report
 from pa_ros.core.software import device, versions
+from pa_ros.core.text import write_report
 from pa_ros.tools.playback import PlaybackOptions, Played, Player
 
 

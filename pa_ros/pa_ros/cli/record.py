@@ -10,7 +10,7 @@ from pathlib import Path
 from pa_ros.bags.repair import repair
 from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.report import write_report
+from pa_ros.core.text import write_report
 from pa_ros.tools.record import (
     Recorder,
     RecordingFigures,

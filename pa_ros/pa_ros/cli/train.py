@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import logging
 import shlex
-from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
@@ -13,23 +12,25 @@ import numpy as np
 
 from pa_ros.arena import (
     ArenaChoice,
-    ArenaConfig,
-    Design,
     ReachTask,
     training_programs,
     world_of,
 )
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
-from pa_ros.cli.options import add_setting, add_settings, settings_from
+from pa_ros.cli.options import (
+    add_learning,
+    add_setting,
+    add_settings,
+    learning_from,
+    settings_from,
+)
 from pa_ros.cli.training_view import TrainingView
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
 from pa_ros.evaluation.scoring.training import TrainingScores
-from pa_ros.language import Program
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import LearningChoice, protocol_named
 from pa_ros.world import reward_from
 
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
@@ -38,14 +39,13 @@ EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
     add_settings(parser, ArenaChoice, "design", "relations", "arm", "preset")
-    add_settings(parser, LearningChoice, "protocol", "algorithm", "network")
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
     add_settings(parser, TrainConfig, "reward", "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
     parser.add_argument("--record", type=Path, metavar="BAG", help="record the run into a bag")
     parser.add_argument(
         "--from-bag", type=Path, nargs="+", metavar="BAG",
-        help="no arena: learn from recorded transitions, with the first bag's settings and --set",
+        help="no arena: learn from recorded transitions, with the first bag's settings",
     )  # fmt: skip
     parser.add_argument(
         "--namespace", help="with --from-bag: of the arena, if several were recorded"
@@ -53,10 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_setting(parser, TrainConfig, "evaluate_every_frames", "--eval-every")
     add_setting(parser, TrainConfig, "evaluation_episodes", "--eval-episodes")
     add_setting(parser, TrainConfig, "checkpoint_every_frames", "--checkpoint-every")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="learner.PART.NAME=VALUE", dest="options",
-        help="replace a setting of learner or network (network.NAME=VALUE); repeatable",
-    )  # fmt: skip
+    add_learning(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -71,10 +68,13 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("--namespace: expected --from-bag with it")
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
-    protocol = protocol_named(options.protocol, options.algorithm).with_options(options.options)
+    learning = learning_from(options)
     config = settings_from(options, TrainConfig)
     programs, seed = training_programs(design), config.seed
-    recorded = _run_log(options, arena, design, seed, programs)
+    parameters = {**learning.flat(), "frames": config.frames, "resume": options.resume}
+    recorded: AbstractContextManager[RunLog | None] = nullcontext()
+    if options.record is not None:
+        recorded = RunLog(options.record, arena, design, seed, programs, parameters)
     with (
         signals_noted() as interrupted,
         recorded as run_log,
@@ -82,8 +82,8 @@ def run(options: argparse.Namespace) -> int:
     ):
         learner = train(
             config,
-            protocol.network_config(world_of(arena, design), options.network),
-            protocol.learner,
+            learning.network.for_world(world_of(arena, design)),
+            learning.learner,
             ReachTask(arena, design, seed, reward=reward_from(config.reward)),
             np.array(arena.joint_speed_limits),
             programs,
@@ -101,17 +101,3 @@ def run(options: argparse.Namespace) -> int:
     next_step = f"pa_ros eval --checkpoint {shlex.quote(str(config.out))}"
     print(f"checkpoint and curve in {config.out}; next: {next_step}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0
-
-
-def _run_log(
-    options: argparse.Namespace,
-    arena: ArenaConfig,
-    design: Design,
-    seed: int,
-    programs: Sequence[Program],
-) -> AbstractContextManager[RunLog | None]:
-    if options.record is None:
-        return nullcontext()
-    told = ("protocol", "algorithm", "network", "options", "frames", "resume")
-    parameters = {name: getattr(options, name) for name in told}
-    return RunLog(options.record, arena, design, seed, programs, parameters)

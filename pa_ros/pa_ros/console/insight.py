@@ -26,6 +26,7 @@ from pa_ros.language import (
 )
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
 
 
@@ -65,8 +66,8 @@ class Insight:
 
     def __init__(self, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> None:
         network = actor_config(snapshot.architecture)
-        if not network.family.evaluates_programs:
-            raise ConfigError(f"the networks {network.family.name!r} evaluate no programs")
+        if not family_of(network).evaluates_programs:
+            raise ConfigError(f"the networks {network.family!r} evaluate no programs")
         try:
             self._inference = TorchActor(network, snapshot.tensors, logic)
         except NetworkError as error:

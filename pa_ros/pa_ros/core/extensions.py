@@ -1,8 +1,8 @@
-"""Code of the operator's own, imported for what it registers.
+"""Extensions: the user's own code, imported for what it registers; and settings of every node.
 
-An extension is a module (`a.b.c`) or a file (`path/x.py`) that puts arms, designs, relations … into
+An extension is a module (`a.b.c`) or a file (`path/x.py`) that adds arms, designs, relations … to
 their registries. It is named on a command line or in a parameter, never by a message: nothing that
-comes over a topic is ever imported.
+arrives over a topic is ever imported.
 """
 
 from __future__ import annotations
@@ -22,16 +22,28 @@ from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
 
 
-class Extensible(Settings):
-    """Settings of a node, whose other values may be names that extensions register."""
+class NodeSettings(Settings):
+    """Settings that all nodes have; their other values may be names that extensions register.
+
+    Name it first among several bases, so that extensions are imported before names are checked.
+    """
 
     extensions: tuple[str, ...] = Field(
-        (), description="modules or files.py to import, for the arms, designs, … of your own"
+        (), description="modules or files.py to import, for custom arms, designs, …"
+    )
+    auth_key_file: str = Field(
+        "",
+        description="file with the key that all nodes share: sign messages, and reject unsigned "
+        "ones; empty: neither",
+    )
+    autostart: bool = Field(
+        True,
+        description="configure and activate at the start; false: wait for lifecycle transitions",
     )
 
     @model_validator(mode="before")
     @classmethod
-    def _load(cls, values: Any) -> Any:
+    def _load_extensions(cls, values: Any) -> Any:
         named = values.get("extensions", ()) if isinstance(values, dict) else ()
         if isinstance(named, (list, tuple)) and all(isinstance(name, str) for name in named):
             load(named)
@@ -39,29 +51,29 @@ class Extensible(Settings):
 
 
 def load(extensions: Iterable[str]) -> tuple[ModuleType, ...]:
-    """Import extensions in order, each once; ConfigError names the one that cannot be, and why."""
+    """Import extensions in order, each once; ConfigError names the one that failed, and why."""
     return tuple(map(_load, extensions))
 
 
 def _load(extension: str) -> ModuleType:
     try:
         if extension.endswith(".py"):
-            return _file(Path(extension).resolve())
+            return _load_file(Path(extension).resolve())
         return importlib.import_module(extension)
     except PaError:
         raise
-    except (Exception, SystemExit) as error:  # whatever code of others raises
+    except (Exception, SystemExit) as error:  # custom code may raise anything
         raise ConfigError(
             f"extension: expected a module or a file that can be imported, got {extension!r}: "
             f"{type(error).__name__}: {error}"
         ) from error
 
 
-def _file(path: Path) -> ModuleType:
+def _load_file(path: Path) -> ModuleType:
     name = f"pa_ros_extension_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
-        assert spec is not None and spec.loader is not None  # it ends in .py
+        assert spec is not None and spec.loader is not None  # the name ends in .py
         module = sys.modules[name] = importlib.util.module_from_spec(spec)
         try:
             spec.loader.exec_module(module)

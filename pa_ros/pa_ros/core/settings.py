@@ -1,16 +1,18 @@
-"""Settings stated once: typed, bounded, described; whatever shows or sets them reads them here.
+"""Settings: typed, bounded and described in one place, wherever they are shown or set.
 
-A component's settings are a subclass of `Settings`, its parts are fields that are `Settings`
-themselves. Each leaf has a default, a description with its unit, and bounds:
+A component's settings are a subclass of `Settings`; groups of settings are fields whose type is a
+`Settings` too. Each setting (a leaf of this tree) has a default, a description with its unit, and
+bounds:
 
     discount: float = Field(0.99, ge=0, lt=1, description="γ, per control step")
 
-`leaves` tells them to command lines, ROS parameters, YAML files and tables.
+A setting has the same dotted name everywhere: `learner.updates.discount` is a nested ROS parameter,
+an option of the command line (`--learner.updates.discount 0.95`), and a name in Python
+(`settings.changed(**{"learner.updates.discount": 0.95})`).
 """
 
 from __future__ import annotations
 
-import difflib
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -26,12 +28,14 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from pydantic_core import ValidationError as CoreError
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.text import did_you_mean
 
-NAMES: dict[Any, tuple[str, str]] = {  # of a type: one, several
+TYPE_NAMES: dict[Any, tuple[str, str]] = {  # one value, several values
     bool: ("true or false", "truth values"),
     int: ("an integer", "integers"),
     float: ("a number", "numbers"),
@@ -42,149 +46,162 @@ NAMES: dict[Any, tuple[str, str]] = {  # of a type: one, several
 
 @dataclass(frozen=True)
 class OneOf:
-    """Metadata of a text field: it is one of these names, asked for when they are needed."""
+    """Metadata of a text field: the names it may have.
+
+    `names` is called at each check, since extensions may register more names at any time.
+    """
 
     names: Callable[[], Iterable[str]]
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        return core_schema.no_info_after_validator_function(self._known, handler(source))
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
 
-    def _known(self, name: str) -> str:
+    def _check(self, name: str) -> str:
         if name not in self.names():
-            raise ValueError  # its text is the leaf's `expected`
+            raise ValueError  # the message is made from the leaf's `expected`
         return name
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """One setting. Bounds are None where there are none; `choices` is empty where any will do."""
+    """One setting: its dotted path, its default and what is known of its values."""
 
-    path: str  # dotted, from the settings asked
-    type: Any  # bool, int, float, str, Path, or a tuple of these
+    path: str
+    field: FieldInfo
     default: Any  # `...` where a value must be given
-    description: str
-    minimum: float | None
-    maximum: float | None
-    above: bool  # the minimum itself is out
-    below: bool  # the maximum itself is out
-    choices: tuple[str, ...]
+
+    @property
+    def type(self) -> Any:
+        """bool, int, float, str, Path, or a tuple of these."""
+        return str if get_origin(self.field.annotation) is Literal else self.field.annotation
+
+    @property
+    def is_list(self) -> bool:
+        return get_origin(self.type) is tuple
+
+    @property
+    def description(self) -> str:
+        return self.field.description or ""
+
+    def bound(self, *kinds: str) -> float | None:
+        """The bound of one of these kinds (ge, gt, le, lt); None if the setting has none."""
+        found = (getattr(m, kind, None) for m in self.field.metadata for kind in kinds)
+        return next((value for value in found if value is not None), None)
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """Names that a value, or each item of a list, may have; empty: any text."""
+        if get_origin(self.field.annotation) is Literal:
+            return get_args(self.field.annotation)
+        metadata = [*self.field.metadata, *_item_metadata(self.field.annotation)]
+        return tuple(name for m in metadata if isinstance(m, OneOf) for name in m.names())
 
     @property
     def expected(self) -> str:
         """What a value must be, in words."""
         if self.choices:
-            some = "some" if get_origin(self.type) is tuple else "one"
-            return f"{some} of {list(self.choices)}"
-        if get_origin(self.type) is tuple:
+            return f"{'some' if self.is_list else 'one'} of {list(self.choices)}"
+        if self.is_list:
             items = get_args(self.type)
-            several = _several(items[0])
+            kind, *bounds = get_args(items[0]) or (items[0],)
+            several = f"{'positive ' if bounds else ''}{TYPE_NAMES[kind][1]}"
             return f"a list of {several}" if ... in items else f"{len(items)} {several}"
-        return _bounded(NAMES.get(self.type, (str(self.type), ""))[0], self)
+        return self._bounded(TYPE_NAMES[self.type][0] if self.type in TYPE_NAMES else "a value")
 
-
-def _several(item: Any) -> str:
-    """Plural of a list's items, which are positive if they are bounded at all."""
-    kind, *bounds = get_args(item) or (item,)
-    return f"positive {NAMES[kind][1]}" if bounds else NAMES[kind][1]
-
-
-def _bounded(noun: str, leaf: Leaf) -> str:
-    low, high = leaf.minimum, leaf.maximum
-    if low is not None and high is not None:
-        return (
-            f"{noun} in {'(' if leaf.above else '['}{low:g}, {high:g}{')' if leaf.below else ']'}"
-        )
-    if low is not None:
-        if leaf.above:
+    def _bounded(self, noun: str) -> str:
+        low, high = self.bound("ge", "gt"), self.bound("le", "lt")
+        if low is None:
+            return noun if high is None else f"{noun} of at most {high:g}"
+        above = self.bound("gt") is not None
+        if high is not None:
+            left, right = "(" if above else "[", ")" if self.bound("lt") is not None else "]"
+            return f"{noun} in {left}{low:g}, {high:g}{right}"
+        if above:
             return "a positive number" if low == 0 else f"{noun} above {low:g}"
         return f"{noun} of at least {low:g}"
-    return noun if high is None else f"{noun} of at most {high:g}"
+
+    def read(self, text: str) -> Any:
+        """The value that a text gives; ConfigError if the setting rejects it."""
+        checked: Any = Annotated[self.field.annotation, self.field]
+        adapter = TypeAdapter(checked, config=ConfigDict(allow_inf_nan=False))
+        try:
+            return adapter.validate_strings(text)
+        except ValueError:
+            raise ConfigError(
+                f"{self.path}: expected {self.expected}, got {text or repr(text)}"
+            ) from None
 
 
 class Settings(BaseModel):
-    """Frozen and checked when made; types are strict, but an int passes for a float, a list for
-    a tuple. ConfigError says which setting, what was expected and what came.
+    """Frozen settings, checked when they are made.
 
-    Checks across fields are `model_validator(mode="after")`; they raise ValueError("NAME: expected
-    …, got …"), or a ConfigError of their own.
+    Types are strict, except that an int is accepted for a float and a list for a tuple. Values may
+    be given by dotted path: `Whole(**{"part.steps": 3})`. ConfigError says which setting, what was
+    expected and what was given. Checks across fields are `model_validator(mode="after")`; they
+    raise ValueError("NAME: expected …, got …").
     """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, arbitrary_types_allowed=True
     )
-    SECTION: ClassVar[str] = ""  # begins the path in errors
+    SECTION: ClassVar[str] = ""  # the path in errors begins with it
 
     def __init__(self, **values: Any) -> None:
         try:
             super().__init__(**values)
         except ValidationError as error:
-            raise ConfigError(self._refusal(error, values)) from None
+            raise ConfigError(self._explain(error, values)) from None
 
-    # pydantic then makes parts without it, so that their errors carry the whole path.
+    # Pydantic then makes parts without this __init__, so that their errors carry the whole path.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
+    @model_validator(mode="before")
+    @classmethod
+    def _by_path(cls, values: Any) -> Any:
+        """Accept dotted paths for parts, and lists for tuples."""
+        if not isinstance(values, Mapping):
+            return values
+        return {k: tuple(v) if isinstance(v, list) else v for k, v in nested(values).items()}
+
     @model_validator(mode="after")
-    def _fits(self) -> Self:
-        """As ROS parameters and messages do: an integer has 64 bits."""
+    def _integers_fit(self) -> Self:
+        """ROS parameters and messages hold integers of 64 bits."""
         for name, value in self:
             if type(value) is int and not -(2**63) <= value < 2**63:
                 raise ValueError(f"{name}: expected an integer of 64 bits, got {value}")
         return self
 
-    @model_validator(mode="before")
-    @classmethod
-    def _tuples(cls, values: Any) -> Any:
-        if not isinstance(values, Mapping):
-            return values
-        return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-
     @classmethod
     def leaves(cls) -> Iterator[Leaf]:
-        """Every setting, parts in order, with the default that it has here."""
+        """Every setting of the class, parts in order, with its default."""
         yield from _leaves(cls, None, "")
 
     @classmethod
-    def paths(cls) -> tuple[str, ...]:
-        """Dotted paths of the leaves."""
-        return tuple(leaf.path for leaf in cls.leaves())
-
-    @classmethod
     def leaf(cls, path: str) -> Leaf:
-        """What is known of one setting; KeyError for a path that is none."""
+        """The setting at a dotted path; KeyError if there is none."""
         return {leaf.path: leaf for leaf in cls.leaves()}[path]
 
-    @classmethod
-    def read(cls, path: str, text: str) -> Any:
-        """One setting's value from text; ValueError if the setting refuses it."""
-        *parts, name = path.split(".")
-        kind: Any = cls
-        for part in parts:
-            kind = kind.model_fields[part].annotation
-        field = kind.model_fields[name]
-        checked: Any = Annotated[field.annotation, field]
-        return TypeAdapter(checked, config=ConfigDict(allow_inf_nan=False)).validate_strings(text)
+    def own_leaves(self) -> Iterator[Leaf]:
+        """Every setting of this object, with its value as the default.
+
+        Parts may be of subclasses that have more settings than the class declares.
+        """
+        yield from _leaves(type(self), self, "")
+
+    def flat(self) -> dict[str, Any]:
+        """Values by dotted path."""
+        return {leaf.path: leaf.default for leaf in self.own_leaves()}
 
     def fields(self) -> dict[str, Any]:
         """Values by name, parts as they are."""
         return {name: getattr(self, name) for name in type(self).model_fields}
 
-    def flat(self) -> dict[str, Any]:
-        """Values by dotted path."""
-        return {path: self.value(path) for path in self.paths()}
-
-    def value(self, path: str) -> Any:
-        """The value at a dotted path of `paths`."""
-        value: Any = self
-        for name in path.split("."):
-            value = getattr(value, name)
-        return value
-
     def changed(self, **values: Any) -> Self:
-        """A copy with other values by name or, as `**{"part.name": 1}`, by dotted path.
+        """A copy with other values, by name or dotted path: `**{"part.steps": 3}`.
 
-        It is checked as a whole. Raises ConfigError, also for a path that is none.
+        The copy is checked as a whole. Raises ConfigError, also for an unknown name.
         """
         return type(self)(**_merged(self, values))
 
@@ -194,7 +211,7 @@ class Settings(BaseModel):
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """The inverse of `to_json`; what is absent keeps its default. ConfigError if it isn't."""
+        """The inverse of `to_json`; absent settings have their defaults. Raises ConfigError."""
         try:
             return cls(**read_json(text))
         except (ValueError, TypeError) as error:
@@ -204,26 +221,45 @@ class Settings(BaseModel):
             ) from error
 
     @classmethod
-    def _refusal(cls, error: ValidationError | CoreError, values: Mapping[str, Any]) -> str:
+    def _explain(cls, error: ValidationError | CoreError, values: Mapping[str, Any]) -> str:
+        """One line for the first error that pydantic found."""
         leaves = {leaf.path: leaf for leaf in cls.leaves()}
         found: ErrorDetails = error.errors()[0]
         path = ".".join(name for name in found["loc"] if isinstance(name, str))
         where = ".".join(filter(None, (cls.SECTION, path)))
         reason = str(found.get("ctx", {}).get("error", ""))
-        if reason:  # of a check across fields
+        if reason:  # from a check across fields
             return ".".join(filter(None, (where, reason)))
         if found["type"] == "extra_forbidden":
-            return f"{where}: expected {_alternatives(path, leaves)}, got {found['input']!r}"
+            known = [".".join(filter(None, (cls.SECTION, leaf))) for leaf in leaves]
+            return f"{where}: unknown setting{did_you_mean(where, known)}"
         expected = leaves[path].expected if path in leaves else "the settings of this part"
         if found["type"] == "missing" and isinstance(found["loc"][-1], str):
             return f"{where}: expected {expected}, got nothing"
-        got = _given(values, path, found["input"])
-        return f"{where}: expected {expected}, got {got!r}"
+        wrong_item = isinstance(found["loc"][-1], int)  # show the whole list
+        given = _value_at(values, path) if wrong_item else found["input"]
+        return f"{where}: expected {expected}, got {given!r}"
+
+
+def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by name, where `part.x` became `{"part": {"x": …}}`. Parts may be dotted in turn."""
+    found: dict[str, Any] = {}
+    for path, value in values.items():
+        name, _, rest = path.partition(".")
+        if not rest:
+            found[name] = value
+            continue
+        part = found.get(name, {})
+        inside = part.fields() if isinstance(part, Settings) else dict(part)
+        found[name] = inside | {rest: value}
+    return found
 
 
 def read_json(text: str) -> Any:
-    """What JSON says; ValueError if it isn't, is nested too deeply to be read, or has an integer
-    that no float holds."""
+    """The value of a JSON text.
+
+    ValueError if it is not JSON, is nested too deeply, or has an integer that no float holds.
+    """
     try:
         return json.loads(text, parse_int=_integer)
     except RecursionError as error:
@@ -244,78 +280,36 @@ def canonical_json(values: Any) -> str:
 
 def _leaves(kind: type[Settings], at: Settings | None, prefix: str) -> Iterator[Leaf]:
     for name, field in kind.model_fields.items():
-        default = getattr(at, name) if at is not None else field.get_default()
-        part = field.annotation
+        default = field.get_default() if at is None else getattr(at, name)
+        part = type(default) if isinstance(default, Settings) else field.annotation
         if isinstance(part, type) and issubclass(part, Settings):
             inside = default if isinstance(default, part) else None
             yield from _leaves(part, inside, f"{prefix}{name}.")
-            continue
-        bound = {key: getattr(m, key) for m in field.metadata for key in ("ge", "gt", "le", "lt")
-                 if getattr(m, key, None) is not None}  # fmt: skip
-        told = [*field.metadata, *_of_items(part)]
-        choices = [one for m in told if isinstance(m, OneOf) for one in m.names()]
-        if get_origin(part) is Literal:
-            choices, part = list(get_args(part)), str
-        yield Leaf(
-            prefix + name,
-            part,
-            ... if at is None and field.is_required() else default,
-            field.description or "",
-            bound.get("ge", bound.get("gt")),
-            bound.get("le", bound.get("lt")),
-            "gt" in bound,
-            "lt" in bound,
-            tuple(choices),
-        )
+        else:
+            required = at is None and field.is_required()
+            yield Leaf(prefix + name, field, ... if required else default)
 
 
-def _of_items(part: Any) -> tuple[Any, ...]:
-    """Metadata of a list's items."""
-    items = get_args(part)[:1] if get_origin(part) is tuple else ()
+def _item_metadata(annotation: Any) -> tuple[Any, ...]:
+    """Metadata of the items of a list's type."""
+    items = get_args(annotation)[:1] if get_origin(annotation) is tuple else ()
     return tuple(m for item in items if get_origin(item) is Annotated for m in get_args(item)[1:])
 
 
-def _merged(settings: Settings, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of `settings`, parts that change as dictionaries of the same kind."""
-    values = settings.fields()
-    parts: dict[str, dict[str, Any]] = {}
-    for path, value in changes.items():
-        name, dot, rest = path.partition(".")
-        if dot:
-            parts.setdefault(name, {})[rest] = value
-        else:
-            values[name] = value
-    for name, part in parts.items():
-        inside = values.get(name)
-        values[name] = _merged(inside, part) if isinstance(inside, Settings) else part
-    return values
-
-
-def _given(values: Mapping[str, Any], path: str, otherwise: Any) -> Any:
-    """What was given for a path; for an item of a list, the whole list."""
+def _value_at(values: Mapping[str, Any], path: str) -> Any:
+    """The value that was given for a path."""
     value: Any = values
     for name in path.split("."):
-        if isinstance(value, Settings):
-            value = value.fields()
-        if not isinstance(value, Mapping) or name not in value:
-            return otherwise
-        value = value[name]
+        value = getattr(value, name) if isinstance(value, Settings) else nested(value)[name]
     return value
 
 
-def _alternatives(path: str, leaves: Mapping[str, Leaf]) -> str:
-    """Known names near a path that is none, for an error."""
-    name = path.rpartition(".")[2]
-    same = [known for known in leaves if known.rpartition(".")[2] == name]
-    near = same or difflib.get_close_matches(path, leaves, 3) or _beside(path, leaves)
-    return f"a known name, such as {near[0]}" if len(near) == 1 else f"a known name of {near}"
-
-
-def _beside(path: str, leaves: Mapping[str, Leaf]) -> list[str]:
-    """All names of the part that a path leads to; the names of parts where it leads to none."""
-    inside = path.rpartition(".")[0]
-    while inside and not any(known.startswith(f"{inside}.") for known in leaves):
-        inside = inside.rpartition(".")[0]
-    depth = inside.count(".") + 1 if inside else 0
-    near = [known.split(".") for known in leaves if not inside or known.startswith(f"{inside}.")]
-    return sorted({".".join(names[: depth + 1]) for names in near})
+def _merged(settings: Settings, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of `settings` with changes; parts that change become mappings."""
+    values = settings.fields()
+    for name, change in nested(changes).items():
+        part = values.get(name)
+        if isinstance(part, Settings) and isinstance(change, Mapping):
+            change = _merged(part, change)
+        values[name] = change
+    return values

@@ -1,8 +1,15 @@
-"""Text from outside, of which nothing is known, and where it is shown."""
+"""Text that people read: untrusted text made harmless, suggestions, numbers and reports."""
 
 from __future__ import annotations
 
+import difflib
+import json
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from pa_ros.core.files import write_whole
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -10,19 +17,22 @@ if TYPE_CHECKING:
 LONGEST = 1000  # characters shown
 DIGITS = 18  # of the greatest number that is read
 
+Report = Mapping[str, float | int | str]
+"""Figures by dotted name, and strings that say how they were measured."""
+
 
 def printable(text: str) -> str:
-    """What a terminal can show without moving its cursor: escapes for the rest; cut at LONGEST."""
+    """The text with everything escaped that could move a terminal's cursor; cut at LONGEST."""
     return _escaped(text if len(text) <= LONGEST else text[: LONGEST - 1] + "…")
 
 
 def printable_lines(text: str) -> str:
-    """The same of several lines, which they stay; nothing is cut."""
+    """As `printable` for several lines, which stay lines; nothing is cut."""
     return "\n".join(map(_escaped, text.split("\n")))
 
 
 def renewable(console: Console) -> bool:
-    """Whether what is shown can be renewed in place: by a terminal, if it isn't a dumb one."""
+    """Whether the console can redraw lines in place: a terminal that is not a dumb one."""
     return console.is_terminal and not console.is_dumb_terminal
 
 
@@ -31,6 +41,30 @@ def natural(text: str) -> int | None:
     if len(text) > DIGITS or not (text.isascii() and text.isdecimal()):
         return None
     return int(text)
+
+
+def did_you_mean(name: str, known: Iterable[str], few: int = 6) -> str:
+    """The end of an error about an unknown name: "; did you mean 'x'?", or all if they are few."""
+    names = list(known)
+    last = name.rpartition(".")[2]
+    same = [one for one in names if one.rpartition(".")[2] == last]
+    if near := same or difflib.get_close_matches(name, names, 1, cutoff=0.65):
+        return f"; did you mean {near[0]!r}?"
+    return f"; known: {', '.join(names)}" if len(names) <= few else ""
+
+
+def write_report(path: Path | None, report: Report) -> None:
+    """Print a report, a line a name, and write it as JSON to `path` if one is given."""
+    width = max(map(len, report))
+    for name, value in report.items():
+        print(f"{name:<{width}}  {f'{value:.6g}' if isinstance(value, float) else value}")
+    if path is not None:
+        write_whole(path, json.dumps({k: _json(v) for k, v in report.items()}, indent=2) + "\n")
+
+
+def _json(value: float | int | str) -> float | int | str:
+    """JSON has no NaN and no infinity: they become text."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _escaped(text: str) -> str:

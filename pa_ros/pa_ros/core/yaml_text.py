@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, Final
 
 import yaml
@@ -11,11 +12,22 @@ MOST: Final = 1_000_000  # values, those of an alias counted wherever it stands
 _INTEGERS: Final = 1 << 64
 
 
+class _Loader(yaml.SafeLoader):
+    """YAML 1.2's floats, as ROS reads them: PyYAML takes 1e-4 for text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    [*"-+.0123456789"],
+)
+
+
 def read_yaml(text: str) -> Any:
     """What YAML says; ValueError if it isn't, or says what can't be written again: aliases that
     contain themselves, more than DEEPEST levels or MOST values, integers of more than 64 bits."""
     try:
-        content = yaml.safe_load(text)
+        content = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error
     except RecursionError as error:

@@ -22,6 +22,7 @@ from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import not_finite
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.poses import POSE_WIDTH
@@ -96,7 +97,7 @@ class Learner:
         if config.relabeling.rule == "all-goals":
             self._relabeler = Relabeler(training_programs, network.world, self.scoring)
         self._dropout = None
-        if config.relabeling.property_dropout and network.family.evaluates_programs:
+        if config.relabeling.property_dropout and family_of(network).evaluates_programs:
             self._dropout = PropertyDropout(
                 self.table, network.world, config.relabeling.property_dropout
             )
@@ -221,7 +222,7 @@ class Learner:
 
     def _row(self, program: Program) -> int:
         """Row of a program in the table; ProgramError or NetworkError if it has none."""
-        self.network.family.check(program, self.network.vocabulary)
+        family_of(self.network).check(program, self.network.vocabulary)
         return self.table.add(program)
 
     def _snapshot(self, version: int) -> PolicySnapshot:

@@ -23,8 +23,8 @@ from pa_ros.native.library import why_not_network
 from pa_ros.native.tensors import FlatTensors
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
+from pa_ros.networks.families import Shapes, family_of
 from pa_ros.networks.parameters import (
-    Shapes,
     Tensors,
     actor_shapes,
     check_shapes,
@@ -80,7 +80,7 @@ class FusedEngine:
             raise FusedError(f"fused update: {reason}")
         check_tensors(actor, actor_shapes(network), "actor")
         check_tensors(critic, critic_shapes(network), "critic")
-        family = FUSED[type(network.family)]
+        family = FUSED[type(family_of(network))]
         actor_network, critic_network = (family.describe(network, x) for x in (False, True))
         self._engine = _fused.Engine(
             actor_network,
@@ -194,7 +194,7 @@ class FusedActor:
         if reason := why_not_network(config):
             raise FusedError(f"fused actor: {reason}")
         self._config, self._logic, self._shapes = config, logic, actor_shapes(config)
-        self._family = FUSED[type(config.family)]
+        self._family = FUSED[type(family_of(config))]
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
         self._flat = FlatTensors(described, self._actor.parameters)
@@ -226,5 +226,5 @@ class _Programs:
     def tell(self) -> None:
         """NetworkError for a program that the networks cannot be told."""
         if self._told != len(self._table):
-            FUSED[type(self._network.family)].tell(self._engine, self._network, self._table)
+            FUSED[type(family_of(self._network))].tell(self._engine, self._network, self._table)
             self._told = len(self._table)

@@ -13,7 +13,7 @@ from pa_ros.core.experience import Float32
 from pa_ros.language import MIN_MAX, PRODUCT, Logic, Program
 from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import Canonical, Codes, Family, Programmable, codes_of
+from pa_ros.networks.families import Canonical, Codes, Family, Programmable, codes_of, family_of
 from pa_ros.networks.slots import slot_values
 from pa_ros.world.programs import Int32, ProgramTable
 
@@ -70,7 +70,7 @@ class _Trunk(FusedFamily):
         return _fused.Network.trunk(
             hidden=network.hidden,
             attention=network.attention,
-            detectors=network.family.detects(critic),
+            detectors=family_of(network).detects(critic),
             hide_properties=not network.relations_see_properties,
             critic=critic,
             self_weight=network.self_weight,
@@ -80,7 +80,7 @@ class _Trunk(FusedFamily):
         )
 
     def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
-        engine.set_programs(*_with_relation(network.family.codes(table)))
+        engine.set_programs(*_with_relation(family_of(network).codes(table)))
 
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
         return _flat(program, network)
@@ -111,7 +111,7 @@ class _Mlp(FusedFamily):
         )
 
     def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
-        (one_hots,) = network.family.codes(table)
+        (one_hots,) = family_of(network).codes(table)
         engine.set_targets(_words(one_hots))
 
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:

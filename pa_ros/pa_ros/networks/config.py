@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import Field
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings, canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.networks.families import FAMILIES, Family, family_named
 from pa_ros.world.world import World
 
+ACTORS: Final[dict[str, str]] = {  # families whose actors are the same share weights
+    "programmable": "programmable",
+    "distilled-critic": "programmable",
+    "true-properties": "true-properties",
+    "canonical": "canonical",
+}
 
-class NetworkConfig(Settings):
-    """Actor and critic of one agent (paper, appendix "Training parameters").
 
-    `kind`:
+class NetworkSettings(Settings):
+    """Actor and critic of one agent in any world (paper, appendix "Training parameters").
+
+    `family`:
     - "programmable": both learn their detectors.
     - "distilled-critic": the actor learns detectors, the critic is given the true Φ (paper,
       "Zero-shot tasks").
@@ -44,9 +50,8 @@ class NetworkConfig(Settings):
 
     SECTION: ClassVar[str] = "network"
 
-    world: World
-    kind: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
-        "programmable", description="family of actor and critic"
+    family: Annotated[str, OneOf(lambda: ACTORS)] = Field(
+        "programmable", description="kind of actor and critic"
     )
     hidden: int = Field(150, ge=1, le=4096, description="units of each layer (paper)")
     attention: int = Field(64, ge=1, le=4096, description="units of query and context (paper)")
@@ -71,6 +76,16 @@ class NetworkConfig(Settings):
         1.0, ge=0, description="of an object's attention to itself; the paper's formula has 1"
     )
 
+    def for_world(self, world: World) -> NetworkConfig:
+        """The same networks for one world, which fixes their inputs and outputs."""
+        return NetworkConfig(world=world, **self.fields())
+
+
+class NetworkConfig(NetworkSettings):
+    """Actor and critic of one agent in one world: all that their tensors depend on."""
+
+    world: World
+
     @property
     def vocabulary(self) -> Vocabulary:
         """The world's words."""
@@ -81,22 +96,26 @@ class NetworkConfig(Settings):
         """As `Vocabulary.relation_inputs`."""
         return self.vocabulary.relation_inputs
 
-    @property
-    def family(self) -> Family:
-        """What depends on the kind."""
-        return family_named(self.kind)
-
     @cached_property
     def architecture(self) -> str:
         """Canonical JSON of what an actor's tensors mean: equal text, exchangeable weights."""
         return canonical_json(
             {
-                **self.family.sizes(self),
-                "actor": self.family.actor,
+                **self._sizes(),
+                "actor": ACTORS[self.family],
                 "position_scale": float(self.position_scale),
                 "world": self.world.to_data(),
             }
         )
+
+    def _sizes(self) -> dict[str, Any]:
+        """The actor's sizes."""
+        if self.family == "canonical":
+            return {"hidden": self.canonical_hidden}
+        sizes: dict[str, Any] = {"hidden": self.hidden, "attention": self.attention}
+        if self.self_weight != 1.0:  # absent where it is the paper's
+            sizes["self_weight"] = float(self.self_weight)
+        return sizes
 
     def to_json(self) -> str:
         """Canonical JSON of every setting, the world among them."""
@@ -121,11 +140,11 @@ def actor_config(architecture: str) -> NetworkConfig:
     """
     try:
         values = dict(read_json(architecture))
+        sizes = {k: v for k, v in values.items() if k not in ("actor", "world")}
+        if values["actor"] == "canonical":
+            sizes["canonical_hidden"] = sizes.pop("hidden")
         config = NetworkConfig(
-            world=World.from_data(values["world"]),
-            kind=values["actor"],
-            position_scale=values["position_scale"],
-            **family_named(values["actor"]).fields(values),
+            world=World.from_data(values["world"]), family=values["actor"], **sizes
         )
         text = canonical_json(values)
     except (ValueError, TypeError, KeyError, AttributeError) as error:

@@ -8,6 +8,7 @@ from pa_ros.core.experience import Float32
 from pa_ros.language import PRODUCT, Logic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors
 
 LAYERS = ("detectors.weight", "detectors.bias")
@@ -33,7 +34,7 @@ def degrees(
     See `networks.programmable.Trunk.phi`. Only for a family that evaluates programs. NetworkError
     for a scene of another width.
     """
-    if not network.family.detects(critic=False):
+    if not family_of(network).detects(critic=False):
         return np.asarray(network.world.truth(objects).T)
     scale = network.world.schema.scales.copy()
     scale[:3] = network.position_scale

@@ -7,49 +7,36 @@ engine how to compute it, benchmarks what it costs.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
 from pa_ros.language import Program, Vocabulary
 from pa_ros.language.flat import compile_program
-from pa_ros.networks.parameters import LILLICRAP_OUTPUT_SCALE, Shapes, linear
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import canonical_inputs, target_one_hots
 from pa_ros.world.programs import Int32, ProgramTable
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from pa_ros.networks.config import NetworkConfig
+LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
 
+Shapes = dict[str, tuple[int, ...]]
+"""Shapes of tensors by state-dict name."""
 Codes = tuple[Float32 | Int32, ...]
 """What networks are told of each program of a table, arrays [P, …]."""
 
 
 @dataclass(frozen=True)
 class Family(ABC):
-    """Actors and critics of one kind; `actor` is the family with the same actors, for its name.
-
-    What acts is described by `sizes`, which with the actor's name is all of an architecture's text
-    that depends on the family.
-    """
+    """Actors and critics of one kind."""
 
     name: str
-    actor: str
     evaluates_programs: ClassVar[bool]
     """Whether a program is run over Φ, so that degrees can be shown, and properties be hidden."""
-
-    @abstractmethod
-    def sizes(self, config: NetworkConfig) -> dict[str, Any]:
-        """What an architecture says of the actor's sizes."""
-
-    @abstractmethod
-    def fields(self, architecture: Mapping[str, Any]) -> dict[str, Any]:
-        """The inverse: fields of NetworkConfig. KeyError for a size that is not there."""
 
     @abstractmethod
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
@@ -88,16 +75,6 @@ class Programmable(Family):
     actor_detects: bool
     critic_detects: bool
     evaluates_programs: ClassVar[bool] = True
-
-    def sizes(self, config: NetworkConfig) -> dict[str, Any]:
-        sizes: dict[str, Any] = {"hidden": config.hidden, "attention": config.attention}
-        if config.self_weight != 1.0:
-            sizes["self_weight"] = float(config.self_weight)
-        return sizes
-
-    def fields(self, architecture: Mapping[str, Any]) -> dict[str, Any]:
-        names = {"hidden", "attention", "self_weight"} & architecture.keys()
-        return {name: architecture[name] for name in names | {"hidden"}}
 
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
         hidden, attention = config.hidden, config.attention
@@ -148,12 +125,6 @@ class Canonical(Family):
 
     evaluates_programs: ClassVar[bool] = False
 
-    def sizes(self, config: NetworkConfig) -> dict[str, Any]:
-        return {"hidden": config.canonical_hidden}
-
-    def fields(self, architecture: Mapping[str, Any]) -> dict[str, Any]:
-        return {"canonical_hidden": architecture["hidden"]}
-
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
         hidden = config.canonical_hidden
         actions = config.world.actions
@@ -184,23 +155,26 @@ class Canonical(Family):
 FAMILIES: dict[str, Family] = {
     family.name: family
     for family in (
-        Programmable("programmable", "programmable", True, True),
-        Programmable("distilled-critic", "programmable", True, False),
-        Programmable("true-properties", "true-properties", False, False),
-        Canonical("canonical", "canonical"),
+        Programmable("programmable", True, True),
+        Programmable("distilled-critic", True, False),
+        Programmable("true-properties", False, False),
+        Canonical("canonical"),
     )
 }
 
 
-def family_named(name: str) -> Family:
-    """Look up a family; ConfigError names the known ones."""
-    if name not in FAMILIES:
-        raise ConfigError(f"network kind: expected one of {tuple(FAMILIES)}, got {name!r}")
-    return FAMILIES[name]
+def family_of(network: NetworkConfig) -> Family:
+    """The family of a network's actor and critic."""
+    return FAMILIES[network.family]
 
 
 def codes_of(program: Program, network: NetworkConfig) -> Codes:
     """What networks are told of one program, arrays [1, …]; NetworkError if nothing."""
     table = ProgramTable(network.vocabulary)
     table.add(program)
-    return network.family.codes(table)
+    return family_of(network).codes(table)
+
+
+def linear(name: str, outputs: int, inputs: int) -> Shapes:
+    """Shapes of a layer's weight and bias."""
+    return {f"{name}.weight": (outputs, inputs), f"{name}.bias": (outputs,)}

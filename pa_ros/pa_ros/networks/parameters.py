@@ -7,45 +7,41 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
-
-if TYPE_CHECKING:
-    from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import Shapes, family_of
 
 DETECTORS_BIAS = "detectors.bias"
 RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
-LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
 
 Tensors = dict[str, Float32]
-Shapes = dict[str, tuple[int, ...]]
 
 
 def actor_shapes(config: NetworkConfig) -> Shapes:
     """Shape of each of the actor's tensors by state-dict name."""
-    return config.family.shapes(config, critic=False)
+    return family_of(config).shapes(config, critic=False)
 
 
 def critic_shapes(config: NetworkConfig) -> Shapes:
     """Shape of each of the critic's tensors by state-dict name."""
-    return config.family.shapes(config, critic=True)
+    return family_of(config).shapes(config, critic=True)
 
 
 def initial_actor(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
     """Random initial weights of the actor; the same `rng` state gives the same weights."""
-    last = config.family.output_scale(config, critic=False)
+    last = family_of(config).output_scale(config, critic=False)
     return _initial(config, actor_shapes(config), rng, output_scale=last)
 
 
 def initial_critic(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
     """Random initial weights of the critic; the same `rng` state gives the same weights."""
-    last = config.family.output_scale(config, critic=True)
+    last = family_of(config).output_scale(config, critic=True)
     tensors = _initial(config, critic_shapes(config), rng, output_scale=last)
     tensors["output.bias"][:] = config.critic_output_bias
     return tensors
@@ -77,11 +73,6 @@ def check_shapes(tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, who
     for name, shape in shapes.items():
         if tensors[name].shape != shape:
             raise NetworkError(f"{whose}: {name}: expected {shape}, got {tensors[name].shape}")
-
-
-def linear(name: str, outputs: int, inputs: int) -> Shapes:
-    """Shapes of a layer's weight and bias."""
-    return {f"{name}.weight": (outputs, inputs), f"{name}.bias": (outputs,)}
 
 
 def _initial(

@@ -16,6 +16,7 @@ from torch.nn import functional as F
 
 from pa_ros.language import PRODUCT, Logic
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import NOTHING
 from pa_ros.networks.properties import TrueProperties, input_scales
 from pa_ros.networks.relevance import relevant_objects
@@ -158,7 +159,7 @@ class ProgrammableActor(Trunk):
     """a = tanh(Linear(tanh h)) (paper, appendix)."""
 
     def __init__(self, config: NetworkConfig) -> None:
-        super().__init__(config, learned_detectors=config.family.detects(critic=False))
+        super().__init__(config, learned_detectors=family_of(config).detects(critic=False))
         self.output = nn.Linear(config.hidden, config.world.actions)
 
     def forward(
@@ -173,7 +174,7 @@ class ProgrammableCritic(Trunk):
     """Q = Linear(tanh(h + Linear(a))) (paper, appendix)."""
 
     def __init__(self, config: NetworkConfig) -> None:
-        super().__init__(config, learned_detectors=config.family.detects(critic=True))
+        super().__init__(config, learned_detectors=family_of(config).detects(critic=True))
         self.action = nn.Linear(config.world.actions, config.hidden)
         self.output = nn.Linear(config.hidden, 1)
 

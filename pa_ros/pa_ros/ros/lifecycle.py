@@ -15,7 +15,7 @@ from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import servers_of
 from pa_ros.ros.executor import is_of_spinning
 from pa_ros.ros.health import ERROR, LIFECYCLE, WARN, HealthReporter
-from pa_ros.ros.parameters import declare_settings, loosen_settings, settings_from_parameters
+from pa_ros.ros.parameters import NodeParameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import Topic
 from pa_ros.wire import Message
@@ -47,11 +47,11 @@ class ManagedNode(LifecycleNode, ABC):
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self.refusals = Refusals(self.get_logger().warning)
         self.exit_status = 0  # of the process, if it ends without an error
-        self._settings, self._configured = settings, False
+        self._configured = False
         self._signer: Signer | None = None
         self._checker: Checker | None = None
         self._error: Exception | None = None  # that made the newest transition fail
-        declare_settings(self, settings)
+        self._own_parameters = NodeParameters(self, settings)
         self._health = HealthReporter(self, self.refusals, self._report, self._progress)
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
@@ -183,7 +183,7 @@ class ManagedNode(LifecycleNode, ABC):
 
     def _configure(self) -> None:
         try:
-            self.config = settings_from_parameters(self, self._settings)
+            self.config = self._own_parameters.fix()
             self._signer = self._checker = None
             if self.config.auth_key_file:
                 key = read_key(Path(self.config.auth_key_file))
@@ -223,7 +223,7 @@ class ManagedNode(LifecycleNode, ABC):
                 destroy(entity)
         for server in servers_of(self):
             server.rest()
-        loosen_settings(self, self._settings)
+        self._own_parameters.open()
 
     def _entities(self) -> Iterator[tuple[Callable[[Any], Any], Any]]:
         """All timers, services, subscriptions and publishers, each with what destroys it.

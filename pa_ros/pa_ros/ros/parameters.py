@@ -1,9 +1,15 @@
-"""A node's settings from its ROS parameters, built once and then fixed."""
+"""A node's settings as ROS parameters.
+
+The node must have been made with `automatically_declare_parameters_from_overrides`, so that an
+unknown parameter is rejected and not ignored. A setting of a part is a nested parameter
+(`learner.updates.discount`). A list is an array parameter; one empty text stands for an empty list,
+since ROS cannot tell the type of an empty array.
+"""
 
 from __future__ import annotations
 
 import sys
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
@@ -13,82 +19,82 @@ from pa_ros.core.settings import Leaf, Settings
 
 Kind = TypeVar("Kind", bound=Settings)
 SIM_TIME = "use_sim_time"
-OF_ROS = (SIM_TIME, "start_type_description_service")
-QOS = "qos_overrides."  # what ROS's names of any topic begin with
+ROS_PARAMETERS = (SIM_TIME, "start_type_description_service")  # rclpy declares these itself
+ROS_PREFIX = "qos_overrides."
 LARGEST = {int: 2**63 - 1, float: sys.float_info.max}  # stands for no bound
 
 
-def declare_settings(node: Node, kind: type[Settings]) -> None:
-    """Declare every setting that was not given, and describe all; they may be set until
-    `settings_from_parameters` fixes them. Raises ConfigError for an unknown name."""
-    given = _given(node, kind)
-    for leaf in kind.leaves():
-        about = describe(leaf)
-        about.read_only, about.dynamic_typing = False, True
-        if leaf.path in given:  # what it is, is judged later
-            about.integer_range, about.floating_point_range = [], []
-            node.set_descriptor(leaf.path, about)
-        else:
-            node.declare_parameter(leaf.path, to_ros(leaf.default), about)
+class NodeParameters(Generic[Kind]):
+    """The parameters of a node: open until they are fixed as settings, then read-only.
 
-
-def loosen_settings(node: Node, kind: type[Settings]) -> None:
-    """They may be set again, for the next `settings_from_parameters`; one that somebody deleted
-    has its default."""
-    for leaf in kind.leaves():
-        if not node.has_parameter(leaf.path):
-            node.declare_parameter(leaf.path, to_ros(leaf.default), describe(leaf))
-        node.describe_parameter(leaf.path).read_only = False
-
-
-def settings_from_parameters(node: Node, kind: type[Kind]) -> Kind:
-    """Build settings, one parameter for each dotted path; every one has a default.
-
-    The node must have been made with `automatically_declare_parameters_from_overrides`, so that
-    a parameter that nothing reads is refused and not ignored. Tuples are array parameters; one
-    empty text stands for none. Parameters are then declared with what is known of them, read-only.
-    Raises ConfigError for an unknown name, or for what the settings refuse.
+    While they are open, a parameter that nobody gave has no value, because its default may depend
+    on others (a protocol is a named set of defaults). Once fixed, all have their effective value.
     """
-    given = _given(node, kind)
-    values = {path: _from_ros(given[path].value) for path in kind.paths() if path in given}
-    settings = kind().changed(**values)
-    for leaf in kind.leaves():  # again: extensions may have brought choices
-        path = leaf.path
-        if path in given:
-            node.undeclare_parameter(path)
-        value = to_ros(settings.value(path))
-        node.declare_parameter(path, value, describe(leaf), ignore_override=True)
-    return settings
 
+    def __init__(self, node: Node, kind: type[Kind]) -> None:
+        self._node, self._kind = node, kind
+        self._given = set(self._values())
+        self.open()
 
-def _given(node: Node, kind: type[Settings]) -> dict[str, Any]:
-    """The parameters that a node has, by name. Raises ConfigError for an unknown one, and for a
-    `use_sim_time` that is no bool, which rclpy takes for false."""
-    leaves = kind.paths()
-    given: dict[str, Any] = node.get_parameters_by_prefix("")
-    known = {*leaves, *OF_ROS}
-    unknown = [name for name in given if name not in known and not name.startswith(QOS)]
-    if unknown:
-        raise ConfigError(
-            f"{node.get_name()}: expected parameters {sorted(leaves)}, got {sorted(unknown)}"
-        )
-    if SIM_TIME in given and not isinstance(given[SIM_TIME].value, bool):
-        raise ConfigError(
-            f"{node.get_name()}: {SIM_TIME}: expected true or false, got {given[SIM_TIME].value!r}"
-        )
-    return given
+    def open(self) -> None:
+        """Let parameters be set until the next `fix`."""
+        values, node = self._values(), self._node
+        descriptions = {leaf.path: leaf.description for leaf in self._kind.leaves()}
+        for path in {**descriptions, **values}:
+            if node.has_parameter(path):
+                node.describe_parameter(path).read_only = False
+                node.undeclare_parameter(path)
+            if path in descriptions or path in self._given:
+                value = to_ros(values[path]) if path in self._given and path in values else None
+                about = ParameterDescriptor(
+                    description=descriptions.get(path, ""), dynamic_typing=True
+                )
+                node.declare_parameter(path, value, about, ignore_override=True)
+
+    def fix(self) -> Kind:
+        """Build the settings and make every parameter read-only, with its effective value.
+
+        Raises ConfigError for an unknown parameter, or for a value that the settings reject.
+        """
+        given = self._values()
+        settings = self._kind(**given)
+        self._given = set(given)
+        leaves = {leaf.path: leaf for leaf in settings.own_leaves()}
+        # Another algorithm than the default one may lack some of the settings declared so far.
+        for path in {leaf.path: leaf for leaf in self._kind.leaves()} | leaves:
+            if self._node.has_parameter(path):
+                self._node.undeclare_parameter(path)
+        for leaf in leaves.values():
+            value = to_ros(leaf.default)
+            self._node.declare_parameter(leaf.path, value, describe(leaf), ignore_override=True)
+        return settings
+
+    def _values(self) -> dict[str, Any]:
+        """The values of our parameters that have one, by name."""
+        found = self._node.get_parameters_by_prefix("")
+        sim_time = found[SIM_TIME].value if SIM_TIME in found else False
+        if not isinstance(sim_time, bool):  # rclpy would take it for false
+            raise ConfigError(f"{SIM_TIME}: expected true or false, got {sim_time!r}")
+        return {
+            name: _from_ros(parameter.value)
+            for name, parameter in found.items()
+            if parameter.value is not None
+            and name not in ROS_PARAMETERS
+            and not name.startswith(ROS_PREFIX)
+        }
 
 
 def describe(leaf: Leaf) -> ParameterDescriptor:
-    """What `ros2 param describe` tells of a setting."""
+    """What `ros2 param describe` shows of a setting."""
     described = ParameterDescriptor(
         description=leaf.description, additional_constraints=leaf.expected, read_only=True
     )
-    if leaf.minimum is None and leaf.maximum is None:
+    low, high = leaf.bound("ge", "gt"), leaf.bound("le", "lt")
+    if low is None and high is None:
         return described
     largest = LARGEST[leaf.type]
-    low = -largest if leaf.minimum is None else leaf.type(leaf.minimum)
-    high = largest if leaf.maximum is None else leaf.type(leaf.maximum)
+    low = -largest if low is None else leaf.type(low)
+    high = largest if high is None else leaf.type(high)
     if leaf.type is int:
         described.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
     else:

@@ -127,8 +127,7 @@ def arenas_of(parameters: Parameters) -> list[str]:
 
 def in_step(parameters: Parameters, way: str) -> Parameters:
     """Parameters whose learner is told who waits for whom. ConfigError if there is no learner."""
-    options = [*_listed(parameters, "learner_node", "options"), f"learner.schedule.in_step={way}"]
-    return merged(parameters, {"learner_node": {"options": options}})
+    return merged(parameters, {"learner_node": {"learner.schedule.in_step": way}})
 
 
 def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> Parameters:
@@ -253,4 +252,13 @@ def _values(path: Path, key: object, value: object) -> dict[str, Any]:
         raise ConfigError(
             f"parameters: {path}: {key}: {_KEY}: expected names and values, got {values!r:.200}"
         )
-    return values
+    return _flat(values)
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Values by dotted name, where a file may nest them."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        inside = _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else None
+        flat |= {f"{prefix}{name}": value} if inside is None else inside
+    return flat

@@ -27,8 +27,8 @@ from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import BEFORE, LOST, reliable_qos, topic
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.report import Report
 from pa_ros.core.software import device, versions
+from pa_ros.core.text import Report
 from pa_ros.provenance.metadata import as_custom_data
 from pa_ros.ros import topics
 from pa_ros.ros.environment import check_namespace

@@ -19,6 +19,7 @@ from pa_ros.evaluation.scoring.agents import TrainedAgent
 from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED
 from pa_ros.language import Logic, parse, relevance, satisfying
 from pa_ros.networks.config import actor_config
+from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
 
 KNOWN, UNSEEN = "eval", "reach-new-both"
@@ -55,7 +56,7 @@ class DetectorView:
 
     def __init__(self, agent: TrainedAgent) -> None:
         network = actor_config(agent.snapshot.architecture)
-        if not network.family.evaluates_programs:
+        if not family_of(network).evaluates_programs:
             raise ConfigError("detectors: expected a programmable agent, got a canonical one")
         self._agent = agent
         self._world, self._vocabulary = network.world, network.vocabulary

@@ -9,8 +9,9 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +27,8 @@ from pa_ros.arena import (
 )
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.files import write_whole
-from pa_ros.core.report import Report
 from pa_ros.core.software import device, versions
+from pa_ros.core.text import Report
 from pa_ros.evaluation.scoring.agents import load_agent
 from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
 from pa_ros.evaluation.scoring.rewards import normalized, rewards
@@ -43,7 +44,7 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import PROTOCOLS, Protocol, protocol_named
+from pa_ros.learning.protocols import PROTOCOLS, LearningSettings
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ class Experiment:
     arm: str = "jaco"
     evaluate_every_frames: int = 2_500
     evaluation_episodes: int = 50
-    options: tuple[str, ...] = ()  # of the protocol, as `pa_ros train --set` takes them
+    options: Mapping[str, Any] = field(default_factory=dict)  # settings by dotted name
     tag: str = ""  # names what `options` changed
     switch_frames: int = 0  # train on the held-out programs from here on; 0: never
     algorithm: str = DPG
@@ -86,9 +87,13 @@ class Experiment:
         return ".".join([*parts, *filter(None, [self.tag])])
 
     @property
-    def settings(self) -> Protocol:
-        """The protocol with this experiment's options."""
-        return protocol_named(self.protocol, self.algorithm).with_options(self.options)
+    def settings(self) -> LearningSettings:
+        """The protocol with this experiment's networks and options."""
+        return LearningSettings(
+            protocol=self.protocol,
+            algorithm=self.algorithm,
+            **{"network.family": self.network, **self.options},
+        )
 
     @property
     def checkpoint_every_frames(self) -> int:
@@ -136,10 +141,10 @@ EXPERIMENTS = {
             "forgetting",
             "3-D",
             200_000,
-            options=(
-                "learner.relabeling.rule=none",
-                "learner.replay.capacity_frames=50000",
-            ),
+            options={
+                "learner.relabeling.rule": "none",
+                "learner.replay.capacity_frames": 50_000,
+            },
             switch_frames=100_000,
         ),
     )
@@ -179,11 +184,11 @@ def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = Fal
     except CheckpointError:
         return
     arena = preset_named(experiment.preset, experiment.arm)
-    design, protocol = design_named(experiment.design), experiment.settings
+    design, settings = design_named(experiment.design), experiment.settings
     values = check_trained_with(
         newest,
-        protocol.network_config(world_of(arena, design), experiment.network),
-        protocol.learner,
+        settings.network.for_world(world_of(arena, design)),
+        settings.learner,
         scoring_of(arena, design),
         **{"seed": seed, "design": design.name, "preset": arena.preset, "arm": arena.arm},
     )
@@ -238,7 +243,7 @@ def _train_until(
 ) -> None:
     arena = preset_named(experiment.preset, experiment.arm)
     design = design_named(experiment.design)
-    protocol = experiment.settings
+    settings = experiment.settings
     train(
         TrainConfig(
             out=folder,
@@ -251,8 +256,8 @@ def _train_until(
             evaluate_every_frames=experiment.evaluate_every_frames,
             checkpoint_every_frames=experiment.checkpoint_every_frames,
         ),
-        protocol.network_config(world_of(arena, design), experiment.network),
-        protocol.learner,
+        settings.network.for_world(world_of(arena, design)),
+        settings.learner,
         ReachTask(arena, design, seed),
         np.array(arena.joint_speed_limits),
         training_programs(design),
@@ -353,12 +358,12 @@ def write_table(
             writer.writerow([seed, *(f"{value:.6g}" for value in row.values())])
     write_whole(path, file.getvalue())
     write_rows(seeds_table(path), summaries)
-    protocol = experiment.settings
+    settings = experiment.settings
     design = design_named(experiment.design)
     setting = {
         **asdict(experiment),
-        "learner": protocol.learner.model_dump(mode="json"),
-        "network_options": protocol.of("network"),
+        "learner": settings.learner.model_dump(mode="json"),
+        "network_options": settings.network.model_dump(mode="json"),
         "words": design.vocabulary.by_group,
         "seeds": sorted(curves),
         "made_on": made_on or {},

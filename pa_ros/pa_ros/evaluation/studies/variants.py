@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -78,9 +79,15 @@ def compare(
         seeds = [_until(frames, curve, final[seed]) for seed, curve in curves[table].items()]
         seeds_of[table.stem] = seeds
         changed = settings[table][by]
-        changed = changed if isinstance(changed, str) else " ".join(changed)
+        if not isinstance(changed, str):
+            changed = " ".join(f"{name}={_text(value)}" for name, value in changed.items())
         rows.append(_variant(table.stem, changed, seeds, frames))
     return rows, seeds_of
+
+
+def _text(value: object) -> str:
+    """A setting's value as text."""
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _until(frames: float, curve: list[dict[str, float]], final: SeedSummary) -> SeedSummary:

@@ -17,6 +17,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import (
     Tensors,
     actor_shapes,
@@ -209,7 +210,7 @@ class TorchEngine(ABC):
         """The actor, or a critic, with these weights; NetworkError if they do not fit."""
         critic = name != ACTOR
         check_tensors(tensors, (critic_shapes if critic else actor_shapes)(network), name)
-        module: nn.Module = network.family.modules()[critic](network)
+        module: nn.Module = family_of(network).modules()[critic](network)
         module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
         return module.to(self.device, self.dtype)
 
@@ -251,7 +252,7 @@ class _Goals:
     def __init__(
         self, network: NetworkConfig, table: ProgramTable, device: torch.device, dtype: torch.dtype
     ) -> None:
-        self._family = network.family
+        self._family = family_of(network)
         self._table = table
         self._device, self._dtype = device, dtype
         self._size = 0  # rows of the table that are on the device
