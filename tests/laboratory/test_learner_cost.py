@@ -35,7 +35,7 @@ class Products(TorchDispatchMode):
 @pytest.mark.parametrize("sizes", [Sizes(), Sizes(64, 5, 4)])
 def test_counts_are_at_most_what_torch_counts(kind, sizes) -> None:
     """Torch's products repeat the arm's share, and compute parts of ∂Q/∂a that nobody needs."""
-    network = NETWORK.changed(kind=kind)
+    network = NETWORK.changed(family=kind)
     config = CONFIG.changed(
         **{
             "replay.batch_size": sizes.transitions,

@@ -54,7 +54,7 @@ def test_says_why_it_does_not_apply() -> None:
     many = tuple(f"COLOR{i}" for i in range(_fused.MAX_SLOTS + 1))
     color = PropertyGroup("color", many, OneHot(many))
     world = World(ObjectSchema((color,)), Vocabulary.of(color=many), joints=6)
-    assert "slots" in why_not_fused(network.changed(world=world, kind="canonical"), config)
+    assert "slots" in why_not_fused(network.changed(world=world, family="canonical"), config)
     assert why_not_fused(network.changed(world=world), config) == ""
     assert "float64" in why_not_fused(network, dpg(config, engine__dtype="float64"))
     assert "cuda" in why_not_fused(network, dpg(config, engine__device="cuda"))
