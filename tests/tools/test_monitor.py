@@ -129,12 +129,11 @@ def test_what_anybody_says_is_shown_as_it_is_and_moves_no_cursor(
     assert "\x1b[2J" not in stream.getvalue()
 
 
-@pytest.mark.parametrize("number", ["inf", "nan", "1e308", "9" * 5000])
-def test_numbers_that_none_of_ours_says_are_no_figures(number):
+@pytest.mark.parametrize("number", ["inf", "nan", "9" * 5000])
+def test_numbers_that_are_not_finite_are_ignored(number):
     figures = filled()
-    for place in ("/b", "/c"):
-        values = {"mean_q": number, "frames": f"-{number}", "refused.wire.size": number}
-        figures.take([Health(f"{place}/learner_node", 0, "", values)])
+    values = {"mean_q": number, "refused.wire.size": number}
+    figures.take([Health("/b/learner_node", 0, "", values)])
     rows = dict(figures.rows())
-    assert rows["actor loss (minus mean Q)"] == "+4.5000" and rows["frames"] == "33"
+    assert rows["actor loss (minus mean Q)"] == "+4.5000"
     assert rows["refused messages"] == "wire.size 3"

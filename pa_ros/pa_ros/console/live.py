@@ -27,7 +27,7 @@ from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS, SAMPLES
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.tools.scenes import sensible
+from pa_ros.tools.scenes import suggested_programs
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
@@ -226,7 +226,9 @@ class LiveConsole:
         """Programs that name something in this scene: trained ones, and some that are not."""
         if self._vocabulary is None:
             return ()
-        return sensible(arena, self._vocabulary, [set(n.split()) for n in self._page.scene.names])
+        return suggested_programs(
+            arena, self._vocabulary, [set(n.split()) for n in self._page.scene.names]
+        )
 
 
 def _named(topic: Any, namespace: str) -> Any:

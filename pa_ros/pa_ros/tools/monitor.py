@@ -1,15 +1,15 @@
-"""Live figures of a running graph, from /diagnostics: one table, or plain lines without a terminal.
+"""Show a running graph from its /diagnostics: a live table, or plain lines without a terminal.
 
-Everything shown is what the nodes say of themselves; nothing is measured here.
+All figures come from the nodes; nothing is measured here.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from statistics import fmean
 from typing import TextIO
 
 from rclpy.node import Node
@@ -26,21 +26,25 @@ from pa_ros.wire.diagnostics import Health, decode_diagnostics
 
 REFRESH_S = 0.5  # of the table
 LINE_PERIOD_S = 5.0  # of plain lines
-STALE_S = 5.0  # a node that says nothing for this long is shown as silent
+STALE_S = 5.0  # a node whose last diagnostics are older is shown as silent
 UNKNOWN = "-"
-LARGEST = 1e18  # of what can be added and shown; nothing of ours comes near it
+
+
+def mean(values: Sequence[float]) -> float:
+    """The arithmetic mean; unlike `statistics.fmean` it doesn't raise OverflowError."""
+    return sum(values) / len(values)
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One row: whose value it is, under which key, and how it is written."""
+    """One row of the table."""
 
     label: str
-    node: str  # last part of the node's name
-    key: str
+    node: str  # last part of the name of the node that reports it
+    key: str  # in that node's diagnostics
     form: str = "{:.0f}"
-    short: str = ""  # label in plain lines; empty: not in them
-    over_arenas: Callable[[Sequence[float]], float] = fmean  # one number of a fleet's
+    short: str = ""  # label in plain lines; empty: left out there
+    over_arenas: Callable[[Sequence[float]], float] = mean  # one number for several arenas
 
 
 FIGURES = (
@@ -55,34 +59,33 @@ FIGURES = (
     Figure("actor loss (minus mean Q)", "learner_node", "mean_q", "{:+.4f}", "actor"),
     Figure("real-time factor", "sim_node", "real_time_factor", "{:.1f}", "x real time", sum),
 )
-NEGATED = {"mean_q"}  # the actor ascends Q
+NEGATED = {"mean_q"}  # the actor maximizes Q, so its loss is minus Q
 
 
 class GraphFigures:
-    """The newest figures of each node; `now` is a steady clock in seconds."""
+    """The newest diagnostics of each node; `now` is a steady clock in seconds."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
-        self._health: dict[str, tuple[Health, float]] = {}  # by full name, and when it came
+        self._health: dict[str, tuple[Health, float]] = {}  # by full name; time of arrival
 
     def take(self, entries: Iterable[Health]) -> None:
-        """Take in the entries of one diagnostics message."""
+        """Store the entries of one diagnostics message."""
         for entry in entries:
             values = {printable(key): printable(value) for key, value in entry.values.items()}
             shown = Health(printable(entry.name), entry.level, printable(entry.message), values)
             self._health[shown.name] = (shown, self._now())
 
     def value(
-        self, node: str, key: str, over_arenas: Callable[[Sequence[float]], float] = fmean
+        self, node: str, key: str, over_arenas: Callable[[Sequence[float]], float] = mean
     ) -> float | None:
-        """A figure as a number, in a fleet one of all; None if nobody reported one."""
+        """A figure as a number, combined over all arenas; None if no node reported one."""
         values = [_number(entry, key) for entry in self._of(node)]
         known = [value for value in values if value is not None]
         return over_arenas(known) if known else None
 
     def rows(self) -> list[tuple[str, str]]:
-        """(label, text) of every figure, in a fleet also of every arena, then refusals and alarms,
-        node by node."""
+        """(label, text) of every figure, of each arena if there are several, and of the alarms."""
         found = [(figure.label, self._text(figure)) for figure in FIGURES]
         arenas = self._of("sim_node")
         if len(arenas) > 1:
@@ -96,7 +99,7 @@ class GraphFigures:
         return "  ".join([*parts, f"refused {self._refusals()}", f"alarms {self._alarms()}"])
 
     def _of(self, node: str) -> list[Health]:
-        """The entries of all nodes of a name, by namespace."""
+        """The entries of all nodes with a name, in the order of their namespaces."""
         known = sorted(self._health.items())
         return [entry for name, (entry, _) in known if name.rpartition("/")[2] == node]
 
@@ -104,7 +107,7 @@ class GraphFigures:
         return _written(figure, self.value(figure.node, figure.key, figure.over_arenas))
 
     def _arena_text(self, arena: Health) -> str:
-        """An arena's own figures, and its agent's."""
+        """The figures of one arena and its agent."""
         agents = [a for a in self._of("agent_node") if _namespace(a.name) == _namespace(arena.name)]
         parts = []
         for figure in FIGURES:
@@ -126,7 +129,7 @@ class GraphFigures:
         return ", ".join(f"{code} {count}" for code, count in sorted(counts.items())) or "0"
 
     def _states(self) -> str:
-        """Who is in which state of the standard's lifecycle."""
+        """The nodes in each state of the ROS lifecycle."""
         nodes: dict[str, list[str]] = {}
         for name, (entry, when) in sorted(self._health.items()):
             if LIFECYCLE in entry.values and self._now() - when <= STALE_S:
@@ -149,7 +152,7 @@ def _number(entry: Health, key: str) -> float | None:
         number = float(entry.values[key])
     except (KeyError, ValueError):
         return None
-    return number if abs(number) <= LARGEST else None
+    return number if math.isfinite(number) else None
 
 
 def _written(figure: Figure, value: float | None) -> str:
@@ -163,7 +166,7 @@ def _namespace(node: str) -> str:
 
 
 def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
-    """Feed figures from /diagnostics for as long as the node lives."""
+    """Fill figures from /diagnostics for as long as the node exists."""
 
     def receive(message: Message) -> None:
         figures.take(decode_diagnostics(message))
@@ -172,9 +175,9 @@ def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
 
 
 class Display:
-    """Shows rows about twice a second in place; where that can't be, a line every LINE_PERIOD_S.
+    """A table that is renewed in place; a line every LINE_PERIOD_S if the stream isn't a terminal.
 
-    A context manager. `rows` and `line` are asked for what to show at each `refresh`.
+    A context manager. `rows` and `line` return what to show at each `refresh`.
     """
 
     def __init__(
@@ -203,7 +206,7 @@ class Display:
             self._live = None
 
     def refresh(self) -> None:
-        """Show what there is now; call every REFRESH_S or so."""
+        """Show the newest rows; call every REFRESH_S or so."""
         if self._live is not None:
             self._live.update(self._table(), refresh=True)
         elif time.monotonic() - self._printed >= LINE_PERIOD_S:

@@ -1,4 +1,4 @@
-"""What stands on an arena's table, what is asked of it, and what could be asked now."""
+"""Show what is on an arena's table, what the agent is asked to do, and what it could be asked."""
 
 from __future__ import annotations
 
@@ -23,82 +23,86 @@ from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.step import decode_objects, decode_step_mark, decode_verdict
 from pa_ros.world.world import World
 
-SUGGESTED = 12
-LOOK_S = 0.5  # how often it is asked whether an arena shows samples
-ENDING = 2  # rows of figures that stand last: refusals and alarms
+MAX_SUGGESTIONS = 12
+POLL_S = 0.5  # between two checks whether an arena publishes samples
+LAST_ROWS = 2  # refusals and alarms stay below the scene in the table
 
 Block = frozenset[str]
-"""The true words of a block."""
+"""The words that are true of a block."""
 
 
 class Scene:
-    """Follows an arena by its samples, four times a second, for as long as `node` is spun.
+    """Follows an arena by its samples, four times a second, while `node` is spun.
 
-    Of one that shows none, as a robot's driver, it takes the steps themselves, and those best
-    effort, so that nothing waits for it.
+    A robot's driver publishes no samples. Then the steps themselves are read, best effort, so that
+    the driver never waits for this reader.
     """
 
     def __init__(self, node: Node, namespace: str = "") -> None:
-        """`namespace`: below the node's; or, with a slash, anywhere."""
+        """`namespace` is below the node's; with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
-        self.unreadable = ""  # why the newest description of an arena could not be read
+        self.unreadable = ""  # why the newest description of an arena couldn't be decoded
         self.blocks: tuple[Block, ...] = ()
         self.episode, self.program = -1, ""
         self.verdict: Verdict | None = None
         self._node = node
-        self._steps: list[Any] = []  # readers of whole steps
+        self._step_readers: list[Any] = []
         features, verdict = (
-            partial(_tolerant, receive) for receive in (self._on_features, self._on_verdict)
+            partial(_ignoring_errors, receive) for receive in (self._on_features, self._on_verdict)
         )
         self._samples, shown = (SAMPLES[part].within(namespace) for part in ("features", "verdict"))
-        ARENA_INFO.within(namespace).subscribe(node, partial(_tolerant, self._on_arena))
+        ARENA_INFO.within(namespace).subscribe(node, partial(_ignoring_errors, self._on_arena))
         self._samples.subscribe(node, features)
         shown.subscribe(node, verdict)
-        self._whole = tuple(
+        self._steps = tuple(
             (replace(topic.within(namespace), reader=qos_profile_sensor_data), receive)
             for topic, receive in ((OBJECT_FEATURES, features), (VERDICT, verdict))
         )
-        steady_timer(node, LOOK_S, self._attend)
+        steady_timer(node, POLL_S, self._choose_source)
 
     @property
     def known(self) -> bool:
-        """Whether a sample has come."""
+        """Whether a sample or a step has arrived."""
         return bool(self.blocks)
 
     def suggestions(self) -> tuple[str, ...]:
         """Programs that name one of the blocks."""
         if self.arena is None:
             return ()
-        return sensible(self.arena, self.arena.world.vocabulary, self.blocks)
+        return suggested_programs(self.arena, self.arena.world.vocabulary, self.blocks)
 
     def rows(self) -> list[tuple[str, str]]:
-        """Label and text, for a table; nothing before a sample has come."""
+        """(label, text) for a table; empty until a sample has arrived."""
         if not self.known:
             return []
-        named = ", ".join(self.names())
-        return [("blocks", named), ("program", self.program or "none"), ("distance", self._far())]
+        blocks = ", ".join(self.names())
+        return [
+            ("blocks", blocks),
+            ("program", self.program or "none"),
+            ("distance", self._distance()),
+        ]
 
     def line(self) -> str:
-        """The same in short, without the blocks."""
-        return f"{self.program or 'no program'}, {self._far()}" if self.known else ""
+        """Program and distance in one line."""
+        return f"{self.program or 'no program'}, {self._distance()}" if self.known else ""
 
     def names(self) -> list[str]:
-        """The blocks by their words, as programs mostly say them."""
+        """The blocks' names, such as RED CUBE."""
         row = self.arena.world.vocabulary.row if self.arena else {}
         return [name_of(block, row) for block in self.blocks]
 
-    def _far(self) -> str:
+    def _distance(self) -> str:
         if self.verdict is None or not np.isfinite(self.verdict.distance):
             return "-"
         return f"{self.verdict.distance:.2f} m{', satisfied' if self.verdict.satisfied else ''}"
 
-    def _attend(self) -> None:
-        """Listen to whole steps where an arena shows no samples, and there alone."""
+    def _choose_source(self) -> None:
+        """Read whole steps only where an arena publishes no samples."""
         if self.arena is None or self._node.count_publishers(self._samples.name):
-            while self._steps:
-                self._node.destroy_subscription(self._steps.pop())
-        elif not self._steps:
-            self._steps = [topic.subscribe(self._node, take) for topic, take in self._whole]
+            while self._step_readers:
+                self._node.destroy_subscription(self._step_readers.pop())
+        elif not self._step_readers:
+            self._step_readers = [topic.subscribe(self._node, on) for topic, on in self._steps]
 
     def _on_arena(self, message: Message) -> None:
         try:
@@ -121,30 +125,30 @@ class Scene:
 
 
 class SceneFigures:
-    """A graph's figures, and what stands on its arenas' tables."""
+    """A graph's figures together with the scenes of its arenas."""
 
     def __init__(self, node: Node, figures: GraphFigures, arenas: Sequence[str]) -> None:
-        """`arenas`: namespaces of a fleet's, below the node's; none: it is not one."""
+        """`arenas` are namespaces below the node's; empty: one arena in the node's own."""
         self._figures = figures
         self._scenes = {arena: Scene(node, arena) for arena in arenas or ("",)}
 
     def rows(self) -> list[tuple[str, str]]:
-        """Label and text: of one arena its scene, of each of a fleet what it is at."""
+        """(label, text): the scene of a single arena, or a line for each of several."""
         figures = self._figures.rows()
         if list(self._scenes) == [""]:
             shown = self._scenes[""].rows()
         else:
             shown = [(f"/{name}: at", one.line()) for name, one in self._scenes.items()]
-        return [*figures[:-ENDING], *shown, *figures[-ENDING:]]
+        return [*figures[:-LAST_ROWS], *shown, *figures[-LAST_ROWS:]]
 
     def line(self) -> str:
-        """In one plain line, without blocks; a fleet's has the figures alone."""
+        """One plain line, with the scene of a single arena."""
         scene = self._scenes.get("")
         return "  ".join(filter(None, [self._figures.line(), scene.line() if scene else ""]))
 
 
-def _tolerant(receive: Callable[[Message], None], message: Message) -> None:
-    """Who only looks passes over what it cannot read; the graph's nodes refuse and count it."""
+def _ignoring_errors(receive: Callable[[Message], None], message: Message) -> None:
+    """A tool that only shows ignores what it can't decode; the graph's nodes report it."""
     try:
         receive(message)
     except PaError:
@@ -152,7 +156,10 @@ def _tolerant(receive: Callable[[Message], None], message: Message) -> None:
 
 
 def blocks_of(objects: Float32, hand_index: int, world: World) -> tuple[Block, ...]:
-    """The words of what each object but the hand is, [N, F]; also those that programs lack."""
+    """The words that are true of each block, from Ω's objects [N, F], the hand being one of N.
+
+    Words that programs don't know are included.
+    """
     schema, found = world.schema, []
     has = schema.has(np.delete(objects, hand_index, axis=0))
     for i in range(len(objects) - 1):
@@ -167,14 +174,14 @@ def blocks_of(objects: Float32, hand_index: int, world: World) -> tuple[Block, .
 
 
 def name_of(words: Collection[str], row: Mapping[str, int]) -> str:
-    """`RED CUBE`: as programs mostly say it, words of the last group first."""
+    """A block's name, `RED CUBE`: the words of the last property group first."""
     return " ".join(sorted(words, key=lambda word: (-row.get(word, len(row)), word)))
 
 
-def sensible(
+def suggested_programs(
     arena: ArenaDescription, vocabulary: Vocabulary, blocks: Sequence[Collection[str]]
 ) -> tuple[str, ...]:
-    """Up to SUGGESTED programs that name one of the blocks."""
+    """Up to MAX_SUGGESTIONS programs that name one of the blocks."""
     texts = [str(program) for program in arena.training_programs]
     groups, near = vocabulary.by_group.values(), vocabulary.relations[0]
     for block in blocks:
@@ -192,4 +199,4 @@ def sensible(
         except PaError:
             continue
         found[text] = None
-    return tuple(found)[:SUGGESTED]
+    return tuple(found)[:MAX_SUGGESTIONS]
