@@ -32,13 +32,13 @@ def run(options: argparse.Namespace) -> int:
     played = Played()
     with Bag(options.bag) as bag, signals_noted() as interrupted, client_node("play") as node:
         player = Player(bag, node, how)
-        for name, reason in player.played.passed_over.items():
+        for name, reason in player.played.left_out.items():
             print(f"warning: {name} is left out: {reason}")
         started = time.monotonic()
         played = player.run(interrupted)
         wall_s = time.monotonic() - started
-    for name in played.unheard:
-        print(f"warning: nobody listened to {name} when playback began")
+    for name in played.without_subscriber:
+        print(f"warning: {name} had no subscriber when playback began")
     report: dict[str, float | int | str] = {
         "playback.wall_s": wall_s,
         "playback.messages": sum(played.counts.values()),

@@ -1,14 +1,14 @@
-"""A bag back into a live graph: with the recorded timing, or as fast as it is taken."""
+"""Plays a bag into a live graph: with the recorded timing, or as fast as it is received."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Final
 
-from pydantic import Field, model_validator
+from pydantic import Field
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -23,31 +23,22 @@ from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.step import encode_clock
 
-WINDOW: Final = 20  # messages of a topic that may be under way when not paced by the clock
-ACK_S: Final = 5.0  # what a reader may take to acknowledge, an arena to come to a step
-ARENA_S: Final = 0.5  # in which an arena that listens to commands is seen to speak, too
+WINDOW: Final = 20  # messages of a topic that may be unacknowledged when playing at rate 0
+ACK_S: Final = 5.0  # time-out for acknowledgements, and for an arena to reach a step
+ARENA_S: Final = 0.5  # in which an arena's topics are discovered
 CLOCK_PERIOD_S: Final = 0.01
 LONGEST_S: Final = 1e9
-SLOWEST: Final = 1e-6  # of the rates that are paced
-FASTEST: Final = 1e6
-_LAST_NS: Final = 2**63 - 1  # that storages can ask for
-_SPIN_S: Final = 0.0005  # before a message is due: sleeping is not that exact
+_SPIN_S: Final = 0.0005  # busy-wait so long before a message is due: sleeping is not that exact
 _NAP_S: Final = 0.0002
 
 
-class PlaybackError(BagError):
-    """The graph does not take what is played."""
-
-    code = "playback"
-
-
 class PlaybackOptions(Settings):
-    """What of a bag is played, and how fast."""
+    """Which part of a bag is played, and how fast."""
 
     SECTION: ClassVar[str] = "playback"
 
     rate: float = Field(
-        1.0, ge=0, le=FASTEST, description="times the recorded speed; 0: as fast as it is taken"
+        1.0, ge=0, description="times the recorded speed; 0: as fast as it is received"
     )
     topics: tuple[str, ...] = Field((), description="full names, or their last parts; none: all")
     start_s: float = Field(
@@ -56,20 +47,14 @@ class PlaybackOptions(Settings):
     duration_s: float = Field(
         0.0, ge=0, le=LONGEST_S, description="seconds of recorded time; 0: to the end"
     )
-    loop: bool = Field(False, description="again and again, until stopped")
-    clock: bool = Field(False, description="publish /clock by the recorded times")
+    loop: bool = Field(False, description="repeat until stopped")
+    clock: bool = Field(False, description="publish /clock with the recorded times")
     wait_s: float = Field(
         DISCOVERY_S,
         ge=0,
         le=LONGEST_S,
-        description="seconds, at most, for someone to listen to each topic",
+        description="seconds, at most, to wait for a subscriber of each topic",
     )
-
-    @model_validator(mode="after")
-    def _paced(self) -> PlaybackOptions:
-        if 0.0 < self.rate < SLOWEST:
-            raise ValueError(f"rate: expected 0 or at least {SLOWEST:g}, got {self.rate:g}")
-        return self
 
 
 @dataclass
@@ -78,65 +63,61 @@ class Played:
 
     counts: dict[str, int] = field(default_factory=dict)  # messages by topic
     late_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))  # behind schedule
-    passed_over: dict[str, str] = field(default_factory=dict)  # topics that cannot be, and why
-    unheard: list[str] = field(default_factory=list)  # topics that nobody listened to at the start
+    left_out: dict[str, str] = field(default_factory=dict)  # topics that cannot be played, and why
+    without_subscriber: list[str] = field(default_factory=list)  # topics, at the start
 
 
 class Player:
-    """Publishes what a bag holds, as bytes, with the quality of service stated in it.
+    """Publishes the recorded bytes with the quality of service stated in the bag.
 
-    A joint command waits for the arena to come to the step that it answers, if an arena is there:
-    in lockstep, from the same seed, it does so exactly as recorded. Raises BagError if the
-    bag has none of the topics.
+    If an arena is running, a joint command waits until the arena reaches the step that the command
+    answers. In lockstep, from the same seed, the arena then moves exactly as recorded.
     """
 
     def __init__(self, bag: Bag, node: Node, options: PlaybackOptions | None = None) -> None:
+        """Raises BagError if the bag has none of the topics."""
         self.played = Played()
         self._bag, self._node = bag, node
         self._options = options or PlaybackOptions()
         self._publishers: dict[str, Any] = {}
-        self._under_way: dict[str, int] = {}
+        self._unacknowledged: dict[str, int] = {}
         for name in self._chosen():
             self._advertise(name)
         if not self._publishers:
-            raise BagError(f"bag: {bag.path}: nothing to play: {self.played.passed_over}")
+            raise BagError(f"bag: {bag.path}: nothing to play: {self.played.left_out}")
         self._clock = topics.ROS_CLOCK.publisher(node) if self._options.clock else None
-        self._gates = {
-            name: _Gate(node, name)
+        self._waits = {
+            name: _StepWait(node, name)
             for name in self._publishers
             if bag.types[name] == message_type(topics.JOINT_COMMANDS.type)
         }
 
     def run(self, stopped: Callable[[], bool] = lambda: False) -> Played:
-        """Play to the end, or until `stopped`. Raises PlaybackError, DamagedBagError."""
+        """Play to the end, or until `stopped`. Raises BagError."""
         if 0.0 < self._options.start_s >= self._bag.duration_s:
-            raise PlaybackError(
+            raise BagError(
                 f"playback: --start: expected less than the bag's {self._bag.duration_s:g} s, "
                 f"got {self._options.start_s:g}"
             )
-        self._wait_for_listeners(stopped)
-        for gate in self._gates.values():
-            gate.look(set(self._publishers))
+        self._wait_for_subscribers(stopped)
+        for wait in self._waits.values():
+            wait.find_arena(set(self._publishers))
         first_ns = self._bag.first_ns + int(self._options.start_s * 1e9)
-        self._latch(first_ns)
+        self._publish_latched(first_ns)
         while not stopped():
-            before = self._total
-            self._pass(first_ns, stopped)
-            if not self._options.loop or self._total == before:
+            before = sum(self.played.counts.values())
+            self._play_once(first_ns, stopped)
+            if not self._options.loop or sum(self.played.counts.values()) == before:
                 break
         for name in self._publishers:
-            self._settle(name)
+            self._wait_for_acknowledgement(name)
         return self.played
-
-    @property
-    def _total(self) -> int:
-        return sum(self.played.counts.values())
 
     def _chosen(self) -> list[str]:
         there, wanted = self._bag.types, self._options.topics
         if not wanted:
-            instead = topics.ROS_CLOCK.name if self._options.clock else ""
-            return [name for name in there if name != instead]
+            replaced = topics.ROS_CLOCK.name if self._options.clock else ""
+            return [name for name in there if name != replaced]
         found = []
         for one in wanted:
             named = [name for name in there if name == one or name.endswith("/" + one.lstrip("/"))]
@@ -152,22 +133,22 @@ class Player:
         try:
             kind = message_class(type_name)
         except WireError:
-            self.played.passed_over[name] = f"{type_name} is not installed here"
+            self.played.left_out[name] = f"{type_name} is not installed here"
             return
         profile = _profile(self._bag, name, keep_all=self._options.rate == 0.0)
         self._publishers[name] = self._node.create_publisher(kind, name, profile)
-        self._under_way[name] = self.played.counts[name] = 0
+        self._unacknowledged[name] = self.played.counts[name] = 0
 
-    def _wait_for_listeners(self, stopped: Callable[[], bool]) -> None:
+    def _wait_for_subscribers(self, stopped: Callable[[], bool]) -> None:
         deadline = time.monotonic() + self._options.wait_s
         waiting = list(self._publishers)
         while waiting and time.monotonic() < deadline and not stopped():
             time.sleep(0.02)
             waiting = [n for n in waiting if not self._publishers[n].get_subscription_count()]
-        self.played.unheard = waiting
+        self.played.without_subscriber = waiting
 
-    def _latch(self, first_ns: int) -> None:
-        """What late joiners would have been told at `first_ns`."""
+    def _publish_latched(self, first_ns: int) -> None:
+        """Publish the latched messages that a subscriber at `first_ns` would have received."""
         if self._options.start_s == 0.0:
             return
         latched: dict[str, deque[Recorded]] = {}
@@ -181,40 +162,32 @@ class Player:
             for recorded in kept:
                 self._publish(recorded)
 
-    def _pass(self, first_ns: int, stopped: Callable[[], bool]) -> None:
-        started = time.perf_counter()
-        for recorded in self._messages(first_ns):
+    def _play_once(self, first_ns: int, stopped: Callable[[], bool]) -> None:
+        stop_ns, started = None, time.perf_counter()
+        if self._options.duration_s:
+            stop_ns = first_ns + int(self._options.duration_s * 1e9)
+        for recorded in self._bag.messages(self._publishers, first_ns, stop_ns):
             if self._options.rate:
                 due = started + (recorded.stamp_ns - first_ns) / 1e9 / self._options.rate
-                if not self._sleep_until(due, recorded.stamp_ns, stopped):
-                    return
+                self._sleep_until(due, recorded.stamp_ns, stopped)
                 self.played.late_s.append(time.perf_counter() - due)
-            elif stopped():
+            if stopped():
                 return
-            self._tell_time(recorded.stamp_ns)
-            gate = self._gates.get(recorded.topic)
-            if gate is not None:
-                gate.wait(header_stamp(self._bag.deserialize(recorded)), stopped)
+            self._publish_clock(recorded.stamp_ns)
+            if wait := self._waits.get(recorded.topic):
+                wait.until(header_stamp(self._bag.deserialize(recorded)), stopped)
             self._publish(recorded)
 
-    def _messages(self, first_ns: int) -> Iterator[Recorded]:
-        stop_ns = None
-        if self._options.duration_s:
-            stop_ns = min(first_ns + int(self._options.duration_s * 1e9), _LAST_NS)
-        return self._bag.messages(self._publishers, first_ns, stop_ns)
-
-    def _sleep_until(self, due: float, stamp_ns: int, stopped: Callable[[], bool]) -> bool:
-        """False if stopped meanwhile."""
+    def _sleep_until(self, due: float, stamp_ns: int, stopped: Callable[[], bool]) -> None:
         while (left := due - time.perf_counter()) > 0:
             if left > CLOCK_PERIOD_S:
                 if stopped():
-                    return False
-                self._tell_time(stamp_ns - int(left * self._options.rate * 1e9))
+                    return
+                self._publish_clock(stamp_ns - int(left * self._options.rate * 1e9))
             if left > _SPIN_S:
                 time.sleep(min(left - _SPIN_S, CLOCK_PERIOD_S))
-        return not stopped()
 
-    def _tell_time(self, stamp_ns: int) -> None:
+    def _publish_clock(self, stamp_ns: int) -> None:
         if self._clock is not None:
             self._clock.publish(encode_clock(stamp_ns))
 
@@ -222,48 +195,49 @@ class Player:
         name = recorded.topic
         self._publishers[name].publish(recorded.payload)
         self.played.counts[name] += 1
-        self._under_way[name] += 1
-        if self._options.rate == 0.0 and self._under_way[name] >= WINDOW:
-            self._settle(name)
+        self._unacknowledged[name] += 1
+        if self._options.rate == 0.0 and self._unacknowledged[name] >= WINDOW:
+            self._wait_for_acknowledgement(name)
 
-    def _settle(self, name: str) -> None:
-        """Wait until every reliable reader has what was published."""
-        self._under_way[name] = 0
+    def _wait_for_acknowledgement(self, name: str) -> None:
+        """Wait until every reliable subscriber has what was published."""
+        self._unacknowledged[name] = 0
         publisher = self._publishers[name]
         if publisher.get_subscription_count() == 0:
             return
         if not publisher.wait_for_all_acked(Duration(seconds=ACK_S)):
-            raise PlaybackError(
-                f"playback: {name}: not acknowledged within {ACK_S:g} s by its readers"
+            raise BagError(
+                f"playback: {name}: subscribers did not acknowledge within {ACK_S:g} s",
+                code="playback",
             )
 
 
-class _Gate:
-    """Lets a command pass when the arena stands at the step that the command answers."""
+class _StepWait:
+    """Holds a command back until the arena reaches the step that the command answers."""
 
     def __init__(self, node: Node, commands: str) -> None:
         self._node = node
         self._name = f"{commands.rpartition('/')[0]}/{topics.OBJECT_FEATURES.name}"
         self._subscription = replace(topics.OBJECT_FEATURES, name=self._name).subscribe(node, id)
-        self._stands = -1
+        self._reached_ns = -1  # stamp of the arena's newest step
         self._active = False
 
-    def look(self, played_here: set[str]) -> None:
-        """Whether there is an arena to wait for; its topics are discovered one by one."""
+    def find_arena(self, played_here: set[str]) -> None:
+        """Look whether there is an arena to wait for, unless its steps are played as well."""
         deadline = time.monotonic() + ARENA_S
         while not self._active and self._name not in played_here and time.monotonic() < deadline:
             time.sleep(0.02)
             self._active = self._node.count_publishers(self._name) > 0
 
-    def wait(self, stamp_ns: int, stopped: Callable[[], bool]) -> None:
-        """Raises PlaybackError if the arena does not come to that step."""
+    def until(self, stamp_ns: int, stopped: Callable[[], bool]) -> None:
+        """Wait for the step. Raises BagError if the arena does not reach it."""
         deadline = time.monotonic() + ACK_S
         while self._active and self._newest() < stamp_ns and not stopped():
             if time.monotonic() > deadline:
-                raise PlaybackError(
-                    f"playback: expected the arena to come to the step of stamp {stamp_ns} ns, "
-                    f"whose command is next; it stands at {self._stands} ns "
-                    "(another seed or design?)"
+                raise BagError(
+                    f"playback: the next command is for the step of stamp {stamp_ns} ns, but the "
+                    f"arena stays at {self._reached_ns} ns: use the recorded seed and design",
+                    code="playback",
                 )
             time.sleep(_NAP_S)
 
@@ -272,12 +246,12 @@ class _Gate:
             with self._subscription.handle:
                 taken = self._subscription.handle.take_message(self._subscription.msg_type, False)
             if taken is None:
-                return self._stands
-            self._stands = max(self._stands, header_stamp(taken[0]))
+                return self._reached_ns
+            self._reached_ns = max(self._reached_ns, header_stamp(taken[0]))
 
 
 def _profile(bag: Bag, name: str, keep_all: bool = False) -> QoSProfile:
-    """What the bag says that the publishers of a topic offered; the weakest of several."""
+    """Return the profile that a topic's publishers offered; the weakest of several."""
     offered = bag.qos(name)
     if not offered:
         return topics.STEP

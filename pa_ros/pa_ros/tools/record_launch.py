@@ -1,4 +1,4 @@
-"""Launching nodes so that a recorder, in a process of its own, hears them from the first step."""
+"""Launches nodes so that a recorder in its own process receives everything from the first step."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ def start_recorder(
     namespace: str = "",
     arenas: Sequence[str] = (),
 ) -> None:
-    """Record everything in a process of its own; returns once it listens. Raises ChildError."""
+    """Record everything in another process; return once it has subscribed.
+
+    Raises ChildError, or BagError if it has not subscribed in READY_S.
+    """
     command = [sys.executable, "-m", "pa_ros", "record", str(folder), "--namespace", namespace]
     command += ["--arenas", *arenas] if arenas else []
     supervisor.start(RECORDER, command)
@@ -37,7 +40,7 @@ def start_recorder(
     )
     node.destroy_publisher(probe)
     if not ready:
-        raise BagError(f"record: expected the recorder to listen within {READY_S:g} s")
+        raise BagError(f"record: the recorder did not subscribe within {READY_S:g} s")
 
 
 def start_recorded(
@@ -47,10 +50,11 @@ def start_recorded(
     folder: Path,
     compose: bool = False,
 ) -> None:
-    """Start nodes, in the namespace of `node`, so that a recorder hears them from the first step.
+    """Start nodes in the namespace of `node`, so that a recorder misses nothing of theirs.
 
-    Their arenas stand still until everyone has found everyone, since what is sent to some is lost
-    to the others. Raises ChildError, or BagError if they are not all there in READY_S.
+    Their arenas are paused until all processes have discovered each other: a message is lost to
+    subscribers that its publisher has not discovered. Raises ChildError, or BagError if a node does
+    not appear in READY_S.
     """
     held = [
         place
@@ -65,7 +69,7 @@ def start_recorded(
         return present(node, parameters) == set(parameters)
 
     if not watch(node, supervisor, lambda: None, gathered, READY_S):
-        raise BagError(f"record: expected {', '.join(parameters)} within {READY_S:g} s")
+        raise BagError(f"record: not all of {', '.join(parameters)} appeared within {READY_S:g} s")
     if held:
         watch(node, supervisor, lambda: None, lambda: False, DISCOVERY_S)
     for place in held:
