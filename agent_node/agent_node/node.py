@@ -48,10 +48,9 @@ from pa_ros.wire.step import (
 )
 from pa_ros.world.world import World
 
-FEATURES, JOINTS, VERDICT = "features", "joints", "verdict"  # the parts of a step
+FEATURES, VERDICT = "features", "verdict"  # the parts of a step
 PARTS = {
     FEATURES: topics.OBJECT_FEATURES,
-    JOINTS: topics.JOINT_STATES,
     VERDICT: topics.VERDICT,  # only a learning agent needs its reward
 }
 
@@ -151,12 +150,12 @@ class AgentNode(ManagedNode):
     def _on_step(self, parts: dict[str, Message]) -> None:
         arena, features = self.arena, parts[FEATURES]
         assert arena is not None
-        names, width = arena.joint_names, arena.world.object_features
-        observation = decode_observation(features, parts[JOINTS], names, width)
+        joints = len(arena.joint_names)
+        observation = decode_observation(features, joints, arena.world.object_features)
         if observation.stamp_ns == self._handled_ns:
             self._answer_again()
             return
-        context = decode_context(features, len(names))
+        context = decode_context(features, joints)
         self._status.has_program = bool(context.program)
         self._status.executed(context.executed, self.agent.key)
         if not context.program:

@@ -4,14 +4,13 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from agent_node.inputs import ProgramBook, StepMatcher
+from agent_node.inputs import ProgramBook
 from pa_ros.acting.actor import Actor
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
 from pa_ros.ros.refusals import Refusals, answer_program
 from pa_ros.wire.arena import decode_arena_info
-from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import decode_program, encode_program_status
 from pa_ros.wire.step import Command, decode_context, decode_observation, encode_command
 
@@ -21,22 +20,19 @@ class Controller(Node):
         super().__init__("controller")
         self.policy = Actor.of(load_policy(Path("shipped:3-D")))  # put yours here
         self.arena = self.book = None
-        self.steps = StepMatcher(("features", "joints"))
         self.commands = topics.JOINT_COMMANDS.publisher(self)
         self.status = topics.PROGRAM_STATUS.publisher(self)
         self.refusals = Refusals(self.get_logger().warning)
         for topic, react in (
             (topics.ARENA_INFO, self.on_arena),
             (topics.PROGRAM, self.on_program),
-            (topics.OBJECT_FEATURES, lambda m: self.on_part("features", m)),
-            (topics.JOINT_STATES, lambda m: self.on_part("joints", m)),
+            (topics.OBJECT_FEATURES, self.on_step),
         ):
             topic.subscribe(self, self.refusals.guard(topic.name, react))
 
     def on_arena(self, message) -> None:
         self.arena = decode_arena_info(message)
         self.book = ProgramBook(self.arena.world.vocabulary)
-        self.steps.restart()
 
     def on_program(self, message) -> None:
         if self.book is not None:
@@ -45,15 +41,12 @@ class Controller(Node):
             answer = answer_program(request, name, 0, self.book.accept, self.refusals)
             self.status.publish(encode_program_status(answer))
 
-    def on_part(self, part, message) -> None:
+    def on_step(self, message) -> None:
         if self.arena is None:
             return
-        step = self.steps.add(part, header_stamp(message), message)
-        if step is None:
-            return  # its other half is on its way
-        names = self.arena.joint_names
-        seen = decode_observation(step["features"], step["joints"], names)
-        text = decode_context(step["features"], len(names)).program
+        joints = len(self.arena.joint_names)
+        seen = decode_observation(message, joints)
+        text = decode_context(message, joints).program
         if text:  # [J], shares of the joints' speed limits
             action = self.policy.act(seen, self.book.program(text))
             answered = seen.episode, seen.step, seen.stamp_ns

@@ -69,7 +69,7 @@ class FeaturesFromPoses(Node):
         when, joints = header_stamp(message), decode_joints(message, names)
         step = Observation(0, self.step, when, objects, *joints, 0, program_id, seen[0])
         context = StepContext(self.arena.arena_id, program=text)
-        self.features.publish(encode_observation(step, names, context)[0])
+        self.features.publish(encode_observation(step, context))
 
     def close(self) -> None:
         pass

@@ -12,7 +12,13 @@ from pa_ros.ros.node_main import run_node
 from pa_ros.ros.refusals import Refusals, answer_program
 from pa_ros.wire.arena import ENDLESS, describe_robot, encode_arena_info
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
-from pa_ros.wire.step import StepContext, decode_command, encode_observation, encode_verdict
+from pa_ros.wire.step import (
+    StepContext,
+    decode_command,
+    encode_joints,
+    encode_observation,
+    encode_verdict,
+)
 
 
 class Driver(Node):
@@ -61,9 +67,8 @@ class Driver(Node):
         share = np.zeros(len(self.speeds)) if command is None else np.clip(command.action, -1, 1)
         self.seen, self.verdict = self.robot.step(share * np.array(list(self.speeds.values())))
         context = StepContext(self.about.arena_id, program=self.program or "")
-        features, joints = encode_observation(self.seen, tuple(self.speeds), context)
-        self.joints.publish(joints)
-        self.features.publish(features)
+        self.joints.publish(encode_joints(self.seen, tuple(self.speeds)))
+        self.features.publish(encode_observation(self.seen, context))
         self.verdicts.publish(encode_verdict(self.verdict, arena_id=self.about.arena_id))
 
     def close(self) -> None:

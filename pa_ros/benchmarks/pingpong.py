@@ -12,13 +12,13 @@ import time
 from dataclasses import replace
 from typing import Any
 
-from benchmarks.samples import JOINT_NAMES, sample_step
+from benchmarks.samples import sample_step
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
 from pa_ros.wire.step import encode_clock, encode_command, encode_observation, encode_verdict
 
 # In the order in which sim_node sends them; the answer is to the last that the agent needs.
-_QUESTION = (topics.JOINT_STATES, topics.OBJECT_FEATURES, topics.VERDICT, topics.CLOCK)
+_QUESTION = (topics.OBJECT_FEATURES, topics.VERDICT, topics.CLOCK)
 WARM_UP = 200  # round trips
 SETTLE_S = 0.5
 
@@ -34,9 +34,9 @@ def measure_round_trips(
     from pa_ros.ros.executor import spin_until
 
     observation, verdict, _ = sample_step()
-    features, joints = encode_observation(observation, JOINT_NAMES)
+    features = encode_observation(observation)
     clock = encode_clock(observation.stamp_ns)
-    messages = (joints, features, encode_verdict(verdict), clock)
+    messages = (features, encode_verdict(verdict), clock)
     writers = [_bare(topic).publisher(node) for topic in _QUESTION]
     answers, started, ended = 0, 0.0, 0.0
 
@@ -82,8 +82,7 @@ def _answerer() -> Any:
             super().__init__("pingpong")
             command = encode_command(sample_step()[2])
             writer = _bare(topics.JOINT_COMMANDS).publisher(self)
-            for heard in (topics.JOINT_STATES, topics.VERDICT):
-                _bare(heard).subscribe(self, lambda _: None)
+            _bare(topics.VERDICT).subscribe(self, lambda _: None)
             _bare(topics.OBJECT_FEATURES).subscribe(self, lambda _: writer.publish(command))
 
         def close(self) -> None:

@@ -49,7 +49,9 @@ class SimConfig(NodeSettings, ArenaChoice):
         0, ge=0, description="a greedy episode after every so many training episodes; 0: none"
     )
     eval_condition: str = Field("eval", description="that greedy episodes are drawn from")
-    paused: bool = Field(False, description="from the start, until the service pause lets it go")
+    paused: bool = Field(
+        False, description="from the start, until set_simulation_state says PLAYING"
+    )
     real_time_factor: float = Field(
         1.0, ge=0.01, le=100, description="simulation time per wall time, in real time"
     )

@@ -35,6 +35,7 @@ from pa_ros.wire.step import (
     StepMessages,
     decode_command,
     encode_clock,
+    encode_joints,
     encode_observation,
     encode_verdict,
 )
@@ -126,7 +127,7 @@ class SimNode(ManagedNode):
         with_camera = self.config.camera.rate_hz > 0
         self._camera = CameraView(self, self, self.refusals) if with_camera else None
         Views(self, self, entities, self._camera)
-        Samples(self, self, self._joint_names)
+        Samples(self, self)
 
     # One control step
 
@@ -171,10 +172,11 @@ class SimNode(ManagedNode):
         self._announce()
         session, messages, observation = self.session, self._messages, frame.observation
         context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
-        encode_observation(observation, self._joint_names, context, messages)
-        self._joints.publish(messages.joints)
         # An agent that only executes decides on this message, so the others come after it.
-        self._features.publish(messages.features)
+        self._features.publish(encode_observation(observation, context, messages.features))
+        if self._joints.get_subscription_count():
+            joints = encode_joints(observation, self._joint_names, messages.joints)
+            self._joints.publish(joints)
         if self._verdict.get_subscription_count():
             evaluation = frame.evaluation
             encode_verdict(frame.verdict, evaluation, session.arena_id, messages.verdict)
@@ -304,7 +306,7 @@ class SimNode(ManagedNode):
         if self.count_publishers(clock) > 1:
             return WARN, f"another node publishes {clock}, too: its readers see time jump"
         if self.paused:
-            return OK, f"paused: waits for the service {topics.PAUSE[0]}"
+            return OK, f"paused: waits for the service {topics.SET_SIMULATION_STATE[0]}"
         if self.session.program is None:
             return OK, f"waits for a program ({topics.PROGRAM.name})"
         if self._agents.fault:

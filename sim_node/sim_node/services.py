@@ -1,4 +1,4 @@
-"""The arena's own services: reset, step, pause, speed."""
+"""The arena's own services: reset and speed."""
 
 from __future__ import annotations
 
@@ -14,10 +14,8 @@ from pa_ros.wire import Message
 from pa_ros.wire.services import (
     Outcome,
     ResetRequest,
-    decode_pause,
     decode_reset,
     decode_speed,
-    decode_steps,
     encode_outcome,
 )
 from sim_node.session import Session
@@ -57,8 +55,6 @@ class ArenaServices:
         self._arena, self._refusals = arena, refusals
         services: list[tuple[tuple[str, Any], Callable[[Message], None]]] = [
             (topics.RESET, lambda m: arena.begin(decode_reset(m))),
-            (topics.STEP_SERVICE, lambda m: arena.hold(decode_steps(m))),
-            (topics.PAUSE, lambda m: arena.pause(decode_pause(m))),
             (topics.SPEED, lambda m: arena.set_speed(decode_speed(m))),
         ]
         for (name, kind), act in services:
@@ -83,6 +79,4 @@ class ArenaServices:
 
     def _outcome(self, success: bool, code: str = "", reason: str = "") -> Outcome:
         stands = self._arena.session.frame.observation
-        return Outcome(
-            success, code, reason, stands.episode, stands.step, stands.stamp_ns, self._arena.speed
-        )
+        return Outcome(success, code, reason, stands.episode, stands.stamp_ns, self._arena.speed)

@@ -126,8 +126,8 @@ class Views:
 class Samples:
     """The current step, four times a second however fast the arena is."""
 
-    def __init__(self, node: Node, arena: ArenaControl, joint_names: tuple[str, ...]) -> None:
-        self._arena, self._joint_names = arena, joint_names
+    def __init__(self, node: Node, arena: ArenaControl) -> None:
+        self._arena = arena
         self._publishers = {part: topic.publisher(node) for part, topic in topics.SAMPLES.items()}
         steady_timer(node, SAMPLES_S, self._show)
 
@@ -137,7 +137,7 @@ class Samples:
             return
         session, frame = self._arena.session, self._arena.session.frame
         context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
-        features, joints = encode_observation(frame.observation, self._joint_names, context)
+        features = encode_observation(frame.observation, context)
         verdict = encode_verdict(frame.verdict, frame.evaluation, session.arena_id)
-        for part, message in (("joints", joints), ("features", features), ("verdict", verdict)):
-            self._publishers[part].publish(message)
+        self._publishers["features"].publish(features)
+        self._publishers["verdict"].publish(verdict)

@@ -15,7 +15,7 @@ from benchmarks.samples import JOINT_NAMES, sample_step
 from helpers import learners
 from helpers.damage import damaged, explore
 from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
-from msgs_schema.srv import Reset, SetSpeed, Step
+from msgs_schema.srv import Reset, SetSpeed
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import PaError
@@ -50,14 +50,16 @@ from pa_ros.wire.program import (
     encode_program,
     encode_program_status,
 )
-from pa_ros.wire.services import decode_reset, decode_speed, decode_steps
+from pa_ros.wire.services import decode_reset, decode_speed
 from pa_ros.wire.step import (
     StepContext,
     decode_command,
     decode_context,
+    decode_joints,
     decode_observation,
     decode_verdict,
     encode_command,
+    encode_joints,
     encode_observation,
     encode_verdict,
 )
@@ -68,9 +70,7 @@ from pa_ros.world.world import World
 MESSAGES = 100_000  # of all kinds together
 OBSERVATION, VERDICT, COMMAND = sample_step()
 EXECUTED = Executed(COMMAND.key, COMMAND.action)
-FEATURES, JOINTS = encode_observation(
-    OBSERVATION, JOINT_NAMES, StepContext("arena", False, EXECUTED, "NEAR(HAND, RED)")
-)
+FEATURES = encode_observation(OBSERVATION, StepContext("arena", False, EXECUTED, "NEAR(HAND, RED)"))
 SETTINGS = DPGConfig().changed(
     **{"replay.capacity_frames": 500, "replay.batch_size": 4, "replay.warmup_frames": 5}
 )
@@ -89,14 +89,15 @@ def arena(message: Any) -> None:
 
 
 def features(message: Any) -> None:
-    seen = decode_observation(message, JOINTS, JOINT_NAMES)
+    seen = decode_observation(message, 6)
     assert np.isfinite(seen.objects).all()
+    assert np.isfinite(WORLD.arm(seen)).all()
     context = decode_context(message)
     assert context.executed is None or np.isfinite(context.executed.action).all()
 
 
 def joints(message: Any) -> None:
-    assert np.isfinite(WORLD.arm(decode_observation(FEATURES, message, JOINT_NAMES))).all()
+    assert np.isfinite(decode_joints(message, JOINT_NAMES)).all()
 
 
 def command(message: Any) -> None:
@@ -151,7 +152,7 @@ def program(message: Any) -> None:
 DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
     "arena_info": (encode_arena_info(learners.ARENA), arena),
     "object_features": (FEATURES, features),
-    "joint_states": (JOINTS, joints),
+    "joint_states": (encode_joints(OBSERVATION, JOINT_NAMES), joints),
     "verdict": (encode_verdict(VERDICT), decode_verdict),
     "joint_command": (encode_command(COMMAND), command),
     "learner_info": (encode_learner_info(LEARNER), learner),
@@ -168,7 +169,6 @@ DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
         decode_diagnostics,
     ),
     "reset": (Reset.Request(episode=3), decode_reset),
-    "step": (Step.Request(steps=3), decode_steps),
     "speed": (SetSpeed.Request(real_time_factor=1.0), decode_speed),
 }
 

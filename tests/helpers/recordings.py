@@ -33,6 +33,7 @@ from pa_ros.wire.step import (
     Command,
     StepContext,
     encode_command,
+    encode_joints,
     encode_observation,
     encode_verdict,
 )
@@ -128,11 +129,9 @@ def recorded(folder: Path, steps: list[Step]) -> Path:
             if observation.step == 0:
                 request = ProgramRequest(observation.program_id, str(program))
                 write("/program", encode_program(request))
-            features, joints = encode_observation(
-                observation, ARMS["jaco"].joint_names, StepContext(evaluation=evaluation)
-            )
+            features = encode_observation(observation, StepContext(evaluation=evaluation))
             parts = [
-                ("/joint_states", joints),
+                ("/joint_states", encode_joints(observation, ARMS["jaco"].joint_names)),
                 ("/object_features", features),
                 ("/verdict", encode_verdict(verdict, evaluation)),
             ]

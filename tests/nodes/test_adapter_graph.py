@@ -8,7 +8,6 @@ import pytest
 from agent_node.node import AgentNode
 from helpers.graph import graph
 from pa_ros.ros import topics
-from pa_ros.wire.services import encode_pause
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -25,7 +24,7 @@ def test_velocities_follow_the_commands_and_end_when_these_do():
         assert seen.shape[1] == len(speeds) and (np.abs(seen) <= speeds + 1e-9).all()
         assert np.abs(np.diff(seen, axis=0)).max() <= 5.0 * 0.1 + 1e-9
         assert seen.any()
-        assert probe.call(topics.PAUSE, encode_pause(True)).success
+        assert probe.pause().success
         assert probe.until(lambda: not any(probe.last(topics.VELOCITY_COMMANDS).data))
         ended = probe.count(topics.VELOCITY_COMMANDS)
         probe.until(lambda: False, 0.5)

@@ -17,27 +17,22 @@ REAL_TIME = {"sim_node__mode": "real_time", "sim_node__design": "3-D"}
 
 
 def test_an_agent_that_can_take_in_no_step_says_why_until_it_can() -> None:
-    """Joint states first don't come, then lack a joint, then are whole."""
+    """Features first lack a joint, then are whole."""
     given = {**REAL_TIME, "agent_node__weights": "random"}
-    with graph(SimNode, AgentNode, remaps=["sim_node:joint_states:=whole"], **given) as probe:
-        out, joints = topics.JOINT_STATES.publisher(probe), 0
+    with graph(SimNode, AgentNode, remaps=["sim_node:object_features:=whole"], **given) as probe:
+        out, joints = topics.OBJECT_FEATURES.publisher(probe), 5
 
         def pass_on(message: Any) -> None:
-            message.name, message.position = message.name[:joints], message.position[:joints]
-            message.velocity = message.velocity[:joints]
-            if joints:
-                out.publish(message)
+            message.joint_position = message.joint_position[:joints]
+            out.publish(message)
 
         def says(reason: str) -> bool:
             said = f"takes in no step: {reason}"
             return probe.until(lambda: probe.message("agent_node").startswith(said))
 
-        topic = topics.JOINT_STATES
+        topic = topics.OBJECT_FEATURES
         probe.create_subscription(topic.type, "whole", pass_on, topic.reader)
-        assert says("joint_states with the same stamp are missing")
-        assert probe.health["/agent_node"].level == WARN
-        joints = 5
-        assert says("joint_states.name: expected")
+        assert says("object_features.joint_position: expected")
         assert probe.health["/agent_node"].level == WARN and not probe.count(topics.JOINT_COMMANDS)
         joints = 6
         assert probe.until(lambda: probe.message("agent_node") == "acting")

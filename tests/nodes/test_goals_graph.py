@@ -27,7 +27,6 @@ from pa_ros.wire.program import (
     encode_goal,
     encode_program,
 )
-from pa_ros.wire.services import encode_pause
 from pa_ros.wire.step import encode_clock
 from sim_node.node import SimNode
 
@@ -90,7 +89,7 @@ def test_a_goal_is_reached_at_a_hundred_times_real_time_and_its_result_stays(use
         assert (status, result.success, result.code) == (SUCCEEDED, True, "")
         assert 0 < result.time_to_reach_s < 500 and result.final_distance < 0.2
         if use_sim_time:
-            assert probe.call(topics.PAUSE, encode_pause(True)).success
+            assert probe.pause().success
             agent, clock = probe.nodes[1], topics.CLOCK.publisher(probe)
             later = agent.get_clock().now().nanoseconds + 2000 * 10**9
 
@@ -100,7 +99,7 @@ def test_a_goal_is_reached_at_a_hundred_times_real_time_and_its_result_stays(use
 
             assert probe.until(passed)
             assert client.result(handle) == (status, result)
-            assert probe.call(topics.PAUSE, encode_pause(False)).success
+            assert probe.pause(False).success
             assert client.result(client.send("NEAR(HAND, SPHERE)"))[1].success
         client.close()
 

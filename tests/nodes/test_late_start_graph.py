@@ -10,7 +10,6 @@ from helpers.waiting import DEADLINE_S
 from pa_ros.ros import topics
 from pa_ros.tools.send import ProgramSender
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
-from pa_ros.wire.services import encode_pause
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -57,7 +56,7 @@ def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go(mode) -> None:
         assert probe.until(lambda: probe.message("sim_node") != "")
         assert probe.until(lambda: probe.value("agent_node", "refused") != "")
         assert probe.count(topics.ARENA_INFO) == 1 and probe.count(topics.OBJECT_FEATURES) == 0
-        assert probe.call(topics.PAUSE, encode_pause(False)).success
+        assert probe.pause(False).success
         assert probe.reaches(3)
         assert [m.step for m in probe.heard["object_features"][:3]] == [0, 1, 2]
         assert probe.value("sim_node", "refused") == "0"

@@ -12,7 +12,7 @@ from agent_node.node import AgentNode
 from helpers.graph import graph
 from pa_ros.ros import topics
 from pa_ros.wire.fields import header_stamp
-from pa_ros.wire.services import encode_pause, encode_speed
+from pa_ros.wire.services import encode_speed
 from pa_ros.wire.step import Command, encode_command
 from sim_node.node import SimNode
 
@@ -87,10 +87,10 @@ def test_a_slow_period_under_way_does_not_outlive_another_speed():
 def test_the_agent_stops_commanding_when_observations_stop():
     with graph(SimNode, AgentNode, agent_node__weights="random", **REAL_TIME) as probe:
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > 5)
-        assert probe.call(topics.PAUSE, encode_pause(True)).success
+        assert probe.pause().success
         assert probe.until(lambda: "waits for observations" in probe.message("agent_node"))
         sent = probe.count(topics.JOINT_COMMANDS)
         probe.until(lambda: False, 0.5)
         assert probe.count(topics.JOINT_COMMANDS) == sent
-        assert probe.call(topics.PAUSE, encode_pause(False)).success
+        assert probe.pause(False).success
         assert probe.until(lambda: probe.count(topics.JOINT_COMMANDS) > sent + 5)

@@ -26,7 +26,7 @@ from pa_ros.tools.record import BAG_TOPICS, Recorder, SequenceGaps, topics_named
 from pa_ros.wire.definitions import installed_types, message_type
 from pa_ros.wire.diagnostics import Health, Origin, encode_diagnostics, encode_provenance
 from pa_ros.wire.program import ProgramRequest, encode_program
-from pa_ros.wire.step import encode_observation
+from pa_ros.wire.step import encode_joints, encode_observation
 
 pytestmark = pytest.mark.graph
 REQUEST = encode_program(ProgramRequest("id", "NEAR(HAND, RED)"))
@@ -48,7 +48,8 @@ def information(bag: Path) -> dict:
 
 
 def test_decoded_messages_equal_the_published_ones(tmp_path):
-    features, joints = encode_observation(observation(), tuple("abcdef"))
+    features = encode_observation(observation())
+    joints = encode_joints(observation(), tuple("abcdef"))
     sent = [
         (topics.OBJECT_FEATURES, features),
         (topics.JOINT_STATES, joints),

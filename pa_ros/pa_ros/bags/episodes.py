@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.bags.errors import BagError
-from pa_ros.bags.experience import TRAJECTORIES, arenas_of, recorded_world
+from pa_ros.bags.experience import TRAJECTORIES, recorded_world
 from pa_ros.bags.reader import Bag
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.wire import Message
@@ -20,9 +20,7 @@ from pa_ros.wire.learning import decode_trajectory
 from pa_ros.wire.program import decode_program, decode_program_status
 from pa_ros.wire.step import (
     decode_command,
-    decode_hand_pose,
-    decode_joints,
-    decode_objects,
+    decode_observation,
     decode_step_mark,
     decode_verdict,
 )
@@ -30,12 +28,11 @@ from pa_ros.world import Trajectory
 from pa_ros.world.schema import POSE
 
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
-JOINT_STATES: Final = "sensor_msgs/msg/JointState"
 VERDICT: Final = "msgs_schema/msg/Verdict"
 COMMAND: Final = "msgs_schema/msg/JointCommand"
 PROGRAM: Final = "msgs_schema/msg/Program"
 PROGRAM_STATUS: Final = "msgs_schema/msg/ProgramStatus"
-STEP_TYPES: Final = (FEATURES, JOINT_STATES, VERDICT, COMMAND, PROGRAM, PROGRAM_STATUS)
+STEP_TYPES: Final = (FEATURES, VERDICT, COMMAND, PROGRAM, PROGRAM_STATUS)
 _COMPLETE_AFTER: Final = 20  # rows of the next episode: by then all of the one before has arrived
 
 
@@ -169,8 +166,7 @@ def _row(trajectory: Trajectory, t: int) -> Row:
 
 
 def _from_steps(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
-    arenas = arenas_of(bag, namespace)
-    builder = _Builder(arenas[0].joint_names if arenas else ())
+    builder = _Builder()
     topics = [bag.topic_of(t, namespace) for t in STEP_TYPES if t in bag.types.values()]
     for recorded in bag.messages(topics):
         builder.take(recorded.type_name, bag.deserialize(recorded))
@@ -181,8 +177,7 @@ def _from_steps(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
 class _Builder:
     """Joins the messages of each control step by their stamp; they may arrive in any order."""
 
-    def __init__(self, joint_names: tuple[str, ...]) -> None:
-        self._joint_names = joint_names
+    def __init__(self) -> None:
         self._texts: dict[str, str] = {}  # of programs, by id
         self._open: list[RecordedEpisode] = []  # the newest last
         self._rows: dict[int, Row] = {}  # of the open episodes, by stamp
@@ -234,16 +229,22 @@ class _Builder:
             newest = RecordedEpisode(mark.episode, mark.evaluation)
             self._open.append(newest)
         program = mark.program or self._texts.get(mark.program_id, mark.program_id)
-        row = Row(mark.step, stamp_ns, *decode_objects(message), program)
-        row.hand_pose = decode_hand_pose(message)
+        seen = decode_observation(message)
+        row = Row(
+            mark.step,
+            stamp_ns,
+            seen.objects,
+            seen.hand_index,
+            program,
+            seen.joint_position,
+            seen.joint_velocity,
+            hand_pose=seen.hand_pose,
+        )
         newest.rows.append(row)
         self._rows[stamp_ns] = row
 
     def _fill(self, row: Row, type_name: str, message: Message) -> None:
-        if type_name == JOINT_STATES:
-            joints = decode_joints(message, self._joint_names)
-            row.joint_position, row.joint_velocity = joints
-        elif type_name == VERDICT:
+        if type_name == VERDICT:
             verdict = decode_verdict(message)
             row.reward, row.distance = verdict.reward, verdict.distance
         else:

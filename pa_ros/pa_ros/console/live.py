@@ -203,7 +203,7 @@ class LiveConsole:
             if not steps:
                 return
             newest = steps[-1]
-            seen = decode_observation(newest["features"], newest["joints"], arena.joint_names)
+            seen = decode_observation(newest["features"], len(arena.joint_names))
             verdict = decode_verdict(newest["verdict"])
             context = decode_context(newest["features"])
         except PaError as error:

@@ -13,12 +13,12 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from pa_ros.ros.topics import JOINT_STATES, OBJECT_FEATURES, VERDICT, Topic
+from pa_ros.ros.topics import OBJECT_FEATURES, VERDICT, Topic
 from pa_ros.wire import Message
 from pa_ros.wire.fields import header_stamp
 
 DEPTH = 20  # steps that may pass between two looks, none lost: real time up to 20 times
-PARTS = {"features": OBJECT_FEATURES, "joints": JOINT_STATES, "verdict": VERDICT}
+PARTS = {"features": OBJECT_FEATURES, "verdict": VERDICT}
 
 
 class Sampler:

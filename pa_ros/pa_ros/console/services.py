@@ -11,20 +11,34 @@ from rclpy.node import Node
 from pa_ros.console import markup
 from pa_ros.core.body import Body
 from pa_ros.core.errors import PaError
-from pa_ros.ros.topics import GET_ENTITIES, PAUSE, RESET, SET_ENTITY_STATE, SPEED, STEP_SERVICE
+from pa_ros.ros.topics import (
+    GET_ENTITIES,
+    RESET,
+    SET_ENTITY_STATE,
+    SET_SIMULATION_STATE,
+    SPEED,
+    STEP_SIMULATION,
+)
 from pa_ros.wire.services import (
     ResetRequest,
     decode_outcome,
-    encode_pause,
     encode_reset,
     encode_speed,
-    encode_steps,
 )
-from pa_ros.wire.simulator import ResultCode, decode_names, decode_result, encode_state_change
+from pa_ros.wire.simulator import (
+    ResultCode,
+    SimState,
+    decode_names,
+    decode_result,
+    encode_simulation_state_request,
+    encode_simulation_steps,
+    encode_state_change,
+)
 
 REQUESTS: dict[str, tuple[tuple[str, Any], Callable[[float], Any]]] = {
-    "pause": (PAUSE, lambda value: encode_pause(bool(value))),
-    "step": (STEP_SERVICE, lambda value: encode_steps(int(value))),
+    "pause": (SET_SIMULATION_STATE, lambda value: encode_simulation_state_request(
+        SimState.PAUSED if value else SimState.PLAYING)),
+    "step": (STEP_SIMULATION, lambda value: encode_simulation_steps(int(value))),
     "speed": (SPEED, encode_speed),
     "reset": (RESET, lambda value: encode_reset(
         ResetRequest(None if value < 0 else int(value)))),

@@ -13,7 +13,6 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray, String
-from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -107,13 +106,10 @@ CAMERA_INFO = Topic("camera/camera_info", CameraInfo, PICTURE, STEP)
 # A whole step now and then, however fast the arena is.
 SAMPLES = {
     "features": OBJECT_FEATURES.within("samples"),
-    "joints": JOINT_STATES.within("samples"),
     "verdict": VERDICT.within("samples"),
 }
 
 RESET = ("reset", srv.Reset)
-STEP_SERVICE = ("step", srv.Step)
-PAUSE = ("pause", SetBool)
 SPEED = ("speed", srv.SetSpeed)
 
 # simulation_interfaces 2.1

@@ -10,8 +10,9 @@ from rclpy.node import Node
 
 from pa_ros.core.errors import PaError
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.topics import PAUSE, RESET
-from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_pause, encode_reset
+from pa_ros.ros.topics import RESET, SET_SIMULATION_STATE
+from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset
+from pa_ros.wire.simulator import SimState, encode_simulation_state_request
 
 Spin = Callable[[Callable[[], bool], float], bool]
 
@@ -36,7 +37,7 @@ class ArenaClient:
         self._spin = spin or partial(spin_until, node)
         below = f"{namespace}/" if namespace else ""
         self._reset = node.create_client(RESET[1], below + RESET[0])
-        self._pause = node.create_client(PAUSE[1], below + PAUSE[0])
+        self._state = node.create_client(SET_SIMULATION_STATE[1], below + SET_SIMULATION_STATE[0])
 
     def reset(self, request: ResetRequest, timeout_s: float) -> Outcome:
         """Begin an episode; where the arena then stands. Raises ArenaServiceError."""
@@ -44,7 +45,9 @@ class ArenaClient:
 
     def pause(self, paused: bool, timeout_s: float) -> Outcome:
         """Stop the arena's time, or let it go on. Raises ArenaServiceError."""
-        return self._call("pause", self._pause, encode_pause(paused), timeout_s)
+        state = SimState.PAUSED if paused else SimState.PLAYING
+        request = encode_simulation_state_request(state)
+        return self._call(SET_SIMULATION_STATE[0], self._state, request, timeout_s)
 
     def _call(self, name: str, client: Any, request: Any, timeout_s: float) -> Outcome:
         if not self._spin(client.service_is_ready, timeout_s):

@@ -1,26 +1,23 @@
-"""The arena's own services (Reset, Step, SetSpeed, std_srvs/SetBool), and lifecycle transitions."""
+"""The arena's own services (Reset, SetSpeed), answers of all of them, and lifecycle transitions."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
-from std_srvs.srv import SetBool
-
-from msgs_schema import srv
+from msgs_schema import msg, srv
 from pa_ros.wire.arena import NO_STAMP
 from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import read_stamp, write_stamp
 
-MAX_STEPS = 1000
-SPEEDS = (0.01, 100.0)
+SPEEDS = (0.01, 100.0)  # least and largest real-time factor
 
 
 @dataclass(frozen=True, slots=True)
 class ResetRequest:
-    """An episode to begin: `episode` None is the next one.
+    """An episode to begin.
 
-    An empty `program` means: as the arena's program source says.
+    `episode` None: the next one. `program` empty: from the arena's program source.
     """
 
     episode: int | None = None
@@ -36,13 +33,12 @@ class Outcome:
     code: str = ""
     reason: str = ""
     episode: int = 0
-    step: int = 0
     stamp_ns: int = NO_STAMP
     real_time_factor: float = 0.0
 
 
 def encode_reset(request: ResetRequest) -> srv.Reset.Request:
-    """Ask for an episode. Raises RangeError for a number that no message holds."""
+    """Return the request for an episode. Raises WireError for a number that no message holds."""
     episode, following = request.episode, srv.Reset.Request.EPISODE_NEXT
     if episode is None:
         episode = following
@@ -54,83 +50,60 @@ def encode_reset(request: ResetRequest) -> srv.Reset.Request:
 
 
 def decode_reset(message: srv.Reset.Request) -> ResetRequest:
-    """What episode is asked for."""
+    """Return the wanted episode."""
     named = message.episode != srv.Reset.Request.EPISODE_NEXT
     return ResetRequest(message.episode if named else None, message.program, message.evaluation)
 
 
-def encode_steps(steps: int) -> srv.Step.Request:
-    """Ask a paused arena for `steps` control periods."""
-    return srv.Step.Request(steps=steps)
-
-
-def decode_steps(message: srv.Step.Request) -> int:
-    """Raises RangeError."""
-    if not 1 <= message.steps <= MAX_STEPS:
-        raise WireError("step.steps", f"1 to {MAX_STEPS}", message.steps, code="wire.range")
-    return int(message.steps)
-
-
 def encode_speed(real_time_factor: float) -> srv.SetSpeed.Request:
-    """Ask for another real-time factor."""
+    """Return the request for another real-time factor."""
     return srv.SetSpeed.Request(real_time_factor=float(real_time_factor))
 
 
 def decode_speed(message: srv.SetSpeed.Request) -> float:
-    """Raises RangeError."""
+    """Return the wanted real-time factor. Raises WireError."""
     low, high = SPEEDS
     if not low <= message.real_time_factor <= high:
-        field = "speed.real_time_factor"
-        raise WireError(field, f"{low} to {high}", message.real_time_factor, code="wire.range")
+        field, received = "speed.real_time_factor", message.real_time_factor
+        raise WireError(field, f"{low} to {high}", received, code="wire.range")
     return float(message.real_time_factor)
 
 
-def encode_pause(paused: bool) -> SetBool.Request:
-    """Ask for the arena to stop or to go on."""
-    return SetBool.Request(data=paused)
-
-
-def decode_pause(message: SetBool.Request) -> bool:
-    """True: pause."""
-    return bool(message.data)
-
-
 def encode_outcome(response: Any, outcome: Outcome) -> Any:
-    """Fill the response of any of these services; returns it."""
+    """Fill the response of Reset or SetSpeed, and return it."""
     response.success = outcome.success
-    if isinstance(response, SetBool.Response):
-        response.message = outcome.reason
-        return response
     response.code, response.reason = outcome.code, outcome.reason
     if isinstance(response, srv.SetSpeed.Response):
         response.real_time_factor = outcome.real_time_factor
         return response
     response.episode = outcome.episode
     write_stamp(response.stamp, outcome.stamp_ns)
-    if isinstance(response, srv.Step.Response):
-        response.step = outcome.step
     return response
 
 
 def decode_outcome(response: Any) -> Outcome:
-    """What became of a call to any of these services."""
-    if isinstance(response, SetBool.Response):
-        return Outcome(response.success, reason=response.message)
-    result = Outcome(response.success, response.code, response.reason)
-    if isinstance(response, srv.SetSpeed.Response):
-        return Outcome(
-            result.success, result.code, result.reason, real_time_factor=response.real_time_factor
+    """Return the answer to a call of any service of the arena.
+
+    A request for the simulation state that is already current counts as a success.
+    """
+    if hasattr(response, "result"):
+        code, reason = response.result.result, response.result.error_message
+        current = isinstance(response, srv.SetSimulationState.Response) and (
+            code == response.ALREADY_IN_TARGET_STATE
         )
+        return Outcome(code == msg.Result.RESULT_OK or current, "", reason)
+    if isinstance(response, srv.SetSpeed.Response):
+        factor = response.real_time_factor
+        return Outcome(response.success, response.code, response.reason, real_time_factor=factor)
     return Outcome(
-        result.success,
-        result.code,
-        result.reason,
+        response.success,
+        response.code,
+        response.reason,
         episode=response.episode,
-        step=getattr(response, "step", 0),
         stamp_ns=read_stamp(response.stamp),
     )
 
 
 def decode_transition(message: Any) -> tuple[int, str]:
-    """The transition wanted: by its id, unless a label is given."""
+    """Return the wanted lifecycle transition: its id, and its label if one was given."""
     return int(message.transition.id), str(message.transition.label)

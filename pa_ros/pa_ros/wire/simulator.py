@@ -190,6 +190,16 @@ def encode_steps_result(code: int, message: str = "") -> action.SimulateSteps.Re
     return encode_result(action.SimulateSteps.Result(), code, message)
 
 
+def encode_simulation_state_request(state: int) -> srv.SetSimulationState.Request:
+    """Return the request for a simulation state."""
+    return srv.SetSimulationState.Request(state=msg.SimulationState(state=state))
+
+
+def encode_simulation_steps(steps: int) -> srv.StepSimulation.Request:
+    """Return the request for control periods of a paused arena."""
+    return srv.StepSimulation.Request(steps=steps)
+
+
 def decode_scope(message: srv.ResetSimulation.Request) -> int:
     """What is to be reset."""
     return int(message.scope)

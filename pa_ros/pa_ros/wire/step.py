@@ -1,4 +1,4 @@
-"""One control step: observation (object_features and joint_states), verdict, joint command, clock.
+"""One control step: observation (object_features), verdict, joint command; joint_states, clock.
 
 Messages sent at every step can be written `into` messages that were published before, because
 making a message object takes longer than filling it.
@@ -89,32 +89,39 @@ NO_COMMAND = Executed(CommandKey("", 0, 0), np.empty(0, np.float32))
 
 def encode_observation(
     observation: Observation,
-    joint_names: tuple[str, ...],
     context: StepContext = NO_CONTEXT,
-    into: StepMessages | None = None,
-) -> tuple[msg.ObjectFeatures, JointState]:
-    """Return the two messages of one observation; they share one stamp."""
-    features = into.features if into else msg.ObjectFeatures()
-    joints = into.joints if into else JointState()
-    write_stamp(features.header.stamp, observation.stamp_ns)
-    features.header.frame_id = HAND_FRAME
-    features.episode = observation.episode
-    features.step = observation.step
-    features.arena_id, features.evaluation = context.arena_id, context.evaluation
+    into: msg.ObjectFeatures | None = None,
+) -> msg.ObjectFeatures:
+    """Return one observation with its context."""
+    message = into or msg.ObjectFeatures()
+    write_stamp(message.header.stamp, observation.stamp_ns)
+    message.header.frame_id = HAND_FRAME
+    message.episode = observation.episode
+    message.step = observation.step
+    message.arena_id, message.evaluation = context.arena_id, context.evaluation
     executed = context.executed or NO_COMMAND
-    features.commanded_by, features.commanded_incarnation, features.command_id = executed.command
-    features.applied = float32_field(executed.action)
-    features.program_id, features.program = observation.program_id, context.program
-    features.hand_index = observation.hand_index
-    features.object_count = len(observation.objects)
-    features.features = float32_field(observation.objects)
-    features.hand_pose = float64_field(observation.hand_pose)
-    write_stamp(joints.header.stamp, observation.stamp_ns)
-    joints.header.frame_id = context.arena_id
-    joints.name = list(joint_names)
-    joints.position = float64_field(observation.joint_position)
-    joints.velocity = float64_field(observation.joint_velocity)
-    return features, joints
+    message.commanded_by, message.commanded_incarnation, message.command_id = executed.command
+    message.applied = float32_field(executed.action)
+    message.program_id, message.program = observation.program_id, context.program
+    message.hand_index = observation.hand_index
+    message.object_count = len(observation.objects)
+    message.features = float32_field(observation.objects)
+    message.joint_position = float64_field(observation.joint_position)
+    message.joint_velocity = float64_field(observation.joint_velocity)
+    message.hand_pose = float64_field(observation.hand_pose)
+    return message
+
+
+def encode_joints(
+    observation: Observation, joint_names: tuple[str, ...], into: JointState | None = None
+) -> JointState:
+    """Return the joint states of one observation, for tools that know no other message of ours."""
+    message = into or JointState()
+    write_stamp(message.header.stamp, observation.stamp_ns)
+    message.name = list(joint_names)
+    message.position = float64_field(observation.joint_position)
+    message.velocity = float64_field(observation.joint_velocity)
+    return message
 
 
 def is_evaluation(message: msg.ObjectFeatures | msg.Verdict) -> bool:
@@ -122,9 +129,9 @@ def is_evaluation(message: msg.ObjectFeatures | msg.Verdict) -> bool:
     return bool(message.evaluation)
 
 
-def arena_of(message: msg.ObjectFeatures | JointState | msg.Verdict) -> str:
-    """Return the id of the arena that sent this part of a step."""
-    return str(message.header.frame_id if isinstance(message, JointState) else message.arena_id)
+def arena_of(message: msg.ObjectFeatures | msg.Verdict) -> str:
+    """Return the id of the arena that sent a part of a step."""
+    return str(message.arena_id)
 
 
 def decode_context(message: msg.ObjectFeatures, joints: int | None = None) -> StepContext:
@@ -150,38 +157,32 @@ def decode_executed(message: msg.ObjectFeatures, joints: int | None = None) -> E
 
 
 def decode_observation(
-    features: msg.ObjectFeatures,
-    joints: JointState,
-    joint_names: tuple[str, ...],
-    width: int | None = None,
+    message: msg.ObjectFeatures, joints: int | None = None, width: int | None = None
 ) -> Observation:
-    """Return one observation from its two messages. Raises WireError.
+    """Return one observation. Raises WireError.
 
-    :param joint_names: wanted joints, in the wanted order; the message may contain more.
+    :param joints: J, joints of the arena's arm; None: any.
     :param width: F, features of an object in the receiver's world; None: any.
     """
-    stamp_ns = header_stamp(features)
-    if header_stamp(joints) != stamp_ns:
-        field, received = "joint_states.header.stamp", header_stamp(joints)
-        raise WireError(field, stamp_ns, received, code="wire.stamp")
-    objects, hand_index = decode_objects(features, width)
-    position, velocity = decode_joints(joints, joint_names)
+    objects, hand_index = decode_objects(message, width)
+    shape = (len(message.joint_position) if joints is None else joints,)
+    position, velocity = message.joint_position, message.joint_velocity
     return Observation(
-        episode=features.episode,
-        step=features.step,
-        stamp_ns=stamp_ns,
+        episode=message.episode,
+        step=message.step,
+        stamp_ns=header_stamp(message),
         objects=objects,
-        joint_position=position,
-        joint_velocity=velocity,
+        joint_position=read_float64("object_features.joint_position", position, shape, LARGEST),
+        joint_velocity=read_float64("object_features.joint_velocity", velocity, shape, LARGEST),
         hand_index=hand_index,
-        program_id=features.program_id,
-        hand_pose=decode_hand_pose(features),
+        program_id=message.program_id,
+        hand_pose=read_float64("object_features.hand_pose", message.hand_pose, (7,), LARGEST),
     )
 
 
 def decode_step_mark(message: msg.ObjectFeatures | msg.Verdict) -> StepMark:
     """Return the control step that a message belongs to."""
-    text = getattr(message, "program", "")  # verdicts have none, nor have older recordings
+    text = getattr(message, "program", "")  # a verdict has no program
     evaluation = bool(message.evaluation)
     return StepMark(message.episode, message.step, evaluation, message.program_id, text)
 
@@ -195,13 +196,6 @@ def decode_objects(message: msg.ObjectFeatures, width: int | None = None) -> tup
         raise WireError(field, expected, received, code="wire.feature_names")
     shape = (count, width or received)
     return read_float32("object_features.features", message.features, shape, LARGEST), hand_index
-
-
-def decode_hand_pose(message: msg.ObjectFeatures) -> Float64:
-    """Return the hand's pose in the base frame, [7]; NaN in older recordings. Raises WireError."""
-    if not hasattr(message, "hand_pose"):
-        return np.full(7, np.nan)
-    return read_float64("object_features.hand_pose", message.hand_pose, (7,), LARGEST)
 
 
 def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -> tuple[int, int]:

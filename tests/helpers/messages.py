@@ -1,0 +1,36 @@
+"""Records to send, strategies for their fields, and equality of records with arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from pa_ros.core.experience import Observation
+
+stamps = st.integers(0, 2**31 * 10**9 - 1)
+texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=40)
+
+
+def observation(seed: int = 0, count: int = 5) -> Observation:
+    """An observation of `count` objects of the paper's world and six joints."""
+    rng = np.random.default_rng(seed)
+    return Observation(
+        episode=2,
+        step=4,
+        stamp_ns=12_300_000_001,
+        objects=rng.normal(size=(count, 16)).astype(np.float32),
+        joint_position=rng.normal(size=6),
+        joint_velocity=rng.normal(size=6),
+        hand_index=seed % count,
+        program_id="p",
+        hand_pose=np.array([0.4, -0.1, 0.3, 0.0, 0.6, 0.0, 0.8]),
+    )
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two records have equal fields of the same types."""
+    pairs = [(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a)]
+    return all(np.array_equal(x, y) and type(x) is type(y) for x, y in pairs)

@@ -1,0 +1,195 @@
+"""The messages of one control step: records survive them, and malformed ones are rejected."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sensor_msgs.msg import JointState
+
+from helpers.messages import observation, same, stamps, texts
+from helpers.rejections import rejected
+from pa_ros.core.experience import CommandKey, Executed, Verdict
+from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.step import (
+    Command,
+    StepContext,
+    StepMark,
+    arena_of,
+    decode_clock,
+    decode_command,
+    decode_context,
+    decode_joints,
+    decode_observation,
+    decode_step_mark,
+    decode_verdict,
+    encode_clock,
+    encode_command,
+    encode_joints,
+    encode_observation,
+    encode_verdict,
+    is_evaluation,
+)
+
+NAMES = ("j1", "j2", "j3", "j4", "j5", "j6")
+EXECUTED = Executed(CommandKey("a", 1, 2), np.full(6, 0.25, np.float32))
+VERDICT = Verdict(0, 0, 0, "", -1.0, False, 1.0, False)
+counters = st.integers(0, 2**63)
+steps = st.integers(0, 2**32 - 1)
+seeds = st.integers(0, 2**32)
+
+
+@given(seeds, st.integers(1, 9), counters, steps, stamps, texts, st.booleans())
+def test_an_observation_survives_the_wire(seed, count, episode, step, stamp, text, evaluation):
+    sent = observation(seed, count)
+    sent = replace(sent, episode=episode, step=step, stamp_ns=stamp, program_id=text)
+    context = StepContext(text, evaluation, EXECUTED if seed % 2 else None, text)
+    message = encode_observation(sent, context)
+    assert same(decode_observation(message), sent)
+    assert decode_context(message) == context
+    assert decode_step_mark(message) == StepMark(episode, step, evaluation, text, text)
+    assert (arena_of(message), is_evaluation(message)) == (text, evaluation)
+    assert header_stamp(message) == stamp
+
+
+def test_decoded_arrays_own_their_memory():
+    message = encode_observation(observation())
+    decoded = decode_observation(message)
+    message.features[0] = message.joint_position[0] = 99.0
+    assert same(decoded, observation())
+
+
+def test_a_message_that_was_published_before_is_filled_again():
+    message = encode_observation(observation(1, 3), StepContext("a", True, EXECUTED, "text"))
+    again = encode_observation(observation(2), into=message)
+    assert again is message and message == encode_observation(observation(2))
+
+
+def _set(name, value):
+    return lambda message: setattr(message, name, value)
+
+
+def _poke(name, index, value):
+    def change(message):
+        getattr(message, name)[index] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (_set("object_count", 4), "wire.feature_names"),  # 20 features each, not 16
+        (_set("object_count", 3), "wire.size"),
+        (_set("object_count", 0), "wire.range"),
+        (_set("object_count", 2**32 - 1), "wire.range"),
+        (_set("hand_index", 5), "wire.range"),
+        (_set("hand_pose", [0.0] * 6), "wire.size"),
+        (_poke("hand_pose", 0, math.nan), "wire.non_finite"),
+        (_poke("hand_pose", 2, 1e300), "wire.range"),
+        (_poke("features", 17, math.nan), "wire.non_finite"),
+        (_poke("features", 17, -math.inf), "wire.non_finite"),
+        (_poke("features", 17, -3e38), "wire.range"),  # networks would add up to inf
+        (_set("joint_position", [0.0] * 5), "wire.size"),
+        (_set("joint_velocity", []), "wire.size"),
+        (_poke("joint_velocity", 2, math.nan), "wire.non_finite"),
+        (_poke("joint_velocity", 2, 1e300), "wire.range"),  # inf in float32
+    ],
+)
+def test_malformed_observations_are_rejected(change, code):
+    message = encode_observation(observation())
+    change(message)
+    with rejected(code, match="expected .* received "):
+        decode_observation(message, joints=6, width=16)
+
+
+def test_a_rejection_names_both_widths_or_the_element():
+    message = encode_observation(observation())
+    with rejected("wire.feature_names", match="17 of each of 5 objects, received 16"):
+        decode_observation(message, width=17)
+    message.features[17] = math.nan
+    with rejected("wire.non_finite", match=r"features\[1,1\]"):
+        decode_observation(message)
+
+
+@pytest.mark.parametrize("applied", [[], [0.0] * 5, [0.0] * 5 + [math.nan]])
+def test_an_executed_command_without_its_action_is_rejected(applied):
+    message = encode_observation(observation(), StepContext(executed=EXECUTED))
+    message.applied = applied
+    code = "wire.non_finite" if len(applied) == 6 else "wire.size"
+    with rejected(code, match=r"object_features.applied"):
+        decode_context(message, joints=6)
+
+
+def test_joints_may_arrive_in_any_order_with_others_between_them():
+    sent = observation()
+    message = encode_joints(sent, NAMES)
+    assert message.header.frame_id == ""  # as joint_state_broadcaster leaves it
+    everything = [*NAMES, "finger"]
+    order = [6, 3, 1, 0, 5, 2, 4]
+    values = [*sent.joint_position, 7.0], [*sent.joint_velocity, 8.0]
+    message.name = [everything[i] for i in order]
+    message.position, message.velocity = ([part[i] for i in order] for part in values)
+    position, velocity = decode_joints(message, NAMES)
+    assert np.array_equal(position, sent.joint_position)
+    assert np.array_equal(velocity, sent.joint_velocity)
+    with rejected("wire.joint_names", match="thumb"):
+        decode_joints(message, ("thumb",))
+    with rejected("wire.size", match="joint_states.position"):
+        decode_joints(JointState(), ())
+
+
+@given(counters, steps, stamps, texts, st.booleans(), st.booleans(), st.floats(0, allow_nan=False))
+def test_a_verdict_survives_the_wire(episode, step, stamp, program, satisfied, cut, distance):
+    sent = Verdict(episode, step, stamp, program, 1.0, satisfied, distance, cut)
+    message = encode_verdict(sent, cut, program)
+    assert same(decode_verdict(message), sent)
+    assert (arena_of(message), is_evaluation(message)) == (program, cut)
+    assert decode_step_mark(message) == StepMark(episode, step, cut, program)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "code"),
+    [
+        ("reward", math.nan, "wire.non_finite"),
+        ("distance", math.nan, "wire.range"),
+        ("distance", -0.1, "wire.range"),
+    ],
+)
+def test_malformed_verdicts_are_rejected(field, value, code):
+    message = encode_verdict(VERDICT)
+    setattr(message, field, value)
+    with rejected(code):
+        decode_verdict(message)
+
+
+@given(seeds, counters, steps, stamps, texts, counters)
+def test_a_command_survives_the_wire(seed, episode, step, stamp, agent, version):
+    action = np.random.default_rng(seed).uniform(-1, 1, 6).astype(np.float32)
+    sent = Command(episode, step, stamp, agent, version, action, seed, version)
+    assert same(decode_command(encode_command(sent)), sent)
+
+
+@pytest.mark.parametrize(
+    ("action", "code"),
+    [
+        ([0.0] * 7, "wire.size"),
+        ([], "wire.size"),
+        ([0.0] * 5 + [math.nan], "wire.non_finite"),
+        ([math.inf] + [0.0] * 5, "wire.non_finite"),
+    ],
+)
+def test_malformed_commands_are_rejected(action, code):
+    message = encode_command(Command(0, 0, 0, "a", 0, np.zeros(6, np.float32)))
+    message.action = action
+    with rejected(code):
+        decode_command(message, joints=6)
+
+
+@given(stamps)
+def test_the_clock_survives_the_wire(stamp):
+    assert decode_clock(encode_clock(stamp)) == stamp
