@@ -17,10 +17,10 @@ from pa_ros.wire.simulator import (
     Entity,
     EntityFilter,
     ResultCode,
-    Solid,
     SpawnCode,
     Spawning,
 )
+from pa_ros.wire.views import Solid
 from sim_node.errors import SimulatorError
 from sim_node.session import Session
 

@@ -35,7 +35,7 @@ from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
 from pa_ros.wire.learning import decode_weights
 from pa_ros.wire.services import Outcome, decode_outcome
-from pa_ros.wire.simulator import SimState, encode_simulation_state_request
+from pa_ros.wire.simulator import SimState, encode_state_request
 from pa_ros.world import Trajectory
 from sim_node.session import Session
 
@@ -97,7 +97,7 @@ class Probe(Node):
     def pause(self, paused: bool = True) -> Outcome:
         """Pause simulation time, or let it continue."""
         state = SimState.PAUSED if paused else SimState.PLAYING
-        return self.call(topics.SET_SIMULATION_STATE, encode_simulation_state_request(state))
+        return self.call(topics.SET_SIMULATION_STATE, encode_state_request(state))
 
     def call(self, service: tuple[str, Any], request: Any) -> Outcome:
         client = self.create_client(service[1], service[0])

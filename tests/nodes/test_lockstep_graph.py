@@ -20,7 +20,7 @@ from pa_ros.wire.services import (
     encode_reset,
     encode_speed,
 )
-from pa_ros.wire.simulator import encode_simulation_steps
+from pa_ros.wire.simulator import encode_steps_request
 from pa_ros.wire.step import Command, decode_clock, encode_command
 from sim_node.node import SimNode
 
@@ -159,16 +159,16 @@ def test_a_command_beyond_the_limits_is_clamped_counted_and_owned_by_nobody():
 def test_pause_step_and_speed_say_what_they_did():
     with graph(SimNode, AgentNode, **RANDOM) as probe:
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 10)
-        running = probe.call(topics.STEP_SIMULATION, encode_simulation_steps(1))
+        running = probe.call(topics.STEP_SIMULATION, encode_steps_request(1))
         assert not running.success and "expected a paused arena" in running.reason
         assert probe.pause().success
         session = probe.nodes[0].session
         before = session.steps
         probe.until(lambda: False, 0.5)
         assert session.steps == before
-        assert probe.call(topics.STEP_SIMULATION, encode_simulation_steps(3)).success
+        assert probe.call(topics.STEP_SIMULATION, encode_steps_request(3)).success
         assert session.steps == before + 3
-        assert not probe.call(topics.STEP_SIMULATION, encode_simulation_steps(0)).success
+        assert not probe.call(topics.STEP_SIMULATION, encode_steps_request(0)).success
         assert probe.call(topics.SPEED, encode_speed(2.0)).code == "arena.lockstep"
         assert probe.pause(False).success
         assert probe.until(lambda: session.steps > before + 30)  # the agent is asked again

@@ -30,15 +30,15 @@ from pa_ros.wire.simulator import (
     SimState,
     decode_names,
     decode_result,
-    encode_simulation_state_request,
-    encode_simulation_steps,
     encode_state_change,
+    encode_state_request,
+    encode_steps_request,
 )
 
 REQUESTS: dict[str, tuple[tuple[str, Any], Callable[[float], Any]]] = {
-    "pause": (SET_SIMULATION_STATE, lambda value: encode_simulation_state_request(
+    "pause": (SET_SIMULATION_STATE, lambda value: encode_state_request(
         SimState.PAUSED if value else SimState.PLAYING)),
-    "step": (STEP_SIMULATION, lambda value: encode_simulation_steps(int(value))),
+    "step": (STEP_SIMULATION, lambda value: encode_steps_request(int(value))),
     "speed": (SPEED, encode_speed),
     "reset": (RESET, lambda value: encode_reset(
         ResetRequest(None if value < 0 else int(value)))),

@@ -12,7 +12,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import RESET, SET_SIMULATION_STATE
 from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset
-from pa_ros.wire.simulator import SimState, encode_simulation_state_request
+from pa_ros.wire.simulator import SimState, encode_state_request
 
 Spin = Callable[[Callable[[], bool], float], bool]
 
@@ -46,7 +46,7 @@ class ArenaClient:
     def pause(self, paused: bool, timeout_s: float) -> Outcome:
         """Stop the arena's time, or let it go on. Raises ArenaServiceError."""
         state = SimState.PAUSED if paused else SimState.PLAYING
-        request = encode_simulation_state_request(state)
+        request = encode_state_request(state)
         return self._call(SET_SIMULATION_STATE[0], self._state, request, timeout_s)
 
     def _call(self, name: str, client: Any, request: Any, timeout_s: float) -> Outcome:

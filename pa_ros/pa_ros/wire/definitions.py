@@ -1,4 +1,4 @@
-"""Message definitions: those installed, and messages as the bytes that travel and are recorded."""
+"""Installed message definitions, and messages as recorded bytes, without ROS."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from rosbags.typesys.store import Typestore
 
 from pa_ros.wire.errors import WireError
 
+# NumPy types of ROS types that NumPy does not know by name.
 _DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}
 
 
 def installed_types() -> Typestore:
-    """A new store of the types of ROS 2 Jazzy and of msgs_schema, as installed."""
+    """Return a new store with the types of ROS 2 Jazzy and of msgs_schema."""
     store = get_typestore(Stores.ROS2_JAZZY)
     register(store, "msgs_schema/msg/Trajectory")
     return store
 
 
 def register(store: Typestore, type_name: str) -> None:
-    """Make a type known, from the .msg files that its package installs. Raises WireError."""
+    """Add a type from the .msg files that its package installs. Raises WireError."""
     if type_name in store.fielddefs:
         return
     package = type_name.partition("/")[0]
@@ -40,17 +41,17 @@ def register(store: Typestore, type_name: str) -> None:
 
 
 def hash_of(type_name: str, definition: str) -> str:
-    """The type hash of a definition's text; empty if it cannot be parsed."""
+    """Return the type hash of a definition's text; empty if it cannot be parsed."""
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(get_types_from_msg(definition, type_name))
         return str(store.hash_rihs01(type_name))
-    except Exception:  # rosbags' own, of whatever the text is
+    except Exception:  # rosbags raises many kinds for a wrong text
         return ""
 
 
 def installed_definition(type_name: str, digest: str) -> str:
-    """The text of an installed type that has this hash; empty if there is none."""
+    """Return the text of the installed type if it has this hash, else an empty string."""
     store = installed_types()
     try:
         register(store, type_name)
@@ -62,7 +63,7 @@ def installed_definition(type_name: str, digest: str) -> str:
 
 
 def message_class(type_name: str) -> Any:
-    """The installed class of a type. Raises WireError."""
+    """Return the installed class of a type. Raises WireError."""
     package, kind, name = type_name.split("/")
     try:
         return getattr(import_module(f"{package}.{kind}"), name)
@@ -72,20 +73,20 @@ def message_class(type_name: str) -> Any:
 
 
 def message_type(message_class: Any) -> str:
-    """Full name of a message class: "sensor_msgs/msg/JointState"."""
+    """Return the full name of a message class: "sensor_msgs/msg/JointState"."""
     package, kind = message_class.__module__.split(".")[:2]
     return f"{package}/{kind}/{message_class.__name__}"
 
 
 def to_cdr(store: Typestore, message: Any) -> bytes:
-    """Serialize a ROS message object without ROS."""
+    """Serialize a ROS message object without rclpy."""
     name = message_type(type(message))
     return bytes(store.serialize_cdr(_converted(store, name, message), name))
 
 
 @lru_cache(maxsize=64)
 def _definitions(package: str) -> tuple[tuple[str, str], ...]:
-    """(type, text) of every message of a package; the first prefix that has the package counts."""
+    """Return type and text of every message of a package, from the first prefix that has it."""
     prefixes = [*filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(":")), sys.prefix]
     for prefix in prefixes:
         folder = Path(prefix) / "share" / package / "msg"
@@ -96,7 +97,7 @@ def _definitions(package: str) -> tuple[tuple[str, str], ...]:
 
 
 def _converted(store: Typestore, type_name: str, message: Any) -> Any:
-    """The same message as an instance of the store's class, arrays as NumPy's."""
+    """Return the message as an instance of the store's class, with NumPy arrays."""
     _, fields = store.fielddefs[type_name]
     values = {name: _field(store, kind, getattr(message, name)) for name, kind in fields}
     return store.types[type_name](**values)

@@ -16,11 +16,22 @@ from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import read_vector, write_stamp, write_vector
 
 WORLD = "world"  # the frame of poses: the arm's base, on the table
-MAX_STEPS = 1000  # of the service, which answers only when they are done
+# The service step_simulation answers only when all its steps are done, so it takes few.
+MAX_STEPS = 1000
+FEATURES = tuple(
+    getattr(msg.SimulatorFeatures, name)
+    for name in (
+        "SPAWNING", "DELETING", "ENTITY_TAGS", "ENTITY_BOUNDS_BOX", "ENTITY_CATEGORIES",
+        "ENTITY_STATE_GETTING", "ENTITY_STATE_SETTING", "ENTITY_INFO_GETTING", "SPAWNABLES",
+        "SIMULATION_RESET", "SIMULATION_RESET_STATE", "SIMULATION_RESET_SPAWNED",
+        "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
+        "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE", "STEP_SIMULATION_ACTION",
+    )
+)  # fmt: skip
 
 
 class ResultCode(IntEnum):
-    """What became of a call."""
+    """The result of a call."""
 
     FEATURE_UNSUPPORTED = msg.Result.RESULT_FEATURE_UNSUPPORTED
     OK = msg.Result.RESULT_OK
@@ -30,7 +41,7 @@ class ResultCode(IntEnum):
 
 
 class SpawnCode(IntEnum):
-    """Codes of SpawnEntity alone."""
+    """Results that only SpawnEntity has."""
 
     NAME_NOT_UNIQUE = srv.SpawnEntity.Response.NAME_NOT_UNIQUE
     NAME_INVALID = srv.SpawnEntity.Response.NAME_INVALID
@@ -45,7 +56,7 @@ ALREADY_IN_TARGET_STATE = srv.SetSimulationState.Response.ALREADY_IN_TARGET_STAT
 
 
 class SimState(IntEnum):
-    """Whether simulation time passes."""
+    """Whether simulation time advances."""
 
     STOPPED = msg.SimulationState.STATE_STOPPED
     PLAYING = msg.SimulationState.STATE_PLAYING
@@ -53,7 +64,7 @@ class SimState(IntEnum):
 
 
 class Scope(IntEnum):
-    """What a reset is of; a sum of these."""
+    """What a reset puts back; these can be added."""
 
     DEFAULT = srv.ResetSimulation.Request.SCOPE_DEFAULT
     TIME = srv.ResetSimulation.Request.SCOPE_TIME
@@ -63,7 +74,7 @@ class Scope(IntEnum):
 
 
 class Category(IntEnum):
-    """Kinds of entities that there are here."""
+    """The kinds of entities in an arena."""
 
     ROBOT = msg.EntityCategory.CATEGORY_ROBOT
     DYNAMIC_OBJECT = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT
@@ -71,7 +82,7 @@ class Category(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """Something in the arena."""
+    """The hand, or a block."""
 
     name: str
     category: Category
@@ -82,17 +93,17 @@ class Entity:
 
 @dataclass(frozen=True)
 class EntityFilter:
-    """Which entities are asked for; empty parts let all pass."""
+    """Which entities to return; an empty part lets all pass."""
 
     pattern: str = ""  # regular expression
     categories: tuple[int, ...] = ()
     tags: tuple[str, ...] = ()
-    all_tags: bool = False  # any of them will do
+    all_tags: bool = False  # false: one of the tags is enough
     box: tuple[Float64, Float64] | None = None  # two opposite corners, m
     sphere: tuple[Float64, float] | None = None  # center and radius, m
 
     def within(self, body: Body) -> bool:
-        """Whether a body's center lies within the bounds, if there are any."""
+        """Return whether a body's center is within the bounds; true without bounds."""
         if self.box is not None:
             low, high = np.minimum(*self.box), np.maximum(*self.box)
             return bool(((low <= body.position) & (body.position <= high)).all())
@@ -102,19 +113,8 @@ class EntityFilter:
 
 
 @dataclass(frozen=True, slots=True)
-class Solid:
-    """A block as it looks."""
-
-    name: str
-    shape: str  # "box", "sphere", "cylinder" or "capsule"
-    scale: Float64  # [3] m, whole lengths along its own axes
-    rgba: tuple[float, ...]  # [4]
-    body: Body
-
-
-@dataclass(frozen=True, slots=True)
 class Spawning:
-    """A block that is wanted."""
+    """A block to add."""
 
     name: str
     allow_renaming: bool
@@ -124,94 +124,138 @@ class Spawning:
 
 @dataclass(frozen=True, slots=True)
 class StateChange:
-    """Where an entity is wanted, or how moving; None: as it is."""
+    """A new pose or twist of an entity; None: leave it as it is."""
 
     entity: str
-    pose: Body | None  # of which position and quaternion count
-    twist: Body | None  # of which linear and angular count
+    pose: Body | None  # only its position and quaternion count
+    twist: Body | None  # only its linear and angular velocity count
 
 
-FEATURES = tuple(
-    getattr(msg.SimulatorFeatures, name)
-    for name in (
-        "SPAWNING", "DELETING", "ENTITY_TAGS", "ENTITY_BOUNDS_BOX", "ENTITY_CATEGORIES",
-        "ENTITY_STATE_GETTING", "ENTITY_STATE_SETTING", "ENTITY_INFO_GETTING", "SPAWNABLES",
-        "SIMULATION_RESET", "SIMULATION_RESET_STATE", "SIMULATION_RESET_SPAWNED",
-        "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
-        "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE", "STEP_SIMULATION_ACTION",
-    )
-)  # fmt: skip
+# Answers. Each function fills a response and returns it.
 
 
 def encode_result(response: Any, code: int, message: str = "") -> Any:
-    """Fill in what became of a call; returns the response, or an action's result."""
+    """Fill in the result of a call, or of an action."""
     response.result = msg.Result(result=code, error_message=message)
     return response
 
 
-def decode_result(response: Any) -> tuple[int, str]:
-    """Code and message of any of these services."""
-    return response.result.result, response.result.error_message
-
-
 def encode_features(response: Any, info: str) -> Any:
-    """What the arena can do."""
+    """Fill in the supported parts of the standard, with a text for people."""
     response.features.features = list(FEATURES)
     response.features.custom_info = info
     return response
 
 
-def encode_simulation_state(response: Any, state: int) -> Any:
-    """Whether time passes."""
-    response.state.state = state
+def encode_simulation_state(response: Any, state: SimState) -> Any:
+    """Fill in whether time advances."""
+    response.state.state = int(state)
     return response
 
 
+def encode_entities(response: Any, entities: Sequence[Entity], stamp_ns: int) -> Any:
+    """Fill in names and, if the service has them, states."""
+    response.entities = [entity.name for entity in entities]
+    if hasattr(response, "states"):
+        response.states = [_state(entity.body, stamp_ns) for entity in entities]
+    return response
+
+
+def encode_entity(response: Any, entity: Entity, stamp_ns: int) -> Any:
+    """Fill in the state or the info of one entity, as the service has it."""
+    if hasattr(response, "state"):
+        response.state = _state(entity.body, stamp_ns)
+    else:
+        response.info.category = msg.EntityCategory(category=entity.category)
+        response.info.description, response.info.tags = entity.description, list(entity.tags)
+    return response
+
+
+def encode_spawned(response: Any, name: str) -> Any:
+    """Fill in the name that a block got."""
+    response.entity_name = name
+    return response
+
+
+def encode_spawnables(response: Any, described: dict[str, str]) -> Any:
+    """Fill in what can be added: descriptions by uri."""
+    response.spawnables = [
+        msg.Spawnable(entity_resource=msg.Resource(uri=uri), description=text)
+        for uri, text in described.items()
+    ]
+    return response
+
+
+def encode_steps_feedback(completed: int, remaining: int) -> action.SimulateSteps.Feedback:
+    """Return the progress of an action simulate_steps."""
+    return action.SimulateSteps.Feedback(completed_steps=completed, remaining_steps=remaining)
+
+
+def encode_steps_result(code: int, message: str = "") -> action.SimulateSteps.Result:
+    """Return how an action simulate_steps ended."""
+    return encode_result(action.SimulateSteps.Result(), code, message)
+
+
+def decode_result(response: Any) -> tuple[int, str]:
+    """Return code and message of an answer."""
+    return response.result.result, response.result.error_message
+
+
+def decode_names(response: Any) -> list[str]:
+    """Return the names of the entities, the hand first."""
+    return [str(name) for name in response.entities]
+
+
+def decode_entity_state(state: msg.EntityState) -> Body:
+    """Return where an entity is, and how it moves."""
+    return _body(state.pose, state.twist)
+
+
+# Requests
+
+
+def encode_state_request(state: SimState) -> srv.SetSimulationState.Request:
+    """Return the request to pause simulation time, or to let it advance."""
+    return srv.SetSimulationState.Request(state=msg.SimulationState(state=int(state)))
+
+
+def encode_steps_request(steps: int) -> srv.StepSimulation.Request:
+    """Return the request for control periods of a paused arena."""
+    return srv.StepSimulation.Request(steps=steps)
+
+
+def encode_state_change(entity: str, place: Body) -> srv.SetEntityState.Request:
+    """Return the request to put an entity somewhere, at rest."""
+    return srv.SetEntityState.Request(
+        entity=entity, state=_state(place, 0), set_pose=True, set_twist=True
+    )
+
+
 def decode_simulation_state(message: srv.SetSimulationState.Request) -> int:
-    """The state wanted."""
+    """Return the wanted state, one of `SimState` or not."""
     return int(message.state.state)
 
 
 def decode_simulation_steps(message: srv.StepSimulation.Request | action.SimulateSteps.Goal) -> int:
-    """Control periods. Raises RangeError."""
+    """Return the wanted control periods. Raises WireError."""
     most = MAX_STEPS if isinstance(message, srv.StepSimulation.Request) else 2**63 - 1
     if not 1 <= message.steps <= most:
         raise WireError("step_simulation.steps", f"1 to {most}", message.steps, code="wire.range")
     return int(message.steps)
 
 
-def encode_steps_feedback(completed: int, remaining: int) -> action.SimulateSteps.Feedback:
-    """How far an action has come."""
-    return action.SimulateSteps.Feedback(completed_steps=completed, remaining_steps=remaining)
-
-
-def encode_steps_result(code: int, message: str = "") -> action.SimulateSteps.Result:
-    """How an action ended."""
-    return encode_result(action.SimulateSteps.Result(), code, message)
-
-
-def encode_simulation_state_request(state: int) -> srv.SetSimulationState.Request:
-    """Return the request for a simulation state."""
-    return srv.SetSimulationState.Request(state=msg.SimulationState(state=state))
-
-
-def encode_simulation_steps(steps: int) -> srv.StepSimulation.Request:
-    """Return the request for control periods of a paused arena."""
-    return srv.StepSimulation.Request(steps=steps)
-
-
 def decode_scope(message: srv.ResetSimulation.Request) -> int:
-    """What is to be reset."""
+    """Return what to reset, a sum of `Scope` or not."""
     return int(message.scope)
 
 
 def decode_entity(message: Any) -> str:
-    """The name that a request is about."""
+    """Return the name of the entity that a request is about."""
     return str(message.entity)
 
 
 def decode_filters(message: Any) -> EntityFilter:
-    """Which entities. Raises RangeError, SizeError for bounds that cannot be."""
+    """Return which entities to answer with. Raises WireError for impossible bounds."""
     filters: msg.EntityFilters = message.filters
     box, sphere = _bounds(filters.bounds)
     return EntityFilter(
@@ -225,7 +269,7 @@ def decode_filters(message: Any) -> EntityFilter:
 
 
 def decode_spawning(message: srv.SpawnEntity.Request) -> Spawning:
-    """A block that is wanted. Raises RangeError for a frame, or a resource, that is not known."""
+    """Return the block to add. Raises WireError for another frame, a namespace or a file."""
     _check_frame("spawn_entity.initial_pose", message.initial_pose.header.frame_id)
     for field, value in (
         ("entity_namespace", message.entity_namespace),
@@ -233,65 +277,19 @@ def decode_spawning(message: srv.SpawnEntity.Request) -> Spawning:
     ):
         if value:
             raise WireError(f"spawn_entity.{field}", "nothing", value, code="wire.range")
-    body = _body(message.initial_pose.pose)
-    uri = message.entity_resource.uri
+    uri, body = message.entity_resource.uri, _body(message.initial_pose.pose)
     return Spawning(message.name, message.allow_renaming, uri, body)
 
 
 def decode_state_change(message: srv.SetEntityState.Request) -> StateChange:
-    """Where an entity is wanted. Raises RangeError for a frame that is not known."""
+    """Return where to put an entity. Raises WireError for another frame."""
     _check_frame("set_entity_state.state", message.state.header.frame_id)
     body = _body(message.state.pose, message.state.twist)
     pose, twist = (body if wanted else None for wanted in (message.set_pose, message.set_twist))
     return StateChange(message.entity, pose, twist)
 
 
-def encode_state_change(entity: str, place: Body) -> srv.SetEntityState.Request:
-    """The inverse, for a pose at rest."""
-    state = entity_state(place, 0)
-    return srv.SetEntityState.Request(entity=entity, state=state, set_pose=True, set_twist=True)
-
-
-def decode_names(response: Any) -> list[str]:
-    """What the entities are called, the hand first."""
-    return [str(name) for name in response.entities]
-
-
-def encode_entities(response: Any, entities: Sequence[Entity], stamp_ns: int) -> Any:
-    """Names and, where the service has them, states."""
-    response.entities = [entity.name for entity in entities]
-    if hasattr(response, "states"):
-        response.states = [entity_state(entity.body, stamp_ns) for entity in entities]
-    return response
-
-
-def encode_entity(response: Any, entity: Entity, stamp_ns: int) -> Any:
-    """State or info of one entity, whichever the service is about."""
-    if hasattr(response, "state"):
-        response.state = entity_state(entity.body, stamp_ns)
-        return response
-    response.info.category = msg.EntityCategory(category=entity.category)
-    response.info.description, response.info.tags = entity.description, list(entity.tags)
-    return response
-
-
-def encode_spawned(response: Any, name: str) -> Any:
-    """What a spawned entity is called."""
-    response.entity_name = name
-    return response
-
-
-def encode_spawnables(response: Any, described: dict[str, str]) -> Any:
-    """What can be spawned: descriptions by uri."""
-    response.spawnables = [
-        msg.Spawnable(entity_resource=msg.Resource(uri=uri), description=text)
-        for uri, text in described.items()
-    ]
-    return response
-
-
-def entity_state(body: Body, stamp_ns: int) -> msg.EntityState:
-    """A body's state, in the frame WORLD."""
+def _state(body: Body, stamp_ns: int) -> msg.EntityState:
     state = msg.EntityState()
     state.header.frame_id = WORLD
     write_stamp(state.header.stamp, stamp_ns)
@@ -302,27 +300,23 @@ def entity_state(body: Body, stamp_ns: int) -> msg.EntityState:
     return state
 
 
-def decode_entity_state(state: msg.EntityState) -> Body:
-    """The inverse."""
-    return _body(state.pose, state.twist)
-
-
 def _body(pose: Any, twist: Any = None) -> Body:
-    place = read_vector(pose.position), read_vector(pose.orientation, "xyzw")
+    position, quaternion = read_vector(pose.position), read_vector(pose.orientation, "xyzw")
     if twist is None:
-        return Body.at_rest(*place)
-    return Body(*place, read_vector(twist.linear), read_vector(twist.angular))
+        return Body.at_rest(position, quaternion)
+    return Body(position, quaternion, read_vector(twist.linear), read_vector(twist.angular))
 
 
 def _check_frame(field: str, frame: str) -> None:
     if frame not in ("", WORLD):
-        raise WireError(f"{field}.header.frame_id", f"{WORLD!r} or empty", frame, code="wire.range")
+        expected = f"{WORLD!r} or empty"
+        raise WireError(f"{field}.header.frame_id", expected, frame, code="wire.range")
 
 
 def _bounds(
     bounds: msg.Bounds,
 ) -> tuple[tuple[Float64, Float64] | None, tuple[Float64, float] | None]:
-    """A box, or a sphere, or neither."""
+    """Return the corners of a box, and center and radius of a sphere: one of them, or none."""
     if bounds.type == msg.Bounds.TYPE_EMPTY:
         return None, None
     if bounds.type not in (msg.Bounds.TYPE_BOX, msg.Bounds.TYPE_SPHERE):

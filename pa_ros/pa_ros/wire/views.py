@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,23 +18,38 @@ from visualization_msgs.msg import Marker, MarkerArray
 from pa_ros.core.body import Body
 from pa_ros.core.experience import Float64
 from pa_ros.wire.errors import WireError
-from pa_ros.wire.fields import read_float64, write_stamp, write_vector
-from pa_ros.wire.simulator import WORLD, Solid
+from pa_ros.wire.fields import read_float64, read_vector, write_stamp, write_vector
+from pa_ros.wire.simulator import WORLD
 from pa_ros.wire.step import LARGEST
 
-_TYPES = {"box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
-LETTERS_M = 0.04  # height of a label's capitals
-ABOVE_M = 0.07  # of a label over its block's center
-UNIT = 0.9, 1.1  # length of what passes for a unit quaternion
+MARKERS = {"box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
+LABEL_HEIGHT_M = 0.04  # of capital letters
+LABEL_ABOVE_M = 0.07  # a block's center
+SHELL = 1.4  # size of a relevance marker, relative to its block
+UNIT = 0.9, 1.1  # accepted lengths of a unit quaternion
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """The shape and color of a block."""
+
+    name: str
+    shape: str  # "box", "sphere", "cylinder" or "capsule"
+    scale: Float64  # [3] m, whole lengths along its own axes
+    rgba: tuple[float, ...]  # [4]
+    body: Body
+
+
+# For viewers
 
 
 def encode_text(text: str) -> String:
-    """Plain text."""
+    """Return plain text."""
     return String(data=text)
 
 
 def encode_transform(name: str, body: Body, stamp_ns: int) -> TransformStamped:
-    """The pose of one body, as the frame of its name in the frame WORLD."""
+    """Return the pose of a body in the frame WORLD; its name is the name of the child frame."""
     message = TransformStamped(child_frame_id=name)
     message.header.frame_id = WORLD
     write_stamp(message.header.stamp, stamp_ns)
@@ -43,18 +59,21 @@ def encode_transform(name: str, body: Body, stamp_ns: int) -> TransformStamped:
 
 
 def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> MarkerArray:
-    """Each solid and its label; of `shown` solids of the message before, those gone are deleted."""
+    """Return a marker and a label for each solid.
+
+    :param shown: number of solids in the last message; markers of those that are gone are deleted.
+    """
     markers = []
     for i, solid in enumerate(solids):
-        kind = _TYPES.get(solid.shape, Marker.CYLINDER)
-        body = _marker("blocks", i, kind, solid.body, stamp_ns)
-        write_vector(body.scale, solid.scale)
-        _color(body, solid.rgba)
+        kind = MARKERS.get(solid.shape, Marker.CYLINDER)  # there is no capsule
+        block = _marker("blocks", i, kind, solid.body, stamp_ns)
+        write_vector(block.scale, solid.scale)
+        _color(block, solid.rgba)
         label = _marker("labels", i, Marker.TEXT_VIEW_FACING, solid.body, stamp_ns)
-        label.pose.position.z += ABOVE_M
-        label.scale.z, label.text = LETTERS_M, solid.name
+        label.pose.position.z += LABEL_ABOVE_M
+        label.scale.z, label.text = LABEL_HEIGHT_M, solid.name
         _color(label, (1.0, 1.0, 1.0, 1.0))
-        markers += [body, label]
+        markers += [block, label]
     for i in range(len(solids), shown):
         for space in ("blocks", "labels"):
             gone = Marker(ns=space, id=i, action=Marker.DELETE)
@@ -64,15 +83,45 @@ def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> Ma
 
 
 def encode_outlines(markers: MarkerArray, relevance: Sequence[float]) -> MarkerArray:
-    """Around each block of an arena's markers a shell that is as opaque as p says, in Ω's order."""
+    """Return a shell around each block of an arena's markers; its opacity shows p.
+
+    :param relevance: p of each block, in the order of the observation's rows.
+    """
     blocks = [marker for marker in markers.markers if marker.ns == "blocks"]
     for marker in blocks:
         marker.ns = "relevance"
+        # Another publisher's markers may have any id.
         p = relevance[marker.id] if 0 <= marker.id < len(relevance) else 0.0
         for name in "xyz":
-            setattr(marker.scale, name, getattr(marker.scale, name) * 1.4)
+            setattr(marker.scale, name, getattr(marker.scale, name) * SHELL)
         _color(marker, (1.0, 1.0, 1.0, 0.5 * p))
     return MarkerArray(markers=blocks)
+
+
+def encode_image(picture: NDArray[np.uint8], frame: str, stamp_ns: int) -> Image:
+    """Return a picture [height, width, 3] RGB, seen from the optical frame `frame`."""
+    height, width, channels = picture.shape
+    message = Image(height=height, width=width, encoding="rgb8", step=channels * width)
+    message.header.frame_id = frame
+    write_stamp(message.header.stamp, stamp_ns)
+    message.data = array("B", picture.tobytes())
+    return message
+
+
+def encode_camera_info(
+    matrix: Float64, width: int, height: int, frame: str, stamp_ns: int
+) -> CameraInfo:
+    """Return the intrinsics of a camera without distortion.
+
+    :param matrix: K [3, 3] px.
+    :param frame: the camera's optical frame.
+    """
+    message = CameraInfo(height=height, width=width, distortion_model="plumb_bob", d=[0.0] * 5)
+    message.header.frame_id = frame
+    write_stamp(message.header.stamp, stamp_ns)
+    message.k, message.r = matrix.ravel(), np.eye(3).ravel()
+    message.p = np.hstack([matrix, np.zeros((3, 1))]).ravel()
+    return message
 
 
 def _marker(space: str, number: int, kind: int, body: Body, stamp_ns: int) -> Any:
@@ -88,30 +137,11 @@ def _color(marker: Any, rgba: Sequence[float]) -> None:
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = map(float, rgba)
 
 
-def encode_image(picture: NDArray[np.uint8], frame: str, stamp_ns: int) -> Image:
-    """`picture` [height, width, 3] RGB, seen from the optical frame of that name."""
-    height, width, channels = picture.shape
-    message = Image(height=height, width=width, encoding="rgb8", step=channels * width)
-    message.header.frame_id = frame
-    write_stamp(message.header.stamp, stamp_ns)
-    message.data = array("B", picture.tobytes())
-    return message
-
-
-def encode_camera_info(
-    matrix: Float64, width: int, height: int, frame: str, stamp_ns: int
-) -> CameraInfo:
-    """K [3, 3] px of a camera without distortion, which sees what is in front of `frame`."""
-    message = CameraInfo(height=height, width=width, distortion_model="plumb_bob", d=[0.0] * 5)
-    message.header.frame_id = frame
-    write_stamp(message.header.stamp, stamp_ns)
-    message.k, message.r = matrix.ravel(), np.eye(3).ravel()
-    message.p = np.hstack([matrix, np.zeros((3, 1))]).ravel()
-    return message
+# For trackers and controllers
 
 
 def encode_pose(pose: Float64, frame: str, stamp_ns: int) -> PoseStamped:
-    """`pose` [7]: position, m, and quaternion xyzw."""
+    """Return a pose [7]: position (m) and unit quaternion xyzw."""
     message = PoseStamped()
     message.header.frame_id = frame
     write_stamp(message.header.stamp, stamp_ns)
@@ -121,31 +151,27 @@ def encode_pose(pose: Float64, frame: str, stamp_ns: int) -> PoseStamped:
 
 
 def decode_pose(message: PoseStamped) -> tuple[str, Float64]:
-    """In which frame, and [7]: position (m), unit quaternion xyzw.
-
-    Raises NonFiniteError, RangeError.
-    """
-    place, turn = message.pose.position, message.pose.orientation
-    numbers = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+    """Return the frame and the pose [7]: position (m), unit quaternion xyzw. Raises WireError."""
+    position, orientation = message.pose.position, message.pose.orientation
+    numbers = [*read_vector(position), *read_vector(orientation, "xyzw")]
     pose = read_float64("pose", numbers, (7,), LARGEST)
     length = float(np.linalg.norm(pose[3:]))
     if not UNIT[0] <= length <= UNIT[1]:
-        raise WireError(
-            "pose.orientation", "a quaternion of length 1", f"length {length}", code="wire.range"
-        )
+        expected = "a quaternion of length 1"
+        raise WireError("pose.orientation", expected, f"length {length}", code="wire.range")
     pose[3:] /= length
     return str(message.header.frame_id), pose
 
 
 def encode_velocities(velocity: Float64) -> Float64MultiArray:
-    """Joint velocities, rad/s [J], in the order of the arena's joints."""
+    """Return joint velocities [J], rad/s, in the order of the arena's joints."""
     return Float64MultiArray(data=velocity.tolist())
 
 
 def encode_point(
     names: Sequence[str], position: Float64, velocity: Float64, after_s: float
 ) -> JointTrajectory:
-    """One point, rad and rad/s [J], to be reached after so long."""
+    """Return a trajectory of one point [J], rad and rad/s, to be reached in `after_s`."""
     point = JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist())
     write_stamp(point.time_from_start, round(after_s * 1e9))
     return JointTrajectory(joint_names=list(names), points=[point])
