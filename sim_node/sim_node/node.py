@@ -43,9 +43,9 @@ from sim_node.commands import Watchdog, check_answer
 from sim_node.config import SimConfig
 from sim_node.entities import Entities
 from sim_node.errors import SimError
-from sim_node.services import ArenaServices
+from sim_node.services import Services
 from sim_node.session import ActiveProgram, Frame, Session
-from sim_node.simulator import SimulatorServices
+from sim_node.stepping import SteppingAction
 from sim_node.viewers import CameraView, Samples, Views
 
 
@@ -121,9 +121,9 @@ class SimNode(ManagedNode):
 
     def _create_services(self) -> None:
         """Services, and what people look at. Raises RenderError for a camera without OpenGL."""
-        ArenaServices(self, self, self.refusals)
         entities = Entities(self.session)
-        SimulatorServices(self, self, entities, self.refusals)
+        Services(self, self, entities, self.refusals)
+        SteppingAction(self, self, self.refusals)
         with_camera = self.config.camera.rate_hz > 0
         self._camera = CameraView(self, self, self.refusals) if with_camera else None
         Views(self, self, entities, self._camera)

@@ -1,4 +1,4 @@
-"""The action simulate_steps: a paused arena goes on step by step, and can be stopped between."""
+"""The action simulate_steps: a paused arena advances step by step, and can be cancelled between."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from pa_ros.wire.simulator import (
 from sim_node.errors import SimulatorError
 from sim_node.services import ArenaControl
 
-TURN_S = 0.001  # wall time between two steps, in which the node serves others
+ROUND_S = 0.001  # wall time between two steps, in which the node serves other callbacks
 
 
 class SteppingAction:
-    """One goal at a time; a second one is aborted."""
+    """Executes one goal at a time; a second one is aborted."""
 
     def __init__(self, node: Node, arena: ArenaControl, refusals: Refusals) -> None:
         self._node, self._arena, self._refusals = node, arena, refusals
@@ -38,13 +38,13 @@ class SteppingAction:
             self._arena.check_active()
             steps = decode_simulation_steps(goal.request)
             if self._goal is not None:
-                text = f"simulate_steps: expected one goal at a time, got one while at {self._done}"
-                raise SimulatorError(text, ResultCode.OPERATION_FAILED)
+                text = f"simulate_steps: expected one goal at a time, got one after {self._done}"
+                raise SimulatorError(f"{text} steps of another", ResultCode.OPERATION_FAILED)
         except PaError as error:
-            self._refuse(goal, error)
+            self._abort(goal, error)
             return
         self._goal, self._steps, self._done = goal, steps, 0
-        self._timer = steady_timer(self._node, TURN_S, self._step)
+        self._timer = steady_timer(self._node, ROUND_S, self._step)
 
     def _step(self) -> None:
         goal = self._goal
@@ -55,7 +55,7 @@ class SteppingAction:
             self._arena.hold(1)
         except PaError as error:
             self._end()
-            self._refuse(goal, error)
+            self._abort(goal, error)
             return
         self._done += 1
         goal.feedback(Message(encode_steps_feedback(self._done, self._steps - self._done)))
@@ -65,15 +65,14 @@ class SteppingAction:
 
     def _cancel(self, goal: Goal) -> None:
         if goal is self._goal:
-            text = f"cancelled after {self._done} of {self._steps} steps"
             self._end()
+            text = f"cancelled after {self._done} of {self._steps} steps"
             goal.cancel(Message(encode_steps_result(ResultCode.OPERATION_FAILED, text)))
 
     def _end(self) -> None:
         self._goal = None
         self._node.destroy_timer(self._timer)
 
-    def _refuse(self, goal: Goal, error: PaError) -> None:
+    def _abort(self, goal: Goal, error: PaError) -> None:
         self._refusals.refuse(SIMULATE_STEPS[0], error)
-        failed = encode_steps_result(ResultCode.OPERATION_FAILED, str(error))
-        goal.abort(Message(failed))
+        goal.abort(Message(encode_steps_result(ResultCode.OPERATION_FAILED, str(error))))

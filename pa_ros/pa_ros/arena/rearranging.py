@@ -9,7 +9,7 @@ from math import atan2
 import numpy as np
 
 from pa_ros.arena.designs import Kind
-from pa_ros.arena.episodes import Block, Episode
+from pa_ros.arena.episodes import Block
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.task import ReachTask
@@ -49,13 +49,6 @@ def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) ->
     poses = np.array([[*body.position, *np.roll(body.quaternion, 1)] for body in placed])
     twists = np.array([[*body.linear, *body.angular] for body in placed])
     task.rearrange(episode, poses, twists)
-
-
-def check_added(task: ReachTask, episode: Episode, added: Sequence[tuple[Kind, Body]]) -> None:
-    """Raise ArenaError (arena.scene) unless blocks can be added to those at an episode's start."""
-    upright = np.array([0.0, 0.0, 0.0, 1.0])
-    own = [(b.kind, Body.at_rest(np.array([b.x, b.y, 0.0]), upright)) for b in episode.blocks]
-    _check_apart([_lifted(task, kind, body) for kind, body in [*own, *added]])
 
 
 def _lifted(task: ReachTask, kind: Kind, body: Body) -> Body:
