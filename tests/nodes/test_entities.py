@@ -1,21 +1,16 @@
-"""What is in the arena, by name: filters that cost little, blocks put back."""
+"""The entities of an arena by name, without ROS."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pa_ros.arena.errors import ArenaError
 from pa_ros.core.body import Body
 from pa_ros.wire.simulator import EntityFilter, ResultCode, Spawning
 from sim_node.config import SimConfig
 from sim_node.entities import Entities
 from sim_node.errors import SimulatorError
 from sim_node.session import Session
-
-UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @pytest.fixture
@@ -36,55 +31,40 @@ def names(entities: Entities, pattern: str = "") -> list[str]:
 
 def spawn(entities: Entities, name: str, x: float, y: float) -> None:
     uri = next(iter(entities.spawnable()))
-    entities.spawn(Spawning(name, False, uri, Body.at_rest(np.array([x, y, 0.0]), UPRIGHT)))
+    body = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+    entities.spawn(Spawning(name, False, uri, body))
 
 
-def test_names_are_found_by_posix_extended_expressions(entities: Entities) -> None:
+def test_names_match_posix_extended_expressions(entities: Entities) -> None:
     assert names(entities, "^red_c") == ["red_cube"]
     assert names(entities, "^h.nd$|^red_[[:alpha:]]+be$") == ["hand", "red_cube"]
-    assert names(entities, "(red|blue)_cub{1,2}e") == ["red_cube"]
-    assert names(entities) == names(entities, "_?") == [e.name for e in entities.matching()]
+    assert names(entities) == names(entities, "_?")
 
 
-@pytest.mark.parametrize(
-    "pattern",
-    ["(", "x{4294967295}", "(" * 3000, "(" * 900, r"(\w{50}){50}", "a" * 1001, "(?=a)", r"(a)\1"],
-)
-def test_what_is_no_expression_or_too_large_a_one_is_refused(entities, pattern) -> None:
-    with pytest.raises(SimulatorError, match=r"^filters\.filter: expected .*, got ") as refused:
+@pytest.mark.parametrize("pattern", ["(", "x{4294967295}", "(" * 900, "(?=a)"])
+def test_a_wrong_expression_is_rejected(entities: Entities, pattern: str) -> None:
+    with pytest.raises(SimulatorError, match=r"^filters\.filter: expected .*, got ") as caught:
         names(entities, pattern)
-    assert refused.value.result == ResultCode.OPERATION_FAILED and len(str(refused.value)) < 500
+    assert caught.value.result == ResultCode.OPERATION_FAILED
 
 
-@pytest.mark.parametrize("pattern", ["^(a+)+!$", "(a|aa)+!", "a*" * 300 + "!", "(a*){30}" * 20])
-def test_no_expression_takes_long_whatever_the_names_are(session, entities, pattern) -> None:
+def test_an_expression_takes_linear_time(entities: Entities) -> None:
     spawn(entities, "a" * 200, -0.5, -0.5)
-    found = names(entities, pattern)  # by backtracking: for ever
-    assert found == ([] if "!" in pattern else names(entities))
+    assert names(entities, "^(a+)+!$") == []
 
 
-def test_what_cannot_be_put_back_is_refused_and_nothing_has_changed(session, entities) -> None:
-    block = names(entities)[1]
-    start = entities.named(block).body.position
-    elsewhere = np.array([-0.55, -0.55, 0.05])
-    entities.put(block, lambda body: replace(body, position=elsewhere))
-    spawn(entities, "mine", start[0], start[1])
-    frame, before = session.frame, names(entities)
-    with pytest.raises(ArenaError, match="to every other block"):
-        entities.restore(session.begin, spawned=True)
-    assert session.frame is frame and names(entities) == before
-    assert np.allclose(entities.named(block).body.position, elsewhere, atol=0.05)
-    entities.restore(session.begin, spawned=False)
+def test_a_restart_keeps_or_removes_added_blocks(session: Session, entities: Entities) -> None:
+    spawn(entities, "mine", -0.5, -0.5)
+    entities.put("mine", lambda body: Body.at_rest(np.array([0.5, 0.5, 0.1]), body.quaternion))
+    entities.restart(session.begin, keep_spawned=True)
+    assert entities.named("mine").body.position[:2] == pytest.approx([-0.5, -0.5])
+    entities.restart(session.begin, keep_spawned=False)
     assert "mine" not in names(entities)
 
 
-def test_blocks_put_back_are_no_more_than_there_may_be(session, entities) -> None:
-    own = names(entities)[1:]
-    entities.delete(*own[1:])
-    for i in range(31):
+def test_there_are_at_most_32_blocks(entities: Entities) -> None:
+    own = len(names(entities)) - 1
+    for i in range(32 - own):
         spawn(entities, f"b{i}", -0.7 + 0.1 * (i % 8), -0.7 + 0.1 * (i // 8))
-    before = names(entities)
-    assert len(before) == 33
     with pytest.raises(SimulatorError, match="at most 32"):
-        entities.restore(session.begin, spawned=True)
-    assert names(entities) == before
+        spawn(entities, "last", 0.7, 0.7)
