@@ -16,7 +16,7 @@ import numpy as np
 from msgs_schema import msg
 from pa_ros.language import Program, parse
 from pa_ros.wire.errors import WireError
-from pa_ros.wire.fields import float64_field, read_stamp, write_stamp
+from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
 from pa_ros.world import Sparse
 from pa_ros.world.relations import RELATIONS
 from pa_ros.world.world import World
@@ -26,6 +26,12 @@ WIRE_VERSION = "4"
 NO_STAMP = 0
 SPARSE = Sparse().to_json()  # the paper's reward
 ENDLESS = 2**31 - 1  # steps of an episode without a time limit
+# Fields that are alike in the message and in the record, and arrays of numbers.
+SAME = (
+    *("arena_id", "software_version", "design", "arm", "preset", "seed", "block_count"),
+    *("hand_index", "control_period", "episode_steps", "reward"),
+)
+NUMBERS = ("joint_lower", "joint_upper", "speed_limits", "thresholds")
 
 
 class Mode(IntEnum):
@@ -104,27 +110,15 @@ def encode_arena_info(arena: ArenaDescription) -> msg.ArenaInfo:
     """Return the latched self-description of an arena."""
     message = msg.ArenaInfo()
     write_stamp(message.stamp, arena.stamp_ns)
-    message.arena_id = arena.arena_id
-    message.software_version = arena.software_version
+    copy_fields(message, arena, SAME)
     message.wire_version = WIRE_VERSION
     message.mode = int(arena.mode)
-    message.design = arena.design
-    message.arm = arena.arm
-    message.preset = arena.preset
-    message.seed = arena.seed
-    message.block_count = arena.block_count
     write_world(message, arena.world)
     message.training_programs = list(map(str, arena.training_programs))
     message.object_feature_names = list(arena.world.schema.feature_names)
-    message.hand_index = arena.hand_index
     message.joint_names = list(arena.joint_names)
-    message.joint_lower = float64_field(np.asarray(arena.joint_lower))
-    message.joint_upper = float64_field(np.asarray(arena.joint_upper))
-    message.speed_limits = float64_field(np.asarray(arena.speed_limits))
-    message.control_period = arena.control_period
-    message.thresholds = float64_field(np.asarray(arena.thresholds))
-    message.episode_steps = arena.episode_steps
-    message.reward = arena.reward
+    for name in NUMBERS:
+        setattr(message, name, float64_field(np.asarray(getattr(arena, name))))
     return message
 
 
@@ -133,27 +127,15 @@ def decode_arena_info(message: msg.ArenaInfo) -> ArenaDescription:
     check_version("arena_info", message)
     world = read_world("arena_info", message)
     _check(message, world)
+    numbers: dict[str, Any] = {name: tuple(getattr(message, name)) for name in NUMBERS}
     return ArenaDescription(
         mode=Mode(message.mode),
-        design=message.design,
-        arm=message.arm,
-        preset=message.preset,
-        seed=message.seed,
-        block_count=message.block_count,
         world=world,
         training_programs=read_programs(message, world),
         joint_names=tuple(message.joint_names),
-        joint_lower=tuple(message.joint_lower),
-        joint_upper=tuple(message.joint_upper),
-        speed_limits=tuple(message.speed_limits),
-        control_period=message.control_period,
-        thresholds=tuple(message.thresholds),
-        episode_steps=message.episode_steps,
-        reward=message.reward,
-        hand_index=message.hand_index,
         stamp_ns=read_stamp(message.stamp),
-        arena_id=message.arena_id,
-        software_version=message.software_version,
+        **numbers,
+        **fields_of(message, SAME),
     )
 
 

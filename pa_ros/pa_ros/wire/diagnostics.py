@@ -21,8 +21,12 @@ from pa_ros.wire.arena import (
     write_world,
 )
 from pa_ros.wire.errors import WireError
-from pa_ros.wire.fields import read_stamp, write_stamp
+from pa_ros.wire.fields import copy_fields, fields_of, read_stamp, write_stamp
 from pa_ros.world.world import World
+
+# Fields that are alike in the message and in the records.
+SAME = ("node", "instance", "software_version", "versions", "seed", "design", "arm", "preset")
+SAME_OF_LEARNER = ("first_version", "network", "learner", "algorithm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,23 +102,13 @@ def encode_provenance(origin: Origin) -> msg.Provenance:
     """Return the origin of one process's messages."""
     message = msg.Provenance()
     write_stamp(message.stamp, origin.stamp_ns)
-    message.node = origin.node
-    message.instance = origin.instance
-    message.software_version = origin.software_version
+    copy_fields(message, origin, SAME)
     message.wire_version = WIRE_VERSION
-    message.versions = origin.versions
-    message.seed = origin.seed
     message.parameters = json.dumps(dict(origin.parameters), sort_keys=True)
-    message.design = origin.design
-    message.arm = origin.arm
-    message.preset = origin.preset
     if origin.world is not None:
         write_world(message, origin.world)
     if origin.learner is not None:
-        message.first_version = origin.learner.first_version
-        message.network = origin.learner.network
-        message.learner = origin.learner.learner
-        message.algorithm = origin.learner.algorithm
+        copy_fields(message, origin.learner, SAME_OF_LEARNER)
         message.training_programs = list(map(str, origin.learner.training_programs))
     return message
 
@@ -124,18 +118,11 @@ def decode_provenance(message: msg.Provenance) -> Origin:
     check_version("provenance", message)
     world = read_world("provenance", message) if message.world else None
     return Origin(
-        node=message.node,
-        instance=message.instance,
-        software_version=message.software_version,
-        versions=message.versions,
-        seed=int(message.seed),
         parameters=_parameters(message.parameters),
-        design=message.design,
-        arm=message.arm,
-        preset=message.preset,
         world=world,
         stamp_ns=read_stamp(message.stamp),
         learner=_learner(message, world),
+        **fields_of(message, SAME),
     )
 
 
@@ -145,11 +132,7 @@ def _learner(message: msg.Provenance, world: World | None) -> LearnerOrigin | No
     if world is None:
         raise WireError("provenance.world", "the learner's world", "''", code="wire.range")
     return LearnerOrigin(
-        first_version=int(message.first_version),
-        network=message.network,
-        learner=message.learner,
-        algorithm=message.algorithm,
-        training_programs=read_programs(message, world),
+        training_programs=read_programs(message, world), **fields_of(message, SAME_OF_LEARNER)
     )
 
 

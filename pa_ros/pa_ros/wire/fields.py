@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -72,6 +72,17 @@ def _checked(
     if reach > largest:
         raise WireError(name, f"within ±{largest:g}", reach, code="wire.range")
     return read
+
+
+def copy_fields(message: Any, record: Any, names: Iterable[str]) -> None:
+    """Set the fields that message and record have under the same names."""
+    for name in names:
+        setattr(message, name, getattr(record, name))
+
+
+def fields_of(message: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Return these fields by name."""
+    return {name: getattr(message, name) for name in names}
 
 
 def write_stamp(stamp: Any, stamp_ns: int) -> None:

@@ -15,7 +15,15 @@ from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import parse
 from pa_ros.wire.arena import WIRE_VERSION, check_positive, check_version
 from pa_ros.wire.errors import WireError
-from pa_ros.wire.fields import float32_field, float64_field, read_float32, read_stamp, write_stamp
+from pa_ros.wire.fields import (
+    copy_fields,
+    fields_of,
+    float32_field,
+    float64_field,
+    read_float32,
+    read_stamp,
+    write_stamp,
+)
 from pa_ros.wire.step import objects_and_hand
 from pa_ros.world import Trajectory
 from pa_ros.world.world import World
@@ -23,11 +31,15 @@ from pa_ros.world.world import World
 MAX_TRANSITIONS = 10_000  # of one trajectory
 MAX_DIMENSIONS = 8  # of one tensor
 DTYPE, ITEM_BYTES = "float32", 4
-# Fields that LearnerInfo, the record, and LearnerInfo, the message, have alike.
+# Fields that are alike in the message and in the record.
 SAME = (
     *("run_id", "learner_id", "first_version", "world_digest", "architecture", "algorithm"),
     *("trajectory_steps", "policy_lag", "exploration", "inference", "software_version"),
     *("control_period", "reward"),
+)
+SAME_OF_TRAJECTORY = (
+    *("agent_id", "incarnation", "sequence", "held_from", "run_id", "policy_version", "episode"),
+    *("first_step", "world_digest", "hand_index", "ends_episode", "terminated"),
 )
 
 
@@ -38,23 +50,12 @@ def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
     """Return a trajectory of one agent."""
     message = msg.Trajectory()
     write_stamp(message.stamp, trajectory.stamp_ns)
-    message.agent_id, message.incarnation = trajectory.agent_id, trajectory.incarnation
-    message.sequence, message.held_from = trajectory.sequence, trajectory.held_from
-    message.run_id = trajectory.run_id
-    message.policy_version = trajectory.policy_version
-    message.episode = trajectory.episode
-    message.first_step = trajectory.first_step
+    copy_fields(message, trajectory, SAME_OF_TRAJECTORY)
     message.program = str(trajectory.program)
-    message.world_digest = trajectory.world_digest
-    message.hand_index = trajectory.hand_index
     message.transition_count = len(trajectory)
     message.object_count = trajectory.objects.shape[1]
-    message.objects = float32_field(trajectory.objects)
-    message.arm = float32_field(trajectory.arm)
-    message.actions = float32_field(trajectory.actions)
-    message.rewards = float32_field(trajectory.rewards)
-    message.ends_episode = trajectory.ends_episode
-    message.terminated = trajectory.terminated
+    for name in ("objects", "arm", "actions", "rewards"):
+        setattr(message, name, float32_field(getattr(trajectory, name)))
     return message
 
 
@@ -77,29 +78,18 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
     if not 1 <= length <= MAX_TRANSITIONS:
         field, expected = "trajectory.transition_count", f"1 to {MAX_TRANSITIONS}"
         raise WireError(field, expected, length, code="wire.range")
-    count, hand_index = objects_and_hand("trajectory", message)
+    count, _ = objects_and_hand("trajectory", message)
     rows = length + 1
     objects = (rows, count, world.object_features)
     actions = (length, world.actions)
     return Trajectory(
-        agent_id=message.agent_id,
-        sequence=message.sequence,
-        policy_version=message.policy_version,
-        episode=message.episode,
-        first_step=message.first_step,
         program=parse(message.program, world.vocabulary),
-        hand_index=hand_index,
         objects=read_float32("trajectory.objects", message.objects, objects),
         arm=read_float32("trajectory.arm", message.arm, (rows, world.arm_features)),
         actions=read_float32("trajectory.actions", message.actions, actions, largest=1.0),
         rewards=read_float32("trajectory.rewards", message.rewards, (length,)),
-        ends_episode=message.ends_episode,
-        terminated=message.terminated,
-        world_digest=message.world_digest,
-        run_id=message.run_id,
-        incarnation=message.incarnation,
-        held_from=message.held_from,
         stamp_ns=read_stamp(message.stamp),
+        **fields_of(message, SAME_OF_TRAJECTORY),
     )
 
 
@@ -110,8 +100,7 @@ def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
     """Return the latched announcement of a learner."""
     message = msg.LearnerInfo()
     write_stamp(message.stamp, learner.stamp_ns)
-    for name in SAME:
-        setattr(message, name, getattr(learner, name))
+    copy_fields(message, learner, SAME)
     message.thresholds = float64_field(np.asarray(learner.thresholds))
     message.software_version = learner.software_version or __version__
     message.wire_version = WIRE_VERSION
@@ -129,8 +118,9 @@ def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
         raise WireError(field, expected, message.trajectory_steps, code="wire.range")
     thresholds = tuple(message.thresholds)
     check_positive("learner_info", control_period=(message.control_period,), thresholds=thresholds)
-    values = {name: getattr(message, name) for name in SAME}
-    return LearnerInfo(**values, thresholds=thresholds, stamp_ns=read_stamp(message.stamp))
+    return LearnerInfo(
+        **fields_of(message, SAME), thresholds=thresholds, stamp_ns=read_stamp(message.stamp)
+    )
 
 
 # Weights
