@@ -1,0 +1,70 @@
+"""What a process says about itself: health and provenance as messages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helpers.messages import texts
+from helpers.rejections import rejected
+from pa_ros.language import Vocabulary, parse
+from pa_ros.wire.diagnostics import (
+    Health,
+    LearnerOrigin,
+    Origin,
+    decode_diagnostics,
+    decode_provenance,
+    encode_diagnostics,
+    encode_provenance,
+)
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
+
+WORLD = World(PAPER, Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE")), joints=6)
+PROGRAMS = (parse("NEAR(HAND, RED)", WORLD.vocabulary),)
+ORIGIN = Origin(
+    node="/arena1/learner_node",
+    instance="run",
+    software_version="0.1.0",
+    versions="python 3.11",
+    seed=2**63,
+    parameters={"protocol": "ours", "learner.replay.batch_size": 16, "resume": False},
+    design="2-L",
+    arm="jaco",
+    preset="fast",
+    world=WORLD,
+    stamp_ns=1_234_567_890_123_456_789,
+    learner=LearnerOrigin(7, '{"hidden":150}', '{"batch_size":64}', "td3", PROGRAMS),
+)
+health = st.builds(
+    Health, texts, st.integers(0, 3), texts, st.dictionaries(texts, texts, max_size=3)
+)
+
+
+@given(st.lists(health, max_size=3))
+def test_diagnostics_survive_the_wire(entries):
+    assert decode_diagnostics(encode_diagnostics(entries, 3)) == entries
+
+
+@pytest.mark.parametrize("origin", [ORIGIN, replace(ORIGIN, learner=None, world=None)])
+def test_provenance_survives_the_wire(origin):
+    assert decode_provenance(encode_provenance(origin)) == origin
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "code"),
+    [
+        ("wire_version", "0", "wire.version"),
+        ("parameters", "[1, 2]", "wire.range"),
+        ("world", "", "wire.range"),
+        ("world_digest", "0" * 16, "wire.world"),
+    ],
+)
+def test_malformed_provenance_is_rejected(field, value, code):
+    message = encode_provenance(ORIGIN)
+    setattr(message, field, value)
+    with rejected(code, match=f"provenance.{field}"):
+        decode_provenance(message)
