@@ -68,3 +68,10 @@ def test_there_are_at_most_32_blocks(entities: Entities) -> None:
         spawn(entities, f"b{i}", -0.7 + 0.1 * (i % 8), -0.7 + 0.1 * (i // 8))
     with pytest.raises(SimulatorError, match="at most 32"):
         spawn(entities, "last", 0.7, 0.7)
+
+
+def test_a_step_after_a_move_is_no_consequence_of_a_command(
+    session: Session, entities: Entities
+) -> None:
+    entities.put("red_cube", lambda body: Body.at_rest(body.position, body.quaternion))
+    assert session.disturbed

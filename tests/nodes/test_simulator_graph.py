@@ -1,17 +1,21 @@
-"""The services and the action of simulation_interfaces, on a running arena."""
+"""The services and the action of simulation_interfaces on a running arena."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import Vector3
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
 from helpers.graph import Probe, graph
 from msgs_schema.action import SimulateSteps
+from msgs_schema.msg import Bounds
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS
@@ -40,8 +44,23 @@ UNSUPPORTED = ResultCode.FEATURE_UNSUPPORTED
 STOPPED, PLAYING, PAUSED = 0, 1, 2
 
 
-def ask(probe: Probe, service, **fields):
-    """A response; `a__b` stands for the field b of a."""
+@pytest.fixture(scope="module")
+def running(module_domain: str) -> Iterator[Probe]:
+    """One paused arena for all tests of this module."""
+    with graph(SimNode, **ARENA, sim_node__paused=True) as probe:
+        yield probe
+
+
+@pytest.fixture
+def probe(running: Probe) -> Probe:
+    """The arena, paused, as its episode began."""
+    code(running, topics.SET_SIMULATION_STATE, state__state=PAUSED)
+    assert code(running, topics.RESET_SIMULATION) == OK
+    return running
+
+
+def ask(probe: Probe, service: tuple[str, Any], **fields: Any) -> Any:
+    """The response to a request; `a__b` sets the field b of the field a."""
     name, kind = service
     request = kind.Request()
     for path, value in fields.items():
@@ -58,25 +77,26 @@ def ask(probe: Probe, service, **fields):
     return future.result()
 
 
-def code(probe: Probe, service, **fields) -> int:
+def code(probe: Probe, service: tuple[str, Any], **fields: Any) -> int:
     return decode_result(ask(probe, service, **fields))[0]
 
 
 def place(probe: Probe, entity: str) -> np.ndarray:
-    told = ask(probe, topics.GET_ENTITY_STATE, entity=entity)
-    assert decode_result(told) == (OK, "") and told.state.header.frame_id == "world"
-    return decode_entity_state(told.state).position
+    answer = ask(probe, topics.GET_ENTITY_STATE, entity=entity)
+    assert decode_result(answer) == (OK, "") and answer.state.header.frame_id == "world"
+    return decode_entity_state(answer.state).position
 
 
-def stamps(probe: Probe) -> list[int]:
-    return [header_stamp(m) for m in probe.heard["object_features"]]
+def names(probe: Probe, service: tuple[str, Any] = topics.GET_ENTITIES, **fields: Any) -> list[str]:
+    answer = ask(probe, service, **fields)
+    assert decode_result(answer)[0] == OK
+    return list(answer.entities)
 
 
-def test_a_person_moves_adds_and_removes_blocks_and_the_program_stays_pursued():
+def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
     with graph(SimNode, AgentNode, **ARENA, **TRAINED, sim_node__real_time_factor=20.0) as probe:
         assert probe.until(lambda: probe.count(topics.VERDICT) > 0)
-        names = ask(probe, topics.GET_ENTITIES).entities
-        assert names[0] == "hand" and "red_cube" in names and len(names) == 5
+        assert names(probe)[0] == "hand" and "red_cube" in names(probe) and len(names(probe)) == 5
         speaker = probe.speaker(topics.PROGRAM)
         program = topics.PROGRAM.type(program_id="mine", text="NEAR(HAND, AND(RED, CUBE))")
         speaker.publish(program)
@@ -105,106 +125,94 @@ def test_a_person_moves_adds_and_removes_blocks_and_the_program_stays_pursued():
         assert ask(probe, topics.SPAWN_ENTITY, **spawn, **at).entity_name == "mine"
         assert probe.until(lambda: near() and reached([-0.4, -0.3]))
         assert probe.last(topics.VERDICT).program_id == "mine"
-        assert stamps(probe) == sorted(stamps(probe))
-        assert probe.last(topics.OBJECT_FEATURES).episode == 0
 
 
-def test_time_stops_passes_step_by_step_and_never_goes_back():
-    with graph(SimNode, **ARENA) as probe:
-        sim = probe.nodes[0]
-        assert probe.reaches(2)
-
-        def state() -> int:
-            told = ask(probe, topics.GET_SIMULATION_STATE)
-            assert decode_result(told)[0] == OK
-            return told.state.state
-
-        assert state() == PLAYING
-        assert code(probe, topics.STEP_SIMULATION) == FAILED  # not while it runs
-        assert code(probe, topics.SET_SIMULATION_STATE, state__state=PAUSED) == OK
-        assert state() == PAUSED
-        again = code(probe, topics.SET_SIMULATION_STATE, state__state=PAUSED)
-        assert again == ALREADY_IN_TARGET_STATE
-        steps = sim.session.steps
-        assert code(probe, topics.STEP_SIMULATION, steps=7) == OK and sim.session.steps == steps + 7
-        assert code(probe, topics.STEP_SIMULATION, steps=0) == FAILED
-        assert code(probe, topics.STEP_SIMULATION, steps=10**9) == FAILED
-        assert code(probe, topics.SET_SIMULATION_STATE, state__state=STOPPED) == OK
-        assert state() == STOPPED and sim.session.frame.observation.step == 0
-        assert code(probe, topics.STEP_SIMULATION) == OK and state() == PAUSED
-        assert code(probe, topics.SET_SIMULATION_STATE, state__state=3) == UNSUPPORTED
-        assert code(probe, topics.SET_SIMULATION_STATE, state__state=PLAYING) == OK
-        assert state() == PLAYING and probe.reaches(5)
-        clock = [decode_clock(m) for m in probe.heard["clock"]]
-        assert clock == sorted(clock) and stamps(probe) == sorted(set(stamps(probe)))
+def test_an_arena_warns_if_another_node_publishes_its_clock():
+    with graph(SimNode, remaps=["clock:=/sim/clock"], **ARENA) as probe:
+        assert probe.until(lambda: probe.count(topics.CLOCK) > 2)
+        assert probe.nodes[0].count_publishers("/sim/clock") == 1
+        assert probe.until(lambda: probe.message("sim_node").startswith("waits for a program"))
+        intruder = topics.CLOCK.publisher(probe)
+        said = "another node publishes /sim/clock, too"
+        assert probe.until(lambda: said in probe.message("sim_node"))
+        probe.destroy_publisher(intruder)
 
 
-def test_a_reset_has_scopes():
-    with graph(SimNode, **ARENA, sim_node__paused=True) as probe:
-        start = place(probe, "red_cube")
-        moved = {"entity": "red_cube", "set_pose": True, "state__pose__position__x": -0.5}
-        spawn = {"entity_resource__uri": "block:blue_capsule", "allow_renaming": True}
+def test_time_pauses_advances_step_by_step_and_never_goes_back(probe):
+    session = probe.nodes[0].session
 
-        def change() -> None:
-            assert code(probe, topics.SET_ENTITY_STATE, **moved) == OK
-            spot = {"initial_pose__pose__position__y": -0.6}
-            assert ask(probe, topics.SPAWN_ENTITY, **spawn, **spot).entity_name == "blue_capsule"
+    def state() -> int:
+        answer = ask(probe, topics.GET_SIMULATION_STATE)
+        assert decode_result(answer)[0] == OK
+        return answer.state.state
 
-        def stands() -> tuple[bool, bool]:
-            """Whether the cube is where it was, and whether the capsule is there."""
-            home = bool(np.allclose(place(probe, "red_cube"), start, atol=1e-3))
-            return home, "blue_capsule" in ask(probe, topics.GET_ENTITIES).entities
+    set_state = partial(code, probe, topics.SET_SIMULATION_STATE)
+    step = partial(code, probe, topics.STEP_SIMULATION)
+    assert state() == PAUSED and set_state(state__state=PAUSED) == ALREADY_IN_TARGET_STATE
+    steps = session.steps
+    assert step(steps=7) == OK and session.steps == steps + 7
+    assert [step(steps=wrong) for wrong in (0, 10**9)] == [FAILED, FAILED]
+    assert set_state(state__state=STOPPED) == OK
+    assert state() == STOPPED and session.frame.observation.step == 0
+    assert step() == OK and state() == PAUSED
+    assert set_state(state__state=3) == UNSUPPORTED
+    assert set_state(state__state=PLAYING) == OK
+    assert state() == PLAYING and probe.reaches(5)
+    assert step() == FAILED  # only a paused arena can be stepped
+    stamps = [header_stamp(m) for m in probe.heard["object_features"]]
+    clock = [decode_clock(m) for m in probe.heard["clock"]]
+    assert clock == sorted(clock) and stamps == sorted(set(stamps))
 
+
+def test_a_reset_has_scopes(probe):
+    start = place(probe, "red_cube")
+    moved = {"entity": "red_cube", "set_pose": True, "state__pose__position__x": -0.5}
+    spawn = {"entity_resource__uri": "block:blue_capsule", "allow_renaming": True}
+    reset = partial(code, probe, topics.RESET_SIMULATION)
+
+    def change() -> None:
+        assert code(probe, topics.SET_ENTITY_STATE, **moved) == OK
+        spot = {"initial_pose__pose__position__y": -0.6}
+        assert ask(probe, topics.SPAWN_ENTITY, **spawn, **spot).entity_name == "blue_capsule"
+
+    def now() -> tuple[bool, bool]:
+        """Whether the cube is where it was, and whether the capsule exists."""
+        home = bool(np.allclose(place(probe, "red_cube"), start, atol=1e-3))
+        return home, "blue_capsule" in names(probe)
+
+    change()
+    assert now() == (False, True)
+    assert reset(scope=4) == OK and now() == (False, False)
+    change()
+    assert reset(scope=2) == OK and now() == (True, True)
+    assert [reset(scope=scope) for scope in (1, 3, 128)] == [UNSUPPORTED] * 3
+    assert now() == (True, True)
+    for scope in (0, 255, 6):
+        assert reset(scope=scope) == OK and now() == (True, False)
         change()
-        assert stands() == (False, True)
-        assert code(probe, topics.RESET_SIMULATION, scope=4) == OK and stands() == (False, False)
-        change()
-        assert code(probe, topics.RESET_SIMULATION, scope=2) == OK and stands() == (True, True)
-        for scope in (1, 3, 8, 128):
-            assert code(probe, topics.RESET_SIMULATION, scope=scope) == UNSUPPORTED
-        assert stands() == (True, True)
-        for scope in (0, 255, 6):
-            assert code(probe, topics.RESET_SIMULATION, scope=scope) == OK
-            assert stands() == (True, False)
-            change()
 
 
-def test_entities_are_found_by_name_category_tags_and_bounds():
-    with graph(SimNode, **ARENA, sim_node__paused=True) as probe:
-        features = ask(probe, topics.GET_SIMULATOR_FEATURES).features
-        assert 11 in features.features and 21 not in features.features
-
-        def found(**fields) -> list[str]:
-            told = ask(probe, topics.GET_ENTITIES_STATES, **fields)
-            assert decode_result(told)[0] == OK
-            assert len(told.states) == len(told.entities)
-            return list(told.entities)
-
-        everything = found()
-        assert found(filters__filter="^red_c") == ["red_cube"]
-        assert found(filters__tags__tags=["CUBE"]) == [n for n in everything if n.endswith("cube")]
-        both = {"filters__tags__tags": ["RED", "CUBE"]}
-        assert found(**both, filters__tags__filter_mode=1) == ["red_cube"]
-        assert len(found(**both)) > 1
-        info = ask(probe, topics.GET_ENTITY_INFO, entity="red_cube").info
-        assert info.category.category == 4 and list(info.tags) == ["CUBE", "RED"]
-        robots = found(
-            filters__categories=[ask(probe, topics.GET_ENTITY_INFO, entity="hand").info.category]
-        )
-        assert robots == ["hand"]
-        bounds = topics.GET_ENTITIES[1].Request().filters.bounds
-        point = type(ask(probe, topics.GET_ENTITY_STATE, entity="hand").state.twist.linear)
-        x, y, z = place(probe, "red_cube").tolist()
-        bounds.type, bounds.points = 3, [point(x=x, y=y, z=z), point(x=0.01)]
-        assert found(filters__bounds=bounds) == ["red_cube"]
-        bounds.type, bounds.points = (
-            1,
-            [point(x=x + 0.1, y=y + 0.1, z=1.0), point(x=x - 0.1, y=y - 0.1)],
-        )
-        assert "red_cube" in found(filters__bounds=bounds)
-        bounds.type = 2
-        assert code(probe, topics.GET_ENTITIES, filters__bounds=bounds) == FAILED
-        assert code(probe, topics.GET_ENTITIES, filters__filter="(") == FAILED
+def test_entities_are_found_by_name_category_tags_and_bounds(probe):
+    found = partial(names, probe, topics.GET_ENTITIES_STATES)
+    assert found(filters__filter="^red_c") == ["red_cube"]
+    cubes = [name for name in found() if name.endswith("cube")]
+    assert found(filters__tags__tags=["CUBE"]) == cubes
+    both = {"filters__tags__tags": ["RED", "CUBE"]}
+    assert found(**both, filters__tags__filter_mode=1) == ["red_cube"]
+    assert len(found(**both)) > 1
+    info = ask(probe, topics.GET_ENTITY_INFO, entity="red_cube").info
+    assert info.category.category == 4 and list(info.tags) == ["CUBE", "RED"]
+    robot = ask(probe, topics.GET_ENTITY_INFO, entity="hand").info.category
+    assert found(filters__categories=[robot]) == ["hand"]
+    x, y, z = place(probe, "red_cube").tolist()
+    sphere = [Vector3(x=x, y=y, z=z), Vector3(x=0.01)]
+    assert found(filters__bounds=Bounds(type=3, points=sphere)) == ["red_cube"]
+    box = [Vector3(x=x + 0.1, y=y + 0.1, z=1.0), Vector3(x=x - 0.1, y=y - 0.1)]
+    assert "red_cube" in found(filters__bounds=Bounds(type=1, points=box))
+    hull = Bounds(type=2, points=box)
+    assert code(probe, topics.GET_ENTITIES, filters__bounds=hull) == FAILED
+    features = ask(probe, topics.GET_SIMULATOR_FEATURES).features.features
+    assert 11 in features and 21 not in features
 
 
 @pytest.mark.parametrize(
@@ -256,76 +264,49 @@ def test_entities_are_found_by_name_category_tags_and_bounds():
         ),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_standards_code(service, fields, expected):
-    with graph(SimNode, **ARENA, sim_node__paused=True) as probe:
-        before = place(probe, "red_cube")
-        answer = ask(probe, service, **fields)
-        told, text = decode_result(answer)
-        assert told == expected and "expected" in text
-        assert np.array_equal(place(probe, "red_cube"), before)
-        assert probe.nodes[0].refusals.total == 1
+def test_wrong_requests_are_answered_with_the_standards_code(probe, service, fields, expected):
+    before, count = place(probe, "red_cube"), probe.nodes[0].refusals.total
+    answered, text = decode_result(ask(probe, service, **fields))
+    assert answered == expected and "expected" in text
+    assert np.array_equal(place(probe, "red_cube"), before)
+    assert probe.nodes[0].refusals.total == count + 1
 
 
-def test_the_last_block_stays():
-    with graph(SimNode, **ARENA, sim_node__paused=True) as probe:
-        blocks = ask(probe, topics.GET_ENTITIES).entities[1:]
-        codes = [code(probe, topics.DELETE_ENTITY, entity=name) for name in blocks]
-        assert codes == [OK] * (len(blocks) - 1) + [FAILED]
+def test_the_last_block_cannot_be_removed(probe):
+    blocks = names(probe)[1:]
+    codes = [code(probe, topics.DELETE_ENTITY, entity=name) for name in blocks]
+    assert codes == [OK] * (len(blocks) - 1) + [FAILED]
 
 
-def test_moved_blocks_are_no_consequence_of_a_command():
-    with graph(SimNode, AgentNode, agent_node__learning=True) as probe:
-        session = probe.nodes[0].session
-        kept = {"entity": ask(probe, topics.GET_ENTITIES).entities[1], "set_pose": True}
-        fields = {**kept, "state__pose__position__y": 0.6}
-        assert code(probe, topics.SET_ENTITY_STATE, **fields) == OK
-        assert session.disturbed
-        session.advance(session.hold, "me")
-        assert not session.disturbed
+def test_steps_as_an_action_are_counted_and_can_be_cancelled(probe):
+    session, feedback = probe.nodes[0].session, []
+    client = ActionClient(probe, SIMULATE_STEPS[1], SIMULATE_STEPS[0])
+    assert probe.until(client.server_is_ready)
 
+    def start(steps: int) -> Any:
+        goal = SimulateSteps.Goal(steps=steps)
+        sent = client.send_goal_async(goal, lambda m: feedback.append(m.feedback))
+        assert probe.until(sent.done)
+        return sent.result()
 
-def test_steps_as_an_action_are_counted_and_can_be_cancelled():
-    with graph(SimNode, **ARENA, sim_node__paused=True) as probe:
-        sim, feedback = probe.nodes[0], []
-        client = ActionClient(probe, SIMULATE_STEPS[1], SIMULATE_STEPS[0])
-        assert probe.until(client.server_is_ready)
+    def result(handle: Any) -> tuple[int, int]:
+        future = handle.get_result_async()
+        assert probe.until(future.done)
+        return future.result().status, decode_result(future.result().result)[0]
 
-        def go(steps: int):
-            goal = SimulateSteps.Goal(steps=steps)
-            sent = client.send_goal_async(goal, lambda m: feedback.append(m.feedback))
-            assert probe.until(sent.done)
-            return sent.result()
-
-        def result(handle) -> tuple[int, int]:
-            future = handle.get_result_async()
-            assert probe.until(future.done)
-            return future.result().status, decode_result(future.result().result)[0]
-
-        assert result(go(5)) == (GoalStatus.STATUS_SUCCEEDED, OK)
-        assert probe.until(lambda: len(feedback) == 5)
-        assert [(f.completed_steps, f.remaining_steps) for f in feedback][-1] == (5, 0)
-        assert sim.session.steps == 5
-        endless = go(10**9)
-        assert result(go(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
-        assert probe.until(lambda: sim.session.steps > 20)
-        assert probe.until(endless.cancel_goal_async().done)
-        assert result(endless)[0] == GoalStatus.STATUS_CANCELED
-        steps = sim.session.steps
-        probe.until(lambda: False, 0.3)
-        assert sim.session.steps == steps
-        assert code(probe, topics.SET_SIMULATION_STATE, state__state=PLAYING) == OK
-        assert result(go(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
-        client.destroy()
-
-
-@pytest.mark.parametrize("name", ["clock", "/sim/clock"])
-def test_an_arena_says_so_if_another_publishes_its_clock(name):
-    with graph(SimNode, remaps=[f"clock:={name}"], **ARENA) as probe:
-        assert probe.until(lambda: probe.count(topics.CLOCK) > 2)
-        full = f"/{name.lstrip('/')}"
-        assert probe.nodes[0].count_publishers(full) == 1
-        assert probe.until(lambda: probe.message("sim_node").startswith("waits for a program"))
-        intruder = topics.CLOCK.publisher(probe)
-        said = f"another node publishes {full}, too"
-        assert probe.until(lambda: said in probe.message("sim_node"))
-        probe.destroy_publisher(intruder)
+    before = session.steps
+    assert result(start(5)) == (GoalStatus.STATUS_SUCCEEDED, OK)
+    assert session.steps == before + 5
+    assert probe.until(lambda: len(feedback) == 5)
+    assert (feedback[-1].completed_steps, feedback[-1].remaining_steps) == (5, 0)
+    endless = start(10**9)
+    assert result(start(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
+    assert probe.until(lambda: session.steps > before + 20)
+    assert probe.until(endless.cancel_goal_async().done)
+    assert result(endless)[0] == GoalStatus.STATUS_CANCELED
+    steps = session.steps
+    probe.until(lambda: False, 0.3)
+    assert session.steps == steps
+    assert code(probe, topics.SET_SIMULATION_STATE, state__state=PLAYING) == OK
+    assert result(start(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
+    client.destroy()
