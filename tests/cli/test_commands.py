@@ -127,7 +127,7 @@ def test_train_then_eval(tmp_path, capsys):
         (["demo", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["ship", "x", "y", "--scores", "/dev/null/x"], "expected a folder at /dev/null, got"),
         (["ship", "unused", "../evil"], "name: expected letters, digits, '-' and '_', got"),
-        (["ship", "unused", "3-D"], "expected another than '3-D', which is there (--replace)"),
+        (["ship", "unused", "3-D"], "expected a new one, got '3-D', which exists (--replace)"),
         (["experiment", "summary"], "expected tables of programmable-2L or programmable-3D in "),
         (
             ["experiment", "programmable-2L", "--tag", "../x", "--learner.detectors.gain=2"],

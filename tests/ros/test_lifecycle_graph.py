@@ -182,15 +182,6 @@ def test_a_configuration_that_fails_can_be_mended(user: User) -> None:
     assert user.ask(CONFIGURE) == (True, "inactive") and node.config.number == 3
 
 
-@pytest.mark.parametrize("user", [{"small__autostart": False, "small__number": 13}], indirect=True)
-def test_a_parameter_that_somebody_deleted_has_its_default_again(user: User) -> None:
-    assert user.set("name", "x") == "" and user.delete("name") == ""
-    assert user.ask(CONFIGURE) == (False, "unconfigured")
-    assert user.node.get_parameter("name").value == "none"
-    assert user.set("number", 3) == "" and user.set("name", "y") == ""
-    assert user.ask(CONFIGURE) == (True, "inactive") and user.node.config.name == "y"
-
-
 @pytest.mark.parametrize(
     ("number", "error"), [(9, MissingError), (13, ConfigError), (7, MissingError)]
 )

@@ -39,16 +39,17 @@ class NodeParameters(Generic[Kind]):
     def open(self) -> None:
         """Let parameters be set until the next `fix`."""
         values, node = self._values(), self._node
-        descriptions = {leaf.path: leaf.description for leaf in self._kind.leaves()}
-        for path in {**descriptions, **values}:
+        leaves = {leaf.path: leaf for leaf in self._kind.leaves()}
+        for path in {**leaves, **values}:
             if node.has_parameter(path):
                 node.describe_parameter(path).read_only = False
                 node.undeclare_parameter(path)
-            if path in descriptions or path in self._given:
-                value = to_ros(values[path]) if path in self._given and path in values else None
-                about = ParameterDescriptor(
-                    description=descriptions.get(path, ""), dynamic_typing=True
-                )
+            if path in leaves or path in self._given:
+                about = describe(leaves[path]) if path in leaves else ParameterDescriptor()
+                about.read_only, about.dynamic_typing = False, True
+                value = to_ros(values[path]) if path in self._given & values.keys() else None
+                if value is not None:  # `fix` checks it, so that its error names the parameter
+                    about.integer_range, about.floating_point_range = [], []
                 node.declare_parameter(path, value, about, ignore_override=True)
 
     def fix(self) -> Kind:
