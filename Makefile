@@ -61,9 +61,9 @@ OUT ?= runs/train
 train: install
 	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out $(OUT)
 
-# What a fleet on three hosts makes of a bad link and of a cut of half a minute; needs root.
+# A fleet on three hosts with a bad link that is cut, and a Ray cluster that loses a host (needs root).
 links: install-dev
-	$(BIN)/python -m pytest -q -s -p no:xdist tests/tools/links.py
+	$(BIN)/python -m pytest -q -s -p no:xdist tests/tools/links.py tests/evaluation/cluster_on_hosts.py
 
 # What docs and parameter files say of settings, from the settings.
 reference: install

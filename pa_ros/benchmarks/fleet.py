@@ -15,9 +15,13 @@ from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.text import Report
-from pa_ros.evaluation.scoring.evaluate import REFERENCES, reference_scores, run_episodes
-from pa_ros.evaluation.scoring.rewards import normalized, rewards
-from pa_ros.evaluation.scoring.training import EVALUATION_SEED
+from pa_ros.evaluation.evaluate import (
+    REFERENCES,
+    TRAINING_SCORES_SEED,
+    reference_scores,
+    run_episodes,
+)
+from pa_ros.evaluation.scores import normalized, rewards
 from pa_ros.ros.topics import POLICY_WEIGHTS
 from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_domain
@@ -71,7 +75,7 @@ class HeldOutScore:
 
     def __init__(self) -> None:
         config = preset_named(PRESET)
-        self._task = ReachTask(config, design_named(DESIGN), EVALUATION_SEED)
+        self._task = ReachTask(config, design_named(DESIGN), TRAINING_SCORES_SEED)
         self._speeds = np.array(config.joint_speed_limits)
         self._script, self._chance = (
             float(rewards(reference_scores(self._task, name, "eval", EPISODES)).mean())

@@ -27,9 +27,9 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.signals import end_with_parent, interrupts_later
 from pa_ros.core.text import Report
-from pa_ros.evaluation.scoring.tables import read_rows, write_rows
-from pa_ros.evaluation.scoring.training import Acts, TrainingScores
-from pa_ros.evaluation.studies.experiments import Experiment, experiment_named, run_seed
+from pa_ros.evaluation.evaluate import Acts, TrainingScores
+from pa_ros.evaluation.experiments import Experiment, experiment_named, run_seed
+from pa_ros.evaluation.tables import read_rows, write_rows
 from pa_ros.language import Program
 
 OURS = "ours"

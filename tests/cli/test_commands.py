@@ -11,7 +11,7 @@ import pytest
 
 from pa_ros.cli.experiment import print_summaries
 from pa_ros.cli.main import build_parser, main
-from pa_ros.evaluation.studies.experiments import SeedSummary
+from pa_ros.evaluation.experiments import SeedSummary
 
 
 def test_program_check_prints_the_canonical_form(capsys):

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from pa_ros.cli.main import main
-from pa_ros.evaluation.scoring.benchmark import Benchmark
-from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED
-from pa_ros.evaluation.studies.generalization import CONDITIONS
+from pa_ros.evaluation.evaluate import EPISODES_SEED
+from pa_ros.evaluation.generalization import CONDITIONS
+from pa_ros.evaluation.scorer import Benchmark
 from pa_ros.learning.config import TrainConfig
 
 pytestmark = pytest.mark.xdist_group("evaluate")  # its checkpoint is made once

@@ -7,7 +7,7 @@ import pytest
 
 from pa_ros.arena import design_named, preset_named, world_of
 from pa_ros.core.experience import PolicySnapshot
-from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 

@@ -1,4 +1,4 @@
-"""Detectors: what is right scores right, what is wrong scores wrong, extremes by their margin."""
+"""Judging detectors: right and wrong ones, and the best and the worst scenes."""
 
 from dataclasses import replace
 
@@ -9,18 +9,20 @@ from pa_ros.acting.actor import Actor
 from pa_ros.arena import design_named, world_of
 from pa_ros.arena.conditions import novel
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.studies.detectors import (
+from pa_ros.evaluation import results
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.detectors import (
     EVERY,
     KNOWN,
     UNSEEN,
+    Accuracy,
     DetectorView,
     accuracies,
     detector_conditions,
-    detector_table,
     extremes,
     named,
 )
+from pa_ros.evaluation.tables import read_rows
 from pa_ros.language import MIN_MAX, PRODUCT, Logic, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
@@ -36,8 +38,10 @@ def swapped(agent: TrainedAgent, one: str, other: str) -> TrainedAgent:
     return replace(agent, snapshot=replace(agent.snapshot, tensors=tensors))
 
 
-def test_right_detectors_are_found_right(novice: TrainedAgent):
-    rows = detector_table({4: novice}, 4)
+def test_right_detectors_are_judged_right(novice: TrainedAgent, tmp_path):
+    rows = results.detectors({4: novice}, tmp_path, 4)
+    assert len(read_rows(tmp_path / "detectors.csv", Accuracy)) == len(rows)
+    assert (tmp_path / "detectors.png").stat().st_size < 120_000
     assert {row.seed for row in rows} == {4}
     assert {row.condition for row in rows} == {KNOWN, UNSEEN}
     for row in rows:
@@ -54,7 +58,7 @@ def test_right_detectors_are_found_right(novice: TrainedAgent):
 
 
 @pytest.mark.parametrize("logic", [MIN_MAX, PRODUCT], ids=lambda logic: logic.name)
-def test_a_new_property_is_as_true_as_the_agent_that_acts_takes_it(
+def test_a_new_property_is_judged_by_the_logic_that_the_agent_acts_by(
     novice: TrainedAgent, logic: Logic
 ):
     agent = replace(novice, logic=logic)
@@ -68,7 +72,7 @@ def test_a_new_property_is_as_true_as_the_agent_that_acts_takes_it(
     assert found[f"new {group}"].on == pytest.approx(np.mean(np.array(p)[new]), abs=1e-6)
 
 
-def test_exchanged_detectors_are_found_wrong(novice: TrainedAgent):
+def test_exchanged_detectors_are_judged_wrong(novice: TrainedAgent):
     wrong = swapped(novice, "RED", "BLUE")
     looks = list(DetectorView(wrong).looks(KNOWN, 6))
     rows = {row.word: row for row in accuracies(0, wrong.design, KNOWN, looks)}
@@ -99,7 +103,7 @@ def test_designs_without_spare_words_have_known_scenes_only(novice: TrainedAgent
     assert detector_conditions(design_named("2-C")) == ("train",)
 
 
-def test_an_agent_without_detectors_is_refused(novice: TrainedAgent):
+def test_an_agent_without_detectors_is_rejected(novice: TrainedAgent):
     config = NetworkConfig(
         world=world_of(novice.arena, novice.design), family="canonical", canonical_hidden=8
     )

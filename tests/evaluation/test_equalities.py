@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import condition_named, design_named, generate, preset_named
-from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.studies.equalities import CONDITIONS, LAWS, Law, difference_table
+from pa_ros.evaluation import results
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.equalities import CONDITIONS, LAWS, Difference, Law, difference_table
+from pa_ros.evaluation.tables import read_rows
 from pa_ros.language import LOGICS, Logic, Program, Word, parse, relevance, satisfying
 
 THREE_D = design_named("3-D")
@@ -57,8 +59,9 @@ def test_exact_laws_hold_over_soft_sets_and_the_others_over_crisp_ones(law: Law,
     assert exact or largest > 0.05
 
 
-def test_an_agent_with_crisp_detectors_acts_alike_under_all_laws(novice: TrainedAgent):
-    rows = difference_table({5: novice}, 2)
+def test_an_agent_with_crisp_detectors_acts_alike_under_all_laws(novice: TrainedAgent, tmp_path):
+    rows = results.equalities({5: novice}, tmp_path, 2)
+    assert len(read_rows(tmp_path / "equalities.csv", Difference)) == len(rows)
     assert [(row.condition, row.law) for row in rows] == [
         (condition, law.name) for condition in CONDITIONS for law in LAWS
     ]
@@ -70,9 +73,7 @@ def test_an_agent_with_crisp_detectors_acts_alike_under_all_laws(novice: Trained
 
 
 @pytest.mark.parametrize("logic", LOGICS.values(), ids=LOGICS)
-def test_blurred_detectors_are_noticed_by_the_inexact_laws_alone(
-    novice: TrainedAgent, logic: Logic
-):
+def test_only_the_inexact_laws_notice_blurred_detectors(novice: TrainedAgent, logic: Logic):
     novice.snapshot.tensors["detectors.weight"][:] /= 6
     rows = difference_table({0: replace(novice, logic=logic)}, 1)
     for row in rows:

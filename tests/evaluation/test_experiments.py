@@ -1,19 +1,20 @@
-"""Experiments: when a seed counts as solved, resuming, and the table."""
+"""Experiments: when a seed counts as solved, continuing, and the tables."""
 
-import csv
 import json
 import math
+import shutil
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device
-from pa_ros.evaluation.studies import experiments
-from pa_ros.evaluation.studies.curves import read_curve
-from pa_ros.evaluation.studies.experiments import (
+from pa_ros.evaluation import experiments
+from pa_ros.evaluation.experiments import (
     EXPERIMENTS,
     check_run,
     experiment_named,
@@ -24,10 +25,30 @@ from pa_ros.evaluation.studies.experiments import (
     under_protocol,
     write_table,
 )
-from pa_ros.evaluation.studies.failures import FailedError
-from pa_ros.evaluation.studies.seeds import tabulate, train_seeds
+from pa_ros.evaluation.seeds import tabulate, train_seeds
+from pa_ros.evaluation.tables import CURVE, EvaluationError, frames_done, read_curve, read_curves
+from pa_ros.learning import records
+from pa_ros.learning.checkpoint_files import LATEST, METADATA
+from pa_ros.learning.checkpoints import load_policy, read_metadata, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.loop import train
+
+NOTHING = {"train_greedy.normalized": 0.0, "eval_greedy.normalized": 0.0}
+LEARNS = {"learner.replay.warmup_frames": 100, "learner.replay.batch_size": 8}
+SMALL = replace(
+    experiment_named("programmable-2L"),
+    frames=600,
+    evaluate_every_frames=300,
+    evaluation_episodes=2,
+    options=LEARNS,
+)
+FORGETTING = replace(
+    SMALL,
+    design="3-D",
+    switch_frames=300,
+    options={**EXPERIMENTS["forgetting"].options, **LEARNS},
+)
 
 
 def rows(*scores: float, column: str = "eval_greedy.normalized"):
@@ -37,74 +58,86 @@ def rows(*scores: float, column: str = "eval_greedy.normalized"):
     ]
 
 
-def test_solved_is_the_first_time_that_lasts():
+def test_a_seed_is_solved_from_where_the_score_stays_above_the_bound():
     summary = summarize(7, rows(0.1, 0.95, 0.5, 0.92, 0.97))
     assert (summary.seed, summary.solved) == (7, True)
     assert (summary.frames_to_solve, summary.wall_s_to_solve) == (4000.0, 4.0)
-
-
-def test_a_seed_that_falls_back_is_not_solved():
-    summary = summarize(0, rows(0.95, 0.95, 0.89))
-    assert not summary.solved
-    assert summary.frames_to_solve != summary.frames_to_solve  # NaN
-
-
-def test_without_held_out_programs_training_decides():
+    fell = summarize(0, rows(0.95, 0.95, 0.89))
+    assert not fell.solved and math.isnan(fell.frames_to_solve)
+    # A design without held-out programs is judged in training.
     assert summarize(0, rows(0.2, 0.91, column="train_greedy.normalized")).frames_to_solve == 2000.0
 
 
-def test_every_experiment_names_things_that_exist():
-    for experiment in EXPERIMENTS.values():
-        assert experiment.frames >= experiment.evaluate_every_frames
-    with pytest.raises(ConfigError, match="programmable-2L"):
-        experiment_named("programmable-9Z")
-    with pytest.raises(ConfigError, match="got 10"):
-        replace(experiment_named("programmable-2L"), frames=10)
+def test_a_score_on_fresh_episodes_counts_more_than_the_curve():
+    assert not summarize(0, rows(0.95), (0.85, 0.9)).solved
+    assert summarize(0, rows(0.85), (0.92, 0.9)).solved
 
 
-def test_labels_say_what_is_unusual():
+def test_labels_name_what_differs_from_the_defaults():
     usual = experiment_named("programmable-2L")
     assert usual.label == "programmable-2L"
     paper = under_protocol(replace(usual, preset="paper", tag="k4"), "paper")
     assert paper.label == "programmable-2L.paper-protocol.paper-arm.k4"
     assert (paper.frames, under_protocol(usual, "ours")) == (2_000_000, usual)
-    slow = replace(usual, preset="paper")
-    assert under_protocol(slow, "ours").label == "programmable-2L.paper-arm"
     assert under_protocol(experiment_named("forgetting"), "paper").switch_frames == 2_500_000
+    with pytest.raises(ConfigError, match="programmable-2L"):
+        experiment_named("programmable-9Z")
+    with pytest.raises(ConfigError, match="got 10"):
+        replace(usual, frames=10)
+    with pytest.raises(ConfigError, match="expected letters, digits"):
+        replace(usual, tag="../x")
 
 
-SMALL = replace(
-    experiment_named("programmable-2L"),
-    frames=600,
-    evaluate_every_frames=300,
-    evaluation_episodes=2,
-)
+def go(folder: Path, experiment=SMALL) -> None:
+    run_seed(experiment, 0, folder, scores=lambda _: NOTHING)
 
 
-def test_a_table_says_on_what_machine_each_seed_was_trained(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("pa_ros.learning.run.here", lambda: "there")
-    run_seed(SMALL, 0, tmp_path / "seed-0")
-    monkeypatch.setattr("pa_ros.evaluation.studies.seeds.final_scores", lambda *_: (0.95, 0.97))
+def frames_saved(folder: Path) -> int:
+    return int(read_metadata(checkpoint_of(folder))["counters"]["frames"])
+
+
+def weights(folder: Path):
+    return load_policy(checkpoint_of(folder)).tensors
+
+
+def same_weights(one: Path, other: Path) -> bool:
+    expected = weights(other)
+    return all(np.array_equal(tensor, expected[name]) for name, tensor in weights(one).items())
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Runs without interruption, by design."""
+    folders = {e.design: tmp_path_factory.mktemp(e.design) for e in (SMALL, FORGETTING)}
+    for experiment in (SMALL, FORGETTING):
+        go(folders[experiment.design], experiment)
+    return folders
+
+
+def test_a_table_says_on_what_machine_each_seed_was_trained(
+    tmp_path, unbroken, monkeypatch
+) -> None:
+    monkeypatch.setattr("pa_ros.evaluation.seeds.final_scores", lambda *_: (0.95, 0.97))
+    shutil.copytree(unbroken["2-L"], tmp_path / "seed-0")
     made = tabulate(SMALL, [0, 1], tmp_path, tmp_path / "tables", tmp_path / "scores")
-    assert made is not None and [seed.final_train for seed in made.summaries] == [0.97]
-    setting = json.loads(made.table.with_suffix(".json").read_text())
-    assert setting["seeds"] == [0] and setting["made_on"] == {"0": "there"}
+    assert made is not None
+    table, (summary,) = made
+    assert summary.final_train == 0.97
+    setting = json.loads(table.with_suffix(".json").read_text())
+    assert setting["seeds"] == [0] and setting["made_on"]["0"]
     assert setting["device"] == device()
+    assert setting["learner"]["relabeling"]["rule"] == "all-goals"
+    assert [row["frames"] for row in read_curves(table)[0]] == [300.0, 600.0]
 
 
-NOTHING = {"train_greedy.normalized": 0.0, "eval_greedy.normalized": 0.0}
-
-
-def test_a_run_is_no_other_experiments_though_it_lies_where_that_would(tmp_path) -> None:
-    """Else a table would say of it what it was not trained with."""
-    folder = tmp_path / "seed-0"
-    run_seed(SMALL, 0, folder, scores=lambda _: NOTHING)
+def test_a_run_of_another_setting_is_rejected(tmp_path, unbroken) -> None:
+    folder = unbroken["2-L"]
     check_run(SMALL, 0, folder)
     check_run(replace(SMALL, frames=900), 0, folder)
-    check_run(SMALL, 1, tmp_path / "seed-1")  # there is none as yet
-    for other, said in (
-        (replace(SMALL, options={"learner.detectors.gain": 5}), "gain: checkpoint 3.0, here 5.0"),
-        (replace(SMALL, protocol="paper"), "differs in .*discount: checkpoint 0.95, here 0.99"),
+    check_run(SMALL, 1, tmp_path / "absent")
+    for other, reason in (
+        (replace(SMALL, options={**LEARNS, "learner.detectors.gain": 5}), "gain: .*3.0, here 5.0"),
+        (replace(SMALL, protocol="paper"), "discount: checkpoint 0.95, here 0.99"),
         (replace(SMALL, algorithm="td3"), "algorithm: checkpoint 'dpg', here 'td3'"),
         (
             replace(SMALL, network="canonical"),
@@ -114,7 +147,7 @@ def test_a_run_is_no_other_experiments_though_it_lies_where_that_would(tmp_path)
         (replace(SMALL, preset="paper"), "preset: expected 'paper', got 'fast'"),
         (replace(SMALL, frames=500, evaluate_every_frames=100), "500 frames, got 600"),
     ):
-        with pytest.raises(CheckpointError, match=said):
+        with pytest.raises(CheckpointError, match=reason):
             check_run(other, 0, folder)
     with pytest.raises(CheckpointError, match="seed: expected 1, got 0"):
         check_run(SMALL, 1, folder)
@@ -122,87 +155,129 @@ def test_a_run_is_no_other_experiments_though_it_lies_where_that_would(tmp_path)
         check_run(replace(SMALL, frames=900), 0, folder, ended=True)
 
 
-def test_the_command_states_no_run_under_settings_that_are_not_its_own(
-    tmp_path, capsys, monkeypatch
-) -> None:
+def test_the_command_rejects_a_run_of_another_setting(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     experiment = replace(
         experiment_named("programmable-2L"), frames=2500, options={"learner.detectors.gain": 2}
     )
-    folder = tmp_path / "runs/experiments/programmable-2L.a/seed-0"
-    run_seed(experiment, 0, folder, scores=lambda _: NOTHING)
+    go(tmp_path / "runs/experiments/programmable-2L.a/seed-0", experiment)
     asked = ["experiment", "programmable-2L", "--seeds", "1", "--frames", "2500", "--tag", "a"]
     assert main([*asked, "--learner.detectors.gain=5"]) == 2
     assert "detectors.gain: checkpoint 2.0, here 5.0" in capsys.readouterr().err
     assert not (tmp_path / "runs/experiments/results").exists()
-    folder = tmp_path / "runs/experiments/programmable-3D/seed-0"
-    run_seed(replace(experiment, name="programmable-3D", design="3-D"), 0, folder,
-             scores=lambda _: NOTHING)  # fmt: skip
-    assert main(["experiment", "detectors", "--seeds", "1", "--frames", "2500"]) == 2
-    assert "detectors.gain: checkpoint 2.0, here 3.0" in capsys.readouterr().err
 
 
-def test_a_process_that_is_killed_is_one_line(tmp_path, monkeypatch) -> None:
+def test_a_killed_training_process_is_an_error_that_says_how_to_continue(
+    tmp_path, monkeypatch
+) -> None:
     def killed(*_: object) -> None:
         raise BrokenProcessPool
 
     monkeypatch.setattr("concurrent.futures.Future.result", killed)
-    with pytest.raises(FailedError, match="ended from outside"):
+    with pytest.raises(EvaluationError, match="run the same command again"):
         train_seeds(replace(SMALL, frames=300), [0], tmp_path, jobs=1)
 
 
-def test_an_interrupted_seed_goes_on_and_a_finished_one_is_not_run_again(tmp_path):
+def test_a_longer_experiment_continues_and_a_finished_one_is_not_trained_again(tmp_path, unbroken):
     run = tmp_path / "seed-0"
-    curve = run_seed(SMALL, 0, run)
-    first = read_curve(curve)
-    longer = replace(SMALL, frames=1200)
-    assert [row["frames"] for row in read_curve(run_seed(longer, 0, run))] == [
-        300.0, 600.0, 900.0, 1200.0,
-    ]  # fmt: skip
+    shutil.copytree(unbroken["2-L"], run)
+    longer = replace(SMALL, frames=900)
+    go(run, longer)
+    curve = run / CURVE
+    assert [row["frames"] for row in read_curve(curve)] == [300.0, 600.0, 900.0]
     stamp = curve.stat().st_mtime_ns
-    run_seed(longer, 0, run)
+    go(run, longer)
     assert curve.stat().st_mtime_ns == stamp
-    final = final_scores(run, tmp_path / "scores", episodes=2)
-    assert all(-1.0 < score < 1.0 for score in final)
-    summaries = [summarize(0, first, final), summarize(3, first)]
-    assert math.isnan(summaries[1].final_held_out)
-    table = write_table(tmp_path / "tables", SMALL, {0: first, 3: first}, summaries)
-    with table.open(newline="") as file:
-        written = list(csv.DictReader(file))
-    assert [row["seed"] for row in written] == ["0", "0", "3", "3"]
-    assert float(written[1]["frames"]) == 600
-    setting = json.loads(table.with_suffix(".json").read_text())
-    assert setting["seeds"] == [0, 3] and setting["learner"]["relabeling"]["rule"] == "all-goals"
+    assert all(-1.0 < score < 1.0 for score in final_scores(run, tmp_path / "scores", episodes=2))
+
+
+class Killed(BaseException):
+    """Like SIGKILL: nothing catches it."""
+
+
+@pytest.mark.parametrize(("experiment", "at"), [(SMALL, 600), (FORGETTING, 300)])
+def test_a_run_killed_between_its_curve_and_its_checkpoint_ends_with_the_same_weights(
+    experiment, at, tmp_path, monkeypatch, unbroken
+):
+    def killed(root, learner, extra):
+        if learner.counters.frames >= at:
+            raise Killed
+        return save_checkpoint(root, learner, extra)
+
+    with monkeypatch.context() as dying:
+        dying.setattr(records, "save_checkpoint", killed)
+        with pytest.raises(Killed):
+            go(tmp_path, experiment)
+    assert frames_done(tmp_path / CURVE) == at > frames_saved(tmp_path)
+    go(tmp_path, experiment)
+    assert frames_saved(tmp_path) == frames_done(tmp_path / CURVE) == 600
+    assert same_weights(tmp_path, unbroken[experiment.design])
+
+
+def remove_latest(root: Path) -> None:
+    (root / LATEST).unlink()
+
+
+def damage_newest(root: Path) -> None:
+    newest = sorted(root.glob("version-*"))[-1] / METADATA
+    newest.write_bytes(newest.read_bytes()[:-20])
+
+
+@pytest.mark.parametrize("harm", [remove_latest, damage_newest])
+def test_a_seed_continues_from_its_newest_undamaged_checkpoint(harm, tmp_path, unbroken):
+    shutil.copytree(unbroken["2-L"], tmp_path, dirs_exist_ok=True)
+    harm(checkpoint_of(tmp_path))
+    go(tmp_path)
+    assert frames_saved(tmp_path) == 600 and same_weights(tmp_path, unbroken["2-L"])
+
+
+def test_a_seed_whose_checkpoints_are_all_damaged_is_rejected_and_kept(tmp_path, unbroken):
+    folder = tmp_path / "seed-0"
+    shutil.copytree(unbroken["2-L"], folder)
+    for metadata in checkpoint_of(folder).glob(f"version-*/{METADATA}"):
+        metadata.write_text("{}")
+    before = sorted(path.name for path in folder.rglob("*"))
+    with pytest.raises(CheckpointError, match="damaged"):
+        go(folder)
+    assert sorted(path.name for path in folder.rglob("*")) == before
+
+
+def test_forgetting_trains_on_the_held_out_programs_after_the_switch(tmp_path, monkeypatch):
+    trained = []
+
+    def record(config, *rest, **options):
+        trained.append((config.condition, config.frames, options["resume"]))
+        return train(config, *rest, **options)
+
+    monkeypatch.setattr(experiments, "train", record)
+    go(tmp_path, FORGETTING)
+    assert trained == [("train", 300, False), ("eval", 600, True)]
+
+
+@pytest.mark.parametrize("text", ["a,b\n1,2\n", "frames\nx\n", "frames,wall_s\n1\n"])
+def test_a_damaged_curve_is_rejected(text, tmp_path):
+    (tmp_path / CURVE).write_text(text)
+    with pytest.raises(EvaluationError, match=CURVE):
+        frames_done(tmp_path / CURVE)
+
+
+def test_curves_with_other_columns_leave_the_existing_table_unchanged(tmp_path):
+    row = {"frames": 300.0, "wall_s": 1.0, **NOTHING}
+    summaries = [summarize(seed, [row]) for seed in (0, 1)]
+    table = write_table(tmp_path, SMALL, {0: [row]}, summaries[:1])
+    before = table.read_text()
+    with pytest.raises(EvaluationError, match=r"expected columns .*wall_s.*seeds \[1\]"):
+        write_table(tmp_path, SMALL, {0: [row], 1: [{**row, "mean_q": 1.0}]}, summaries)
+    assert table.read_text() == before
+
+
+def test_the_summary_counts_solved_seeds_by_design_and_arm(tmp_path):
+    write_table(tmp_path, SMALL, {0: rows(0.1)}, [summarize(0, rows(0.1))])
     slow = replace(SMALL, preset="paper")
-    write_table(tmp_path / "tables", slow, {3: first}, [summarize(3, rows(0.95))])
-    other = replace(slow, protocol="paper")
-    write_table(tmp_path / "tables", other, {4: first}, [summarize(4, first)])
-    assert headline(tmp_path / "tables") == {
-        "frames_to_solve.2-L.median": "inf", "solved.2-L": 0, "seeds.2-L": 2,
+    write_table(tmp_path, slow, {3: rows(0.95)}, [summarize(3, rows(0.95))])
+    write_table(tmp_path, replace(slow, protocol="paper"), {4: rows(0.1)}, [summarize(4, rows(0))])
+    assert headline(tmp_path) == {
+        "frames_to_solve.2-L.median": "inf", "solved.2-L": 0, "seeds.2-L": 1,
         "frames_to_solve.2-L.paper-arm.median": 1000.0,
         "solved.2-L.paper-arm": 1, "seeds.2-L.paper-arm": 1,
     }  # fmt: skip
-
-
-def test_forgetting_trains_on_held_out_programs_after_the_switch(tmp_path, monkeypatch):
-    told = []
-
-    def spy(config, *rest, **options):
-        told.append((config.condition, config.frames, options["resume"]))
-        return train(config, *rest, **options)
-
-    monkeypatch.setattr(experiments, "train", spy)
-    options = EXPERIMENTS["forgetting"].options
-    small = replace(SMALL, design="3-D", switch_frames=300, options=options)
-    curve = run_seed(small, 0, tmp_path)
-    assert told == [("train", 300, False), ("eval", 600, True)]
-    assert [row["frames"] for row in read_curve(curve)] == [300.0, 600.0]
-    run_seed(small, 0, tmp_path)
-    assert len(told) == 2
-    with pytest.raises(CheckpointError):
-        read_curve(tmp_path / "absent.csv")
-
-
-def test_a_final_score_decides_before_the_curve():
-    assert not summarize(0, rows(0.95), (0.85, 0.9)).solved
-    assert summarize(0, rows(0.85), (0.92, 0.9)).solved

@@ -1,34 +1,28 @@
-"""Scores: intervals, normalization, and what the references get."""
+"""Scores of episodes, intervals, references, and scores kept in files."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
-from pa_ros.arena.appearance import Look
-from pa_ros.evaluation.scoring import training
-from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scoring.evaluate import by_program, evaluate, reference_scores, run_episodes
-from pa_ros.evaluation.scoring.intervals import mean_interval, normalized_interval
-from pa_ros.evaluation.scoring.rewards import normalized
-from pa_ros.evaluation.scoring.tables import TableError
-from pa_ros.world.relations import RELATIONS
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.evaluation import evaluate as scoring
+from pa_ros.evaluation.evaluate import TrainingScores, by_program, evaluate, run_episodes
+from pa_ros.evaluation.scorer import Benchmark, Scorer
+from pa_ros.evaluation.scores import gain_over, mean_interval, normalized, normalized_interval
+from pa_ros.evaluation.tables import EvaluationError
 
 FAST, TWO_L = preset_named("fast"), design_named("2-L")
 
 
-def test_interval_contains_the_mean_and_shrinks_with_episodes():
+def test_an_interval_contains_the_mean_and_shrinks_with_episodes():
     rng = np.random.default_rng(0)
     few, many = mean_interval(rng.normal(size=20)), mean_interval(rng.normal(size=2000))
     for interval in (few, many):
         assert interval.low < interval.mean < interval.high
     assert many.high - many.low < few.high - few.low
-
-
-def test_interval_of_equal_values_is_a_point():
-    interval = mean_interval(np.full(10, -1.0))
-    assert (interval.low, interval.mean, interval.high) == (-1.0, -1.0, -1.0)
+    point = mean_interval(np.full(10, -1.0))
+    assert (point.low, point.mean, point.high) == (-1.0, -1.0, -1.0)
 
 
 def test_normalized_is_zero_at_random_and_one_at_scripted():
@@ -40,17 +34,37 @@ def test_normalized_is_zero_at_random_and_one_at_scripted():
     assert np.isnan(normalized(0.3, 0.5, 0.5))
 
 
-def test_references_bracket_the_scale():
+def test_intervals_widen_with_the_spread_over_seeds_and_over_episodes():
+    rng = np.random.default_rng(0)
+    random, scripted = np.full(50, -1.0), np.full(50, 1.0)
+    over_episodes = np.tile(rng.normal(0, 0.3, 50), (5, 1))
+    over_seeds = np.tile(rng.normal(0, 0.3, (5, 1)), (1, 50))
+    intervals = [
+        normalized_interval(scores, random, scripted)
+        for scores in (np.zeros((5, 50)), over_episodes, over_seeds, over_seeds + over_episodes)
+    ]
+    none, episodes, seeds, both = (interval.high - interval.low for interval in intervals)
+    assert none == 0.0
+    # Standard errors of the mean: 0.3 / 2 / √50 over episodes, 0.3 / 2 / √5 over seeds.
+    assert episodes == pytest.approx(2 * 1.96 * 0.3 / 2 / 50**0.5, rel=0.3)
+    assert seeds == pytest.approx(2 * 1.96 * 0.3 / 2 / 5**0.5, rel=0.5)
+    assert both > seeds > episodes
+    assert np.isnan(normalized_interval(over_seeds, random, random).mean)
+    gain = gain_over(over_seeds, np.full(50, -0.5), random, scripted)
+    assert gain.mean == pytest.approx(over_seeds.mean() / 2 + 0.25)
+
+
+def test_the_references_define_the_scale():
     scripted = evaluate(FAST, TWO_L, "scripted", "eval", 5, 3)
     random = evaluate(FAST, TWO_L, "random", "eval", 5, 3)
     assert scripted.normalized.mean == pytest.approx(1.0)
     assert random.normalized.mean == pytest.approx(0.0)
     assert scripted.success_rate == 1.0
     assert scripted.raw.mean > 0.6 > random.raw.mean
-    assert scripted.random == random.scores, "the same episodes and the same chance"
+    assert scripted.random == random.scores, "the same episodes and the same random actions"
 
 
-def test_an_agent_is_asked_with_what_it_sees_and_rows_are_per_program():
+def test_an_agent_receives_observation_and_program_and_is_scored_by_program():
     asked = []
 
     def still(observation, program):
@@ -59,14 +73,13 @@ def test_an_agent_is_asked_with_what_it_sees_and_rows_are_per_program():
 
     evaluation = evaluate(FAST, TWO_L, still, "train", 6, 0)
     assert len(asked) == 6 * FAST.episode_steps
-    assert {episode for episode, _ in asked} == set(range(6))
     rows = by_program(evaluation)
     assert sum(row.episodes for row in rows) == 6
     assert {row.program for row in rows} == {str(program) for _, program in asked}
     assert "NEAR(HAND, AND(BLUE, SPHERE))" not in {row.program for row in rows}
 
 
-def test_a_score_leaves_the_resets_reward_out(monkeypatch):
+def test_a_score_leaves_out_the_reward_of_the_reset(monkeypatch):
     task = ReachTask(FAST.changed(episode_steps=3), TWO_L, 0)
     step = task.step
 
@@ -79,62 +92,30 @@ def test_a_score_leaves_the_resets_reward_out(monkeypatch):
     assert [score.reward_per_step for score in scores] == [1.0, 1.0]  # with a reset's -1: 0.5
 
 
-def test_a_training_that_is_never_scored_plays_no_reference(monkeypatch):
-    played = []
+def test_references_of_training_scores_are_computed_once_when_first_needed(monkeypatch):
+    computed = []
+    original = scoring.reference_scores
 
-    def play(task, name, condition, episodes):
-        played.append((name, condition))
-        return reference_scores(task, name, condition, episodes)
+    def count(task, name, condition, episodes):
+        computed.append((name, condition))
+        return original(task, name, condition, episodes)
 
     class Still:
         def act(self, observation, program):
             return np.zeros(FAST.joints, np.float32)
 
-    monkeypatch.setattr(training, "reference_scores", play)
-    scores = training.TrainingScores(FAST, TWO_L, 2)
-    assert played == []
-    first, again = scores(Still()), scores(Still())
-    assert first == again and len(played) == 4  # both references, of both conditions, once
+    monkeypatch.setattr(scoring, "reference_scores", count)
+    scores = TrainingScores(FAST, TWO_L, 2)
+    assert computed == []
+    assert scores(Still()) == scores(Still())
+    assert len(computed) == 4  # both references under both conditions
 
 
-def test_scores_that_were_cut_are_no_mean_of_the_rest(tmp_path):
+def test_a_damaged_file_of_scores_is_rejected(tmp_path):
     benchmark = Benchmark(design=TWO_L, arena=FAST.changed(episode_steps=3), episodes=3)
     scorer = Scorer(benchmark, tmp_path)
     scorer.reference("random", "eval")
     path = scorer.path("random", "eval")
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
-    with pytest.raises(TableError, match="expected episodes 0 to 2, got 2"):
+    with pytest.raises(EvaluationError, match="expected episodes 0 to 2, got 2"):
         scorer.reference("random", "eval")
-
-
-def test_scores_of_another_arm_look_or_relation_of_one_name_are_not_its(monkeypatch):
-    benchmark = Benchmark(design=TWO_L, arena=FAST, episodes=3)
-    jaco, near = ARMS["jaco"], RELATIONS["NEAR"]
-    arms, relations = {"jaco": jaco}, {"NEAR": near}
-    for room in ("arena.model", "evaluation.scoring.benchmark"):
-        monkeypatch.setattr(f"pa_ros.{room}.ARMS", arms)
-    for room in ("world.scoring", "evaluation.scoring.benchmark"):
-        monkeypatch.setattr(f"pa_ros.{room}.RELATIONS", relations)
-    first, *others = jaco.joints
-    changes = [
-        (arms, "jaco", replace(jaco, joints=(replace(first, max_torque=9.0), *others))),
-        (arms, "jaco", replace(jaco, joints=(replace(first, limits=(-4.0, 4.0)), *others))),
-        (
-            arms,
-            "jaco",
-            replace(jaco, mjcf=lambda *given: jaco.mjcf(*given).replace("0.99", "1.99")),
-        ),
-        (relations, "NEAR", replace(near, threshold=0.1)),
-        (relations, "NEAR", replace(near, measure=lambda *given: 2 * near.measure(*given))),
-        (relations, "NEAR", replace(near, goal=lambda hand, place, threshold: place)),
-    ]
-    digests = [benchmark.digest]
-    assert digests == [Benchmark(design=TWO_L, arena=FAST, episodes=3).digest]
-    for known, name, changed in changes:
-        with monkeypatch.context() as only_here:
-            only_here.setitem(known, name, changed)
-            digests.append(benchmark.digest)
-    assert benchmark.digest == digests[0]
-    monkeypatch.setattr("pa_ros.evaluation.scoring.benchmark.look_of", lambda _: Look(density=2.0))
-    digests.append(benchmark.digest)
-    assert len(set(digests)) == len(digests) == 8

@@ -1,14 +1,16 @@
-"""Policies that come with the package: found by name, whole, and as good as their cards say."""
+"""Policies that come with the package, and shipping one."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scoring.agents import load_agent
-from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scoring.rewards import rewards
+from pa_ros.evaluation.agents import load_agent
+from pa_ros.evaluation.scorer import Benchmark, Scorer
+from pa_ros.evaluation.scores import rewards
 from pa_ros.learning import checkpoints
 from pa_ros.learning.checkpoint_files import SHIPPED, write_synced
 from pa_ros.learning.checkpoints import load_policy, read_metadata, ship
@@ -27,7 +29,7 @@ def test_a_shipped_policy_reaches_held_out_targets(name, tmp_path):
     assert own > 0.5 > 0.0 > rewards(scorer.reference("random", "eval")).mean()
 
 
-def test_an_unknown_one_is_refused_with_the_names():
+def test_an_unknown_name_is_rejected_with_the_known_ones():
     with pytest.raises(CheckpointError, match=r"\['2-L', '3-D'\], got '9-Z'"):
         load_policy(Path("shipped:9-Z"))
 
@@ -68,3 +70,14 @@ def test_a_policy_whose_replacing_was_interrupted_is_whole(tmp_path, monkeypatch
     ship(source, "again", {"note": 2}, replaces=True, folder=tmp_path)
     assert read_metadata(out)["extra"]["note"] == 2
     assert [path.name for path in tmp_path.iterdir()] == ["again"]
+
+
+def test_the_agent_of_a_run_has_its_design_and_arena(tmp_path):
+    run = ["train", "--out", str(tmp_path), "--design", "3-D", "--frames", "100", "--eval-every"]
+    assert main([*run, "0"]) == 0
+    agent, same = load_agent(tmp_path), load_agent(tmp_path / "checkpoint", "2-L", "paper")
+    assert (agent.design.name, agent.arena.preset) == ("3-D", "fast")
+    assert (same.design.name, same.arena.preset) == ("2-L", "paper")
+    assert agent.digest == same.digest and len(agent.digest) == 12
+    reordered = dict(reversed(agent.snapshot.tensors.items()))
+    assert replace(agent, snapshot=replace(agent.snapshot, tensors=reordered)).digest == same.digest

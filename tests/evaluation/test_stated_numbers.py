@@ -12,7 +12,6 @@ import pytest
 from helpers.stated import (
     README,
     RESULTS,
-    ROOT,
     TABLES,
     check_stated,
     column,
@@ -304,20 +303,3 @@ def test_the_learners_rates_are_those_of_its_table():
     figures = re.search(r"\| ([\d,]+); straightforward PyTorch (\d+), [^|]*DDPG (\d+) \|", README)
     rounded = {f"{value:,.0f}" for value in stated.values() if isinstance(value, float)}
     assert set(figures.groups()) <= rounded, f"the table has {sorted(rounded)}"
-
-
-def test_the_learner_is_compared_with_another_compiled_one_as_measured():
-    found = json.loads((TABLES / "learner-peers.json").read_text())
-    sb3, sbx = (f"learner.{name}_ddpg_updates_per_s" for name in ("sb3", "sbx"))
-    spreads = [found[f"{name}_spread"] * 100 for name in (
-        "learner.updates_per_s", "learner.sampled_updates_per_s", sb3, sbx)]  # fmt: skip
-    said = (
-        f"fused {found['learner.updates_per_s']:.0f}, with batches drawn "
-        f"{found['learner.sampled_updates_per_s']:.0f}, Stable-Baselines3's DDPG {found[sb3]:.0f}, "
-        f"SBX's {found[sbx]:.0f} with {found[f'{sbx}_cpu_share']:.2f} processors; ours is "
-        f"{found['learner.ratio_to_sb3_ddpg']:.1f} and {found['learner.ratio_to_sbx_ddpg']:.1f} "
-        f"times these, and {found['learner.floor_ratio']:.2f} times the floor of that hour "
-        f"(spreads of {min(spreads):.0f} to {max(spreads):.0f} %)"
-    )
-    page = " ".join((ROOT / "docs/learner-cost.md").read_text().split())
-    assert said in page, said

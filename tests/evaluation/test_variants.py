@@ -1,4 +1,4 @@
-"""Variants of an experiment: cut to what all of them have, judged there."""
+"""Variants of an experiment, cut to the frames that all have."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from pa_ros.cli.main import main
-from pa_ros.evaluation.pictures.variants import in_words
+from pa_ros.evaluation.experiments import EXPERIMENTS, Experiment, summarize, write_table
 from pa_ros.evaluation.results import write_algorithms, write_variants
-from pa_ros.evaluation.scoring.tables import TableError, read_rows
-from pa_ros.evaluation.studies.experiments import EXPERIMENTS, Experiment, summarize, write_table
-from pa_ros.evaluation.studies.variants import Variant
+from pa_ros.evaluation.tables import EvaluationError, read_rows
+from pa_ros.evaluation.variants import Variant
 
 BASE = EXPERIMENTS["programmable-2L"]
 
@@ -44,7 +43,7 @@ def table(
     write_table(results, experiment, curves, summaries)
 
 
-def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
+def test_all_are_judged_where_the_shortest_curve_ends(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.96, 0.2], 1: [0.92, 0.93, 0.94, 0.95]})
     changed = replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})
     table(tmp_path, changed, {0: [0.1, 0.2, 0.5], 1: [0.1, 0.91, 0.93]})
@@ -60,7 +59,7 @@ def test_all_are_judged_where_the_shortest_ends(tmp_path: Path) -> None:
     assert path.with_suffix(".png").stat().st_size > 5000
 
 
-def test_a_seed_that_ends_there_is_judged_on_fresh_episodes(tmp_path: Path) -> None:
+def test_a_seed_that_ends_there_is_judged_by_its_fresh_episodes(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.2]}, {0: 0.2})
     changed = replace(BASE, tag="noise", options={"learner.detectors.sparsity": 0})
     table(tmp_path, changed, {0: [0.1, 0.87]}, {0: 0.95})
@@ -68,19 +67,7 @@ def test_a_seed_that_ends_there_is_judged_on_fresh_episodes(tmp_path: Path) -> N
     assert (ours.solved, noise.solved) == (1, 1)
 
 
-def test_variants_of_an_arm_are_beside_that_arms_own(tmp_path: Path) -> None:
-    slow = replace(BASE, preset="paper")
-    for own in (BASE, slow):
-        table(tmp_path, own, {0: [0.1, 0.95]})
-        changed = replace(own, tag="noise-0.3", options={"learner.exploration.sigma": 0.3})
-        table(tmp_path, changed, {0: [0.1, 0.2]})
-    for experiment in (BASE, slow):
-        rows = read_rows(write_variants(experiment.label, tmp_path), Variant)
-        labels = [experiment.label, f"{experiment.label}.noise-0.3"]
-        assert [(row.label, row.solved) for row in rows] == list(zip(labels, [1, 0], strict=True))
-
-
-def test_algorithms_are_beside_each_other_and_are_no_variants(tmp_path: Path) -> None:
+def test_algorithms_are_compared_but_are_no_variants(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.96]})
     table(tmp_path, replace(BASE, algorithm="td3"), {0: [0.1, 0.2, 0.93], 1: [0.1, 0.2, 0.94]})
     path = write_algorithms("programmable-2L", tmp_path)
@@ -89,35 +76,16 @@ def test_algorithms_are_beside_each_other_and_are_no_variants(tmp_path: Path) ->
     assert (other.label, other.changed) == ("programmable-2L.td3", "td3")
     assert (other.seeds, other.solved, other.frames_to_solve) == (2, 2, 7500)
     assert path.with_suffix(".png").stat().st_size > 5000
-    with pytest.raises(TableError, match="expected programmable-2L and a variant"):
+    with pytest.raises(EvaluationError, match="expected programmable-2L and a variant"):
         write_variants("programmable-2L", tmp_path)
 
 
-def test_nothing_to_compare_is_refused(tmp_path: Path) -> None:
-    table(tmp_path, BASE, {0: [0.1]})
-    with pytest.raises(TableError, match="expected programmable-2L and a variant"):
-        write_variants("programmable-2L", tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
-        ("", ""),
-        ("learner.updates.discount=0.99", "discount 0.99"),
-        (
-            "learner.relabeling.rule=none learner.relabeling.programs_per_transition=1",
-            "relabeling: no, programs for each transition: 1",
-        ),
-        ("learner.replay.batch_size=32", "batch size 32"),
-    ],
-)
-def test_a_variant_is_called_what_it_changes(changed: str, words: str) -> None:
-    assert in_words(changed) == words
-
-
-@pytest.mark.parametrize("said", ["{", "[]", "{}", '{"preset": "fast"}'])
-def test_a_damaged_setting_is_refused_and_not_passed_over(tmp_path, said, capsys) -> None:
-    for experiment in (BASE, replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})):
+@pytest.mark.parametrize("said", ["{", "[]"])
+def test_a_damaged_setting_is_rejected(tmp_path, said, capsys) -> None:
+    for experiment in (
+        BASE,
+        replace(BASE, tag="free", options={"learner.detectors.sparsity": 0.0}),
+    ):
         table(tmp_path, experiment, {0: [0.1, 0.95]})
     (tmp_path / "programmable-2L.free.json").write_text(said)
     for command in (["experiment", "variants"], ["figures", "programmable-2L.free"]):
@@ -126,21 +94,27 @@ def test_a_damaged_setting_is_refused_and_not_passed_over(tmp_path, said, capsys
         assert "programmable-2L.free.json: " in error and error.count("\n") == 1
 
 
-def test_a_seed_without_its_summary_is_refused(tmp_path) -> None:
-    for experiment in (BASE, replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})):
+def test_a_seed_without_its_summary_is_rejected(tmp_path) -> None:
+    for experiment in (
+        BASE,
+        replace(BASE, tag="free", options={"learner.detectors.sparsity": 0.0}),
+    ):
         table(tmp_path, experiment, {0: [0.1, 0.95]})
     other = tmp_path / "other"
     table(other, replace(BASE, tag="free"), {3: [0.1]})
     (other / "programmable-2L.free-seeds.csv").rename(tmp_path / "programmable-2L.free-seeds.csv")
-    with pytest.raises(TableError, match=r"free-seeds.csv: expected seeds \[0\], found none"):
+    with pytest.raises(EvaluationError, match=r"free-seeds.csv: expected seeds \[0\], found none"):
         write_variants("programmable-2L", tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "seed,frames,wall_s,train_greedy.normalized\n", "a,b\n1,2\n"])
-@pytest.mark.parametrize("name", ["programmable-2L", "programmable-2L.free"])
-def test_a_damaged_table_is_refused(tmp_path, text, name, capsys) -> None:
-    for experiment in (BASE, replace(BASE, tag="free", options={"learner.detectors.sparsity": 0})):
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n"])
+def test_a_damaged_table_is_rejected(tmp_path, text, capsys) -> None:
+    for experiment in (
+        BASE,
+        replace(BASE, tag="free", options={"learner.detectors.sparsity": 0.0}),
+    ):
         table(tmp_path, experiment, {0: [0.1, 0.95]})
+    name = "programmable-2L.free"
     (tmp_path / f"{name}.csv").write_text(text)
     assert main(["experiment", "variants", "--results", str(tmp_path)]) == 2
     error = capsys.readouterr().err

@@ -7,10 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from helpers.waiting import wait_for
-from pa_ros.evaluation.studies.cluster import Cluster
-from pa_ros.evaluation.studies.cluster_jobs import score_on, train_seeds_on
-from pa_ros.evaluation.studies.experiments import experiment_named
-from pa_ros.evaluation.studies.seeds import folder_of
+from pa_ros.evaluation.cluster import Cluster, score_on, train_seeds_on
+from pa_ros.evaluation.experiments import experiment_named
+from pa_ros.evaluation.seeds import folder_of
 
 EPISODES = 1
 CONDITIONS = ("eval", "random")

@@ -16,7 +16,7 @@ from benchmarks.peers import OURS, Score, run_contender
 from benchmarks.train import process_share
 from pa_ros.arena import preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scoring.tables import read_rows, write_rows
+from pa_ros.evaluation.tables import read_rows, write_rows
 
 
 def test_a_command_is_timed_from_the_step_that_it_answers():

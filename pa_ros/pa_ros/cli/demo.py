@@ -21,10 +21,10 @@ from pa_ros.cli.options import add_settings, folder_to_write, settings_from
 from pa_ros.console.address import TOKEN, free_port, sending
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
-from pa_ros.evaluation.pictures.drawing import draw_detectors, learning_curve
-from pa_ros.evaluation.scoring.evaluate import reference_scores
-from pa_ros.evaluation.scoring.rewards import rewards
-from pa_ros.evaluation.scoring.tally import EpisodeTally, HeldOutTarget
+from pa_ros.evaluation.drawing import draw_detectors, learning_curve
+from pa_ros.evaluation.evaluate import reference_scores
+from pa_ros.evaluation.scores import rewards
+from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros.topics import VERDICT
 from pa_ros.tools.arena_client import ArenaClient

@@ -12,9 +12,8 @@ from pa_ros.cli.options import add_setting, add_settings, file_to_write, setting
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.core.text import Report, write_report
-from pa_ros.evaluation.scoring.agents import TrainedAgent, load_agent, without_training
-from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scoring.evaluate import (
+from pa_ros.evaluation.agents import TrainedAgent, load_agent, without_training
+from pa_ros.evaluation.evaluate import (
     REFERENCES,
     AgentPolicy,
     Evaluation,
@@ -22,12 +21,13 @@ from pa_ros.evaluation.scoring.evaluate import (
     by_program,
     evaluate,
 )
-from pa_ros.evaluation.studies.generalization import (
+from pa_ros.evaluation.generalization import (
     RANDOM_WEIGHTS,
     condition_rows,
     conditions_of,
     summarize,
 )
+from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.language import MIN_MAX, logic_named
 
 ALL = "all"

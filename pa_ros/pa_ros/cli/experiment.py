@@ -26,7 +26,7 @@ from pa_ros.core.text import write_report
 from pa_ros.language import MIN_MAX, Logic, logic_named
 
 if TYPE_CHECKING:
-    from pa_ros.evaluation.studies.experiments import Experiment, SeedSummary
+    from pa_ros.evaluation.experiments import Experiment, SeedSummary
 
 PUBLISHED = Path("docs/results")
 STUDIES = ("generalization", "detectors", "equalities")
@@ -36,9 +36,9 @@ OF_TABLES = ("variants", "algorithms", "summary")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros experiment`."""
     from pa_ros.arena import ArenaChoice
-    from pa_ros.evaluation.scoring.evaluate import EvaluationConfig
-    from pa_ros.evaluation.studies.experiments import EXPERIMENTS
-    from pa_ros.evaluation.studies.seeds import SeedsConfig
+    from pa_ros.evaluation.evaluate import EvaluationConfig
+    from pa_ros.evaluation.experiments import EXPERIMENTS
+    from pa_ros.evaluation.seeds import SeedsConfig
     from pa_ros.learning.config import TrainConfig
 
     parser.set_defaults(names=(*EXPERIMENTS, *STUDIES, *OF_TABLES))
@@ -121,7 +121,7 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.name in STUDIES:
         return _study(options, seeds)
-    from pa_ros.evaluation.studies.seeds import folder_of, tabulate
+    from pa_ros.evaluation.seeds import folder_of, tabulate
 
     experiment = _experiment(options)
     folder = options.runs / experiment.label
@@ -131,14 +131,15 @@ def run(options: argparse.Namespace) -> int:
         _train(options, experiment, seeds, folder)
     finally:
         if done := tabulate(experiment, seeds, folder, options.results, options.runs / "scores"):
-            print_summaries(done.summaries)
-            print(done.table)
+            table, summaries = done
+            print_summaries(summaries)
+            print(table)
     return 0
 
 
 def _check_runs(experiment: Experiment, runs: Mapping[int, Path], ended: bool = False) -> None:
     """Raise ConfigError if one of them, by seed, is of another setting, seed or length."""
-    from pa_ros.evaluation.studies.experiments import check_run
+    from pa_ros.evaluation.experiments import check_run
     from pa_ros.learning.errors import CheckpointError
 
     for seed, run in runs.items():
@@ -155,12 +156,11 @@ def _train(
 ) -> None:
     """The seeds, in processes of this machine or on a cluster."""
     if options.cluster is None:
-        from pa_ros.evaluation.studies.seeds import train_seeds
+        from pa_ros.evaluation.seeds import train_seeds
 
         train_seeds(experiment, seeds, folder, options.jobs, options.extension)
         return
-    from pa_ros.evaluation.studies.cluster import Cluster
-    from pa_ros.evaluation.studies.cluster_jobs import train_seeds_on
+    from pa_ros.evaluation.cluster import Cluster, train_seeds_on
 
     with Cluster(options.cluster, options.extension) as cluster:
         train_seeds_on(cluster, experiment, seeds, folder)
@@ -169,8 +169,8 @@ def _train(
 def _refuse_unused(options: argparse.Namespace) -> None:
     """Raise ConfigError for what a look at tables would pass over."""
     from pa_ros.arena import ArenaChoice
-    from pa_ros.evaluation.scoring.evaluate import EvaluationConfig
-    from pa_ros.evaluation.studies.seeds import SeedsConfig
+    from pa_ros.evaluation.evaluate import EvaluationConfig
+    from pa_ros.evaluation.seeds import SeedsConfig
     from pa_ros.learning.config import TrainConfig
     from pa_ros.learning.protocols import LearningSettings
 
@@ -184,7 +184,7 @@ def _refuse_unused(options: argparse.Namespace) -> None:
 
 
 def _summarize(options: argparse.Namespace) -> int:
-    from pa_ros.evaluation.studies.experiments import headline
+    from pa_ros.evaluation.experiments import headline
 
     if not (found := headline(options.results)):
         raise ConfigError(
@@ -198,9 +198,10 @@ def _summarize(options: argparse.Namespace) -> int:
 def _compare(results: Path) -> int:
     """Every programmable experiment beside its variants on that arm, where tables of any are."""
     from pa_ros.arena import PRESETS
+    from pa_ros.evaluation.experiments import experiment_named
     from pa_ros.evaluation.results import write_variants
-    from pa_ros.evaluation.studies.experiments import experiment_named
-    from pa_ros.evaluation.studies.variants import NoVariantsError
+    from pa_ros.evaluation.tables import EvaluationError
+    from pa_ros.evaluation.variants import NO_VARIANTS
 
     written, missing = 0, []
     for name, preset in itertools.product(("programmable-2L", "programmable-3D"), PRESETS):
@@ -208,7 +209,9 @@ def _compare(results: Path) -> int:
             label = replace(experiment_named(name), preset=preset).label
             print(write_variants(label, results))
             written += 1
-        except NoVariantsError as error:
+        except EvaluationError as error:
+            if error.code != NO_VARIANTS:
+                raise
             missing.append(str(error))
     if not written:
         print("\n".join(missing))
@@ -223,7 +226,7 @@ def _changes(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _experiment(options: argparse.Namespace) -> Experiment:
-    from pa_ros.evaluation.studies.experiments import experiment_named, under_protocol
+    from pa_ros.evaluation.experiments import experiment_named, under_protocol
 
     experiment = under_protocol(experiment_named(options.name), options.protocol)
     experiment = replace(
@@ -258,8 +261,8 @@ def _figure(value: float, width: int, digits: int = 0, unit: str = "") -> str:
 def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Evaluate the trained seeds of programmable-3D."""
     from pa_ros.evaluation import results
-    from pa_ros.evaluation.scoring.agents import load_agent
-    from pa_ros.evaluation.studies.seeds import folder_of
+    from pa_ros.evaluation.agents import load_agent
+    from pa_ros.evaluation.seeds import folder_of
     from pa_ros.learning.folder import holds_checkpoint
 
     chosen = argparse.Namespace(**{**vars(options), "name": "programmable-3D"})
@@ -300,8 +303,7 @@ def _suffix(logic: Logic) -> str:
 
 def _score_on_cluster(options: argparse.Namespace, runs: dict[int, Path]) -> None:
     """What `generalization` needs, computed on a cluster; the study then reads it."""
-    from pa_ros.evaluation.studies.cluster import Cluster
-    from pa_ros.evaluation.studies.cluster_jobs import score_on
+    from pa_ros.evaluation.cluster import Cluster, score_on
 
     if options.name != "generalization":
         raise ConfigError(f"experiment {options.name}: expected no --cluster: it runs here alone")

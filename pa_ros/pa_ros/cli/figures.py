@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw each table's picture beside it, and print the path."""
-    from pa_ros.evaluation.pictures.learning import is_curves, learning_figure
+    from pa_ros.evaluation.learning_figures import is_curves, learning_figure
     from pa_ros.evaluation.results import redraw_generalization
 
     draw = {}

@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     check_look(options)
     if options.seed < 0:
         raise ConfigError(f"--seed: expected an integer of at least 0, got {options.seed}")
-    from pa_ros.evaluation.scoring.agents import load_agent
+    from pa_ros.evaluation.agents import load_agent
     from pa_ros.tools.film import film_execution
 
     agent = load_agent(options.checkpoint)

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run_card(run: Path, cache: Path) -> dict[str, object]:
     """Scores on fresh episodes and versions, for the policy's metadata."""
     from pa_ros.core.software import device, versions
-    from pa_ros.evaluation.studies.experiments import FINAL_EPISODES, final_scores
+    from pa_ros.evaluation.experiments import FINAL_EPISODES, final_scores
 
     held_out, trained = final_scores(run, cache)
     return {
@@ -41,7 +41,7 @@ def run_card(run: Path, cache: Path) -> dict[str, object]:
 
 def run(options: argparse.Namespace) -> int:
     """Score the policy, then write it with its card; prints the folder."""
-    from pa_ros.evaluation.scoring.agents import trained
+    from pa_ros.evaluation.agents import trained
     from pa_ros.learning.checkpoints import check_ship_name, ship
 
     check_ship_name(options.name, options.replace)  # before it is scored

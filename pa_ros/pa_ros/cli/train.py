@@ -28,7 +28,7 @@ from pa_ros.cli.options import (
 from pa_ros.cli.training_view import TrainingView
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
-from pa_ros.evaluation.scoring.training import TrainingScores
+from pa_ros.evaluation.evaluate import TrainingScores
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
 from pa_ros.world import reward_from

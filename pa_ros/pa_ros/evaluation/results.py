@@ -1,4 +1,4 @@
-"""Studies of trained agents and of variants of an experiment: tables and pictures."""
+"""Studies of trained agents and of variants: run one, and write its table and picture."""
 
 from __future__ import annotations
 
@@ -6,27 +6,26 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pa_ros.evaluation.pictures.generalization import detector_figure, generalization_figure
-from pa_ros.evaluation.pictures.learning import algorithms_figure
-from pa_ros.evaluation.pictures.variants import variants_figure
-from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.scoring.tables import (
-    TableError,
-    read_rows,
-    read_setting,
-    write_rows,
-    write_setting,
-)
-from pa_ros.evaluation.studies.detectors import Accuracy, detector_table
-from pa_ros.evaluation.studies.equalities import Difference, difference_table
-from pa_ros.evaluation.studies.generalization import (
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.detectors import Accuracy, detector_table
+from pa_ros.evaluation.equalities import Difference, difference_table
+from pa_ros.evaluation.generalization import (
     Row,
     Summary,
     generalize,
     setting,
     summarize,
 )
-from pa_ros.evaluation.studies.variants import compare
+from pa_ros.evaluation.generalization_figures import detector_figure, generalization_figure
+from pa_ros.evaluation.learning_figures import algorithms_figure, variants_figure
+from pa_ros.evaluation.tables import (
+    EvaluationError,
+    read_rows,
+    read_setting,
+    write_rows,
+    write_setting,
+)
+from pa_ros.evaluation.variants import compare
 
 EQUALITY_EPISODES, DETECTOR_EPISODES = 30, 50
 
@@ -42,10 +41,11 @@ def generalization(
     report: Callable[[str], None] = print,
     conditions: Sequence[str] = (),
 ) -> list[Summary]:
-    """`conditions`, or every one: `generalization{suffix}.csv`, `.json`, `.png`, a -summary.csv.
+    """Score agents (by seed) under `conditions` (default: all).
 
-    Scores are kept under `cache`, so that an interrupted call goes on. Raises ConfigError unless
-    the agents (by seed) share design and arena.
+    Writes `generalization{suffix}.csv`, `.json`, `.png` and `-summary.csv`. Scores are stored under
+    `cache`, so that an interrupted call can continue. Raises ConfigError unless the agents share
+    design and arena.
     """
     rows = generalize(agents, cache, episodes, conditions, report)
     summaries = summarize(rows)
@@ -57,11 +57,11 @@ def generalization(
 
 
 def redraw_generalization(table: Path) -> Path:
-    """The picture of a table that `generalization` wrote, beside it; its path."""
+    """Draw the picture of a table that `generalization` wrote; returns its path."""
     rows = read_rows(table, Row)
     facts = read_setting(table, "design", "preset", "agents", "episodes")
     if not (rows and isinstance(facts["agents"], dict)):
-        raise TableError(f"{table}: expected rows, and agents by seed beside it, got none")
+        raise EvaluationError(f"{table}: expected rows, and agents by seed beside it, got none")
     picture = table.with_suffix(".png")
     generalization_figure(
         picture,
@@ -75,7 +75,7 @@ def redraw_generalization(table: Path) -> Path:
 def equalities(
     agents: Agents, folder: Path, episodes: int = EQUALITY_EPISODES, suffix: str = ""
 ) -> list[Difference]:
-    """Logically equal programs: `equalities{suffix}.csv` and `.json`."""
+    """Compare logically equal programs; writes `equalities{suffix}.csv` and `.json`."""
     rows = difference_table(agents, episodes)
     _write(folder / f"equalities{suffix}.csv", rows, agents, episodes)
     return rows
@@ -84,7 +84,7 @@ def equalities(
 def detectors(
     agents: Agents, folder: Path, episodes: int = DETECTOR_EPISODES, suffix: str = ""
 ) -> list[Accuracy]:
-    """What detectors answer: `detectors{suffix}.csv` and `.json`, a `.png` of the first agent."""
+    """Judge detectors; writes `detectors{suffix}.csv`, `.json`, and a `.png` of the first agent."""
     rows = detector_table(agents, episodes)
     table = folder / f"detectors{suffix}.csv"
     _write(table, rows, agents, episodes)
@@ -98,7 +98,7 @@ def detectors(
 
 
 def write_variants(name: str, results: Path) -> Path:
-    """`NAME-variants.csv` in `results`, and its picture; the table's path."""
+    """Write `NAME-variants.csv` and its picture in `results`; returns the table's path."""
     rows, seeds = compare(name, results)
     path = results / f"{name}-variants.csv"
     write_rows(path, rows)
@@ -107,7 +107,7 @@ def write_variants(name: str, results: Path) -> Path:
 
 
 def write_algorithms(name: str, results: Path) -> Path:
-    """`NAME-algorithms.csv` in `results`, and the curves beside each other; the table's path."""
+    """Write `NAME-algorithms.csv` and a picture of the curves; returns the table's path."""
     rows, _ = compare(name, results, by="algorithm")
     path = results / f"{name}-algorithms.csv"
     write_rows(path, rows)
@@ -117,6 +117,6 @@ def write_algorithms(name: str, results: Path) -> Path:
 
 
 def _write(table: Path, rows: Sequence[Any], agents: Agents, episodes: int) -> None:
-    """A table, and beside it how it was made."""
+    """Write a table, and how it was made beside it."""
     write_rows(table, rows)
     write_setting(table, setting(agents, episodes))

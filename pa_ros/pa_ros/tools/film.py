@@ -10,7 +10,7 @@ from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask, condition_name
 from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.scoring.agents import TrainedAgent
+from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.language import parse, satisfying
 from pa_ros.world.relations import RELATIONS
 

@@ -1,9 +1,7 @@
-"""Experiments by name: several seeds of one setting, as a tidy table."""
+"""Experiments by name: training one seed of a setting, and the tables of its seeds."""
 
 from __future__ import annotations
 
-import csv
-import io
 import logging
 import math
 import re
@@ -16,8 +14,6 @@ from typing import Any
 import numpy as np
 
 from pa_ros.arena import (
-    ARMS,
-    PRESETS,
     ReachTask,
     design_named,
     preset_named,
@@ -26,17 +22,21 @@ from pa_ros.arena import (
     world_of,
 )
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.files import write_whole
 from pa_ros.core.software import device, versions
 from pa_ros.core.text import Report
-from pa_ros.evaluation.scoring.agents import load_agent
-from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scoring.rewards import normalized, rewards
-from pa_ros.evaluation.scoring.tables import read_rows, write_rows, write_setting
-from pa_ros.evaluation.scoring.training import TrainingScores
-from pa_ros.evaluation.studies.curves import CURVE
-from pa_ros.language import LOGICS, PRODUCT
-from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.evaluation.agents import load_agent
+from pa_ros.evaluation.evaluate import TrainingScores
+from pa_ros.evaluation.scorer import Benchmark, Scorer
+from pa_ros.evaluation.scores import normalized, rewards
+from pa_ros.evaluation.tables import (
+    CURVE,
+    EvaluationError,
+    read_rows,
+    write_cells,
+    write_rows,
+    write_setting,
+)
+from pa_ros.language import PRODUCT
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import check_trained_with, read_metadata
 from pa_ros.learning.config import TrainConfig
@@ -44,18 +44,18 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import PROTOCOLS, LearningSettings
+from pa_ros.learning.protocols import LearningSettings
 
 log = logging.getLogger(__name__)
 
 SOLVED = 0.9  # held-out normalized score
 FINAL_EPISODES = 100
-DPG, OURS = "dpg", "ours"  # what is usual
+DPG, OURS = "dpg", "ours"  # the defaults, which names of tables leave out
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One setting: everything but the seed."""
+    """A setting: everything but the seed."""
 
     name: str
     design: str
@@ -73,7 +73,7 @@ class Experiment:
 
     @property
     def label(self) -> str:
-        """Name of its tables, which says what is not usual of algorithm, protocol, preset and arm,
+        """Name of its tables: what differs from the defaults (algorithm, protocol, preset, arm),
         and the tag."""
         parts = [self.name]
         if self.algorithm != DPG:
@@ -97,32 +97,19 @@ class Experiment:
 
     @property
     def checkpoint_every_frames(self) -> int:
-        """A quarter of it, and no more than is a pity to lose."""
+        """A quarter of the frames, and no more than one would mind losing."""
         return min(50_000, max(self.frames // 4, 1))
 
     def __post_init__(self) -> None:
-        _check_tag(self.tag)
+        if self.tag and not re.fullmatch(r"[\w-]+(\.[\w-]+)*", self.tag, re.ASCII):
+            raise ConfigError(
+                "experiment tag: expected letters, digits, '-' and '_', also with dots between, "
+                f"got {self.tag!r}"
+            )
         if self.frames < self.evaluate_every_frames:
             raise ConfigError(
                 f"experiment frames: expected at least {self.evaluate_every_frames}, "
                 f"one evaluation, got {self.frames}"
-            )
-
-
-def _check_tag(tag: str) -> None:
-    """It becomes part of the names of files, beside words that say what isn't usual."""
-    if tag and not re.fullmatch(r"[\w-]+(\.[\w-]+)*", tag, re.ASCII):
-        raise ConfigError(
-            f"experiment tag: expected letters, digits, '-' and '_', also with dots between, "
-            f"got {tag!r}"
-        )
-    taken = {*ALGORITHMS, *ARMS, *LOGICS, *(f"{name}-arm" for name in PRESETS)}
-    taken |= {f"{name}-protocol" for name in PROTOCOLS}
-    for word in tag.split("."):
-        if word in taken or word.endswith("-seeds"):
-            raise ConfigError(
-                f"experiment tag: expected another word than {word!r}, which names of tables "
-                f"have already, got {tag!r}"
             )
 
 
@@ -153,7 +140,7 @@ PAPER_FRAMES = {"2": 2_000_000, "3": 5_000_000}  # by the number of shapes and c
 
 
 def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
-    """The experiment under another protocol; under `paper`, for as many frames as there."""
+    """The experiment under another protocol; under `paper`, for as many frames as the paper."""
     if protocol != "paper":
         return replace(experiment, protocol=protocol)
     frames = PAPER_FRAMES[experiment.design[0]]
@@ -168,16 +155,16 @@ def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
 
 
 def experiment_named(name: str) -> Experiment:
-    """Look up an experiment; ConfigError names the known ones."""
+    """The experiment of this name. Raises ConfigError, naming the known ones."""
     if name not in EXPERIMENTS:
         raise ConfigError(f"expected one of {', '.join(EXPERIMENTS)}, got {name!r}")
     return EXPERIMENTS[name]
 
 
 def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = False) -> None:
-    """Raise CheckpointError if a run in `folder` is of another setting or seed, or is longer.
+    """Raise CheckpointError if a run in `folder` has another setting or seed, or is longer.
 
-    `ended`: also if it is shorter. Of a run without a whole checkpoint nothing is known.
+    `ended`: also if it is shorter. A run without an undamaged checkpoint passes.
     """
     try:
         newest, _ = newest_whole(checkpoint_of(folder))
@@ -204,10 +191,10 @@ def run_seed(
     until: int | None = None,
     scores: Evaluate | None = None,
 ) -> Path:
-    """Train one seed into `folder`, or go on where it was interrupted; its progress.csv.
+    """Train one seed into `folder`, or continue where it was interrupted; returns its curve.
 
-    A seed that is saved with its frames, or `until`, is not run again. How it is parted changes
-    nothing. `scores` is asked in place of `TrainingScores`.
+    A finished seed is not trained again. `until`: stop after so many frames; training in parts
+    gives the same result. `scores` replaces `TrainingScores`.
     """
     frames = min(until or experiment.frames, experiment.frames)
     switch, saved = experiment.switch_frames, frames_saved(folder)
@@ -219,9 +206,9 @@ def run_seed(
 
 
 def frames_saved(folder: Path, claimed: bool = False) -> int:
-    """Frames of a run's newest whole checkpoint, which is made its latest; 0 if there is none.
+    """Frames of a run's newest undamaged checkpoint, which becomes its latest; 0 without any.
 
-    `claimed`: the caller has the folder for itself. Raises CheckpointError where all are damaged.
+    `claimed`: the caller has locked the folder. Raises CheckpointError if all are damaged.
     """
     if not holds_checkpoint(folder):
         return 0
@@ -268,11 +255,11 @@ def _train_until(
 
 @dataclass(frozen=True, slots=True)
 class SeedSummary:
-    """What became of one seed; frames and seconds are NaN if its score never came to stay."""
+    """The result of one seed; frames and seconds to solve are NaN if it was not solved."""
 
     seed: int
     frames: float  # reached
-    frames_to_solve: float  # when the held-out score reached SOLVED to stay
+    frames_to_solve: float  # from here on the held-out score stayed at SOLVED or above
     wall_s_to_solve: float
     held_out_at_end: float  # normalized, on the episodes of the curve
     train_at_end: float  # normalized
@@ -289,16 +276,16 @@ class SeedSummary:
 def summarize(
     seed: int, rows: Sequence[dict[str, float]], final: tuple[float, float] = (math.nan, math.nan)
 ) -> SeedSummary:
-    """`rows` of one curve, in order, and its final scores, held out and in training.
+    """Summarize a curve's `rows`, in order, and its final scores, held out and in training.
 
-    Designs that hold nothing out are judged in training.
+    Designs that hold nothing out are judged by the score in training.
     """
     column = "eval_greedy.normalized"
     if column not in rows[-1]:
         column = "train_greedy.normalized"
     first: dict[str, float] | None = None
     for row in reversed(rows):
-        if not row[column] >= SOLVED:  # nor where there is none
+        if not row[column] >= SOLVED:  # also for NaN
             break
         first = row
     return SeedSummary(
@@ -313,8 +300,10 @@ def summarize(
 
 
 def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> tuple[float, float]:
-    """Normalized scores, held out and in training, of a run's last checkpoint on fresh episodes,
-    acting as it did while it learned: by PRODUCT."""
+    """Normalized scores of a run's last checkpoint on fresh episodes, held out and in training.
+
+    The agent acts by PRODUCT, as it did while it learned.
+    """
     agent = load_agent(folder, logic=PRODUCT)
     scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
 
@@ -340,23 +329,16 @@ def write_table(
     summaries: Sequence[SeedSummary],
     made_on: Mapping[int, str] | None = None,
 ) -> Path:
-    """All curves as one CSV with a `seed` column; beside it a row per seed, and the setting.
+    """Write all curves as one CSV with a `seed` column, a table with a row per seed, the setting.
 
-    `made_on`: on what software and machines a seed was trained, as far as its checkpoint says.
+    `made_on`: software and machine of each seed, as far as its checkpoint says.
     """
     path = folder / f"{experiment.label}.csv"
     names = list(next(iter(curves.values()))[0])
-    file = io.StringIO(newline="")
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(["seed", *names])
-    for seed, rows in curves.items():
-        for row in rows:
-            if list(row) != names:
-                raise CheckpointError(
-                    f"curve: seed {seed}: expected columns {names} as the first, got {list(row)}"
-                )
-            writer.writerow([seed, *(f"{value:.6g}" for value in row.values())])
-    write_whole(path, file.getvalue())
+    if wrong := [seed for seed, rows in curves.items() if any(list(row) != names for row in rows)]:
+        raise EvaluationError(f"{path}: expected columns {names}, got others of seeds {wrong}")
+    cells = [[seed, *row.values()] for seed, rows in curves.items() for row in rows]
+    write_cells(path, ["seed", *names], cells)
     write_rows(seeds_table(path), summaries)
     settings = experiment.settings
     design = design_named(experiment.design)
@@ -375,14 +357,14 @@ def write_table(
 
 
 def seeds_table(curves: Path) -> Path:
-    """The table of seeds that belongs to a table of curves."""
+    """The path of the table of seeds that belongs to a table of curves."""
     return curves.with_name(f"{curves.stem}-seeds.csv")
 
 
 def headline(folder: Path) -> Report:
     """Seeds solved and median frames to solve of the tables in `folder`, by design and arm.
 
-    A seed that is not solved counts as infinitely many frames; a median of those is written "inf".
+    A seed that is not solved counts as infinitely many frames ("inf" if the median is).
     """
     report: dict[str, float | int | str] = {}
     for name, design in (("programmable-2L", "2-L"), ("programmable-3D", "3-D")):

@@ -1,4 +1,4 @@
-"""Variants of one experiment beside each other: what each ingredient of a protocol is worth."""
+"""Compare an experiment with its variants: what each ingredient of a protocol contributes."""
 
 from __future__ import annotations
 
@@ -10,32 +10,26 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.evaluation.scoring.intervals import mean_interval
-from pa_ros.evaluation.scoring.tables import TableError, read_rows, read_setting
-from pa_ros.evaluation.studies.curves import read_curve
-from pa_ros.evaluation.studies.experiments import DPG, SeedSummary, seeds_table, summarize
+from pa_ros.evaluation.experiments import DPG, SeedSummary, seeds_table, summarize
+from pa_ros.evaluation.scores import mean_interval
+from pa_ros.evaluation.tables import EvaluationError, read_curves, read_rows, read_setting
 
-_SAME = ("arm", "preset", "protocol", "algorithm")  # of what is compared
-
-
-class NoVariantsError(TableError):
-    """Nothing to compare."""
-
-    code = "evaluation.no_variants"
+NO_VARIANTS = "evaluation.no_variants"
+_SAME = ("arm", "preset", "protocol", "algorithm")  # in all tables that are compared
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One setting, judged by its curves up to `frames`; held-out scores are normalized."""
+    """One setting, judged by its curves up to `frames`. Held-out scores are normalized."""
 
     label: str
-    changed: str  # of the protocol, empty for the protocol itself; or the algorithm
+    changed: str  # options of the protocol (empty for the protocol itself), or the algorithm
     seeds: int
     frames: float
-    solved: int  # seeds whose held-out score is at least SOLVED there
+    solved: int  # seeds whose held-out score is at least SOLVED at `frames`
     frames_to_solve: float  # median over seeds, the unsolved counted as infinite
     wall_s_to_solve: float  # median over seeds, the unsolved counted as infinite
-    held_out: float  # mean over seeds, there
+    held_out: float  # mean over seeds, at `frames`
     low: float  # 95 % bootstrap interval over seeds
     high: float
 
@@ -43,12 +37,12 @@ class Variant:
 def compare(
     name: str, results: Path, by: str = "options"
 ) -> tuple[list[Variant], dict[str, list[SeedSummary]]]:
-    """The table `name` in `results` and those that differ from it in `by`, all cut to the shortest.
+    """Compare the table `name` in `results` with those that differ from it in `by` only.
 
-    `name` is an experiment's label, which says its arm: `programmable-3D.paper-arm`. `by` is
-    "options", those with a tag behind the name, or "algorithm". Also each one's seeds. Raises
-    NoVariantsError where there is no table of that name or no variant, TableError for files that
-    are damaged.
+    All are cut to the frames of the shortest curve. `name` is an experiment's label, such as
+    `programmable-3D.paper-arm`; `by` is "options" (of the protocol) or "algorithm". Returns a row
+    for each table, and each one's seeds. Raises EvaluationError with the code NO_VARIANTS if there
+    is nothing to compare, with another code for damaged files.
     """
     tables = sorted(
         table
@@ -68,14 +62,16 @@ def compare(
         and (by == "options" or setting["options"] == own.get("options"))
     ]
     if len(chosen) < 2:
-        raise NoVariantsError(f"variants: expected {name} and a variant of it in {results}")
-    curves = {table: _curves(table) for table in chosen}
+        raise EvaluationError(
+            f"variants: expected {name} and a variant of it in {results}", code=NO_VARIANTS
+        )
+    curves = {table: read_curves(table) for table in chosen}
     frames = min(min(rows[-1]["frames"] for rows in seeds.values()) for seeds in curves.values())
     rows, seeds_of = [], {}
     for table in chosen:
         final = {row.seed: row for row in read_rows(seeds_table(table), SeedSummary)}
         if missing := sorted(curves[table].keys() - final.keys()):
-            raise TableError(f"{seeds_table(table)}: expected seeds {missing}, found none")
+            raise EvaluationError(f"{seeds_table(table)}: expected seeds {missing}, found none")
         seeds = [_until(frames, curve, final[seed]) for seed, curve in curves[table].items()]
         seeds_of[table.stem] = seeds
         changed = settings[table][by]
@@ -91,22 +87,11 @@ def _text(value: object) -> str:
 
 
 def _until(frames: float, curve: list[dict[str, float]], final: SeedSummary) -> SeedSummary:
-    """A seed at so many frames; judged on fresh episodes if that is where it ended."""
+    """A seed after so many frames; judged on fresh episodes if it ended there."""
     seen = [row for row in curve if row["frames"] <= frames]
     if len(seen) < len(curve):
         return summarize(final.seed, seen)
     return summarize(final.seed, seen, (final.final_held_out, final.final_train))
-
-
-def _curves(table: Path) -> dict[int, list[dict[str, float]]]:
-    by_seed: dict[int, list[dict[str, float]]] = {}
-    for row in read_curve(table):
-        if "seed" not in row:
-            raise TableError(f"{table}: expected a column seed, got {list(row)}")
-        by_seed.setdefault(int(row["seed"]), []).append(row)
-    if not by_seed:
-        raise TableError(f"{table}: expected rows, got none")
-    return by_seed
 
 
 def _variant(label: str, changed: str, seeds: Sequence[SeedSummary], frames: float) -> Variant:

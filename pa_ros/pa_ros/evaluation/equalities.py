@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from pa_ros.arena import ReachTask
 from pa_ros.core.experience import Observation
-from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.language import LOGICS, MIN_MAX, And, Expression, Not, Or, Program, Word
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor

@@ -16,13 +16,12 @@ import numpy as np
 from pa_ros.arena import ArenaConfig, Design, conditions_for
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
-from pa_ros.evaluation.scoring.agents import TrainedAgent, without_training
-from pa_ros.evaluation.scoring.benchmark import Benchmark, Scorer
-from pa_ros.evaluation.scoring.blind import BLIND
-from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED, REFERENCES
-from pa_ros.evaluation.scoring.intervals import gain_over, normalized_interval
-from pa_ros.evaluation.scoring.rewards import normalized, rewards
-from pa_ros.evaluation.scoring.tables import TableError
+from pa_ros.evaluation.agents import TrainedAgent, without_training
+from pa_ros.evaluation.blind import BLIND
+from pa_ros.evaluation.evaluate import EPISODES_SEED, REFERENCES
+from pa_ros.evaluation.scorer import Benchmark, Scorer
+from pa_ros.evaluation.scores import gain_over, normalized, normalized_interval, rewards
+from pa_ros.evaluation.tables import EvaluationError
 
 RANDOM_WEIGHTS = "random"
 """The condition whose agents have random weights; its episodes are those of `train`."""
@@ -148,7 +147,7 @@ def _summary(condition: str, rows: Sequence[Row]) -> Summary:
     seeds = list(dict.fromkeys(row.seed for row in rows))
     one = [row for row in rows if row.seed == seeds[0]]
     if len(rows) != len(seeds) * len(one):
-        raise TableError(
+        raise EvaluationError(
             f"generalization: {condition}: expected {len(one)} episodes of each of {len(seeds)} "
             f"seeds, got {len(rows)} rows"
         )

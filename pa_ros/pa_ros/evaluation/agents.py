@@ -1,4 +1,4 @@
-"""Trained agents as policies, and the same networks with random weights."""
+"""Trained agents as policies, and their networks with random weights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot
-from pa_ros.evaluation.scoring.evaluate import AgentPolicy
+from pa_ros.evaluation.evaluate import AgentPolicy
 from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.learning.folder import checkpoint_of
@@ -25,7 +25,7 @@ RANDOM_WEIGHTS_STREAM = 4  # 0 arena, 1 exploration, 2 learner, 3 the random ref
 
 @dataclass(frozen=True)
 class TrainedAgent:
-    """Weights of an actor, the setting that they were trained in, and by which logic they act."""
+    """An actor's weights, the design and arena they were trained in, and the logic they act by."""
 
     snapshot: PolicySnapshot
     design: Design
@@ -47,7 +47,7 @@ class TrainedAgent:
 
     @property
     def key(self) -> str:
-        """Of all that its actions follow from: the digest, and the logic."""
+        """Identifies all that the actions follow from: weights and logic."""
         return f"{self.digest}-{self.logic.name}-{self.logic.sharpness:g}"
 
 
@@ -58,19 +58,17 @@ def load_agent(
     arm: str | None = None,
     logic: Logic = MIN_MAX,
 ) -> TrainedAgent:
-    """The agent of a checkpoint or of a training run's folder.
+    """Load the agent of a checkpoint or of a training run's folder.
 
-    Design, preset and arm are those it was trained in unless given; ConfigError if nothing says
-    them.
+    Design, preset and arm are those of its training unless given. Raises ConfigError if neither
+    says them.
     """
     folder = trained(path)
-    facts = {"arm": "jaco", **read_metadata(folder)["extra"]}  # of 0.2, which had no other arm
+    facts = read_metadata(folder)["extra"]
     given = {"design": design, "preset": preset, "arm": arm}
     named: dict[str, Any] = {name: value or facts.get(name) for name, value in given.items()}
-    if missing := [name for name, value in named.items() if value is None]:
-        raise ConfigError(f"agent {path}: expected its {missing} in the checkpoint, found none")
-    if wrong := {name: value for name, value in named.items() if not isinstance(value, str)}:
-        raise ConfigError(f"agent {path}: expected names in the checkpoint, got {wrong}")
+    if missing := [name for name, value in named.items() if not isinstance(value, str)]:
+        raise ConfigError(f"agent {path}: expected {missing} in the checkpoint or as options")
     arena = preset_named(named["preset"], named["arm"])
     snapshot = load_policy(folder)
     asked = actor_config(snapshot.architecture).vocabulary.relations
@@ -79,13 +77,13 @@ def load_agent(
 
 
 def trained(out: Path) -> Path:
-    """The checkpoint folder: the one given, or the one inside a training run's folder."""
+    """The checkpoint folder: the given one, or the one inside a training run's folder."""
     inner = checkpoint_of(out)
     return inner if inner.is_dir() else out
 
 
 def greedy(snapshot: PolicySnapshot, arena: ArenaConfig, logic: Logic = MIN_MAX) -> AgentPolicy:
-    """An actor without exploration, as joint velocities (rad/s) for an arena."""
+    """An actor without exploration, as a policy of joint velocities (rad/s) for an arena."""
     actor, speeds = Actor.of(snapshot, logic), np.array(arena.joint_speed_limits)
 
     def act(observation: Observation, program: Program) -> Float64:
@@ -97,8 +95,8 @@ def greedy(snapshot: PolicySnapshot, arena: ArenaConfig, logic: Logic = MIN_MAX)
 def without_training(agent: TrainedAgent, seed: int) -> TrainedAgent:
     """The same networks with random weights (paper, condition `random`).
 
-    All layers are uniform in ±1/√fan-in, also the last one and the detectors, whatever training
-    starts with: else the arm would stand still.
+    All layers are uniform in ±1/√fan-in, also the last one and the detectors, which training starts
+    smaller: with those the arm would hardly move.
     """
     config = actor_config(agent.snapshot.architecture)
     plain = config.changed(actor_output_scale=config.hidden**-0.5, detector_init_scale=1.0)

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from pa_ros.arena import ReachTask, RenderError
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.render import render, top_view
-from pa_ros.evaluation.pictures.drawing import heat_map, save
-from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.studies.detectors import (
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.detectors import (
     DetectorView,
     Look,
     detector_conditions,
     extremes,
     named,
 )
-from pa_ros.evaluation.studies.generalization import RANDOM_WEIGHTS, Row, Summary, summarize
+from pa_ros.evaluation.drawing import heat_map, save
+from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, Row, Summary, summarize
 
 BOX, SEEDS, SCRIPT, BLIND_MARK = "#8fb8de", "#1f4e79", "#555555", "#c0392b"
 COLORS = 256  # of the palette

@@ -1,13 +1,12 @@
-"""The seeds of an experiment: trained in processes of their own, and put into tables."""
+"""The seeds of an experiment: trained in parallel processes, and put into tables."""
 
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import Field
@@ -18,8 +17,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.core.signals import end_with_parent, interrupts_later
 from pa_ros.core.text import renewable
-from pa_ros.evaluation.studies.curves import CURVE, frames_done, read_curve
-from pa_ros.evaluation.studies.experiments import (
+from pa_ros.evaluation.experiments import (
     Experiment,
     SeedSummary,
     final_scores,
@@ -27,9 +25,8 @@ from pa_ros.evaluation.studies.experiments import (
     summarize,
     write_table,
 )
-from pa_ros.evaluation.studies.failures import FailedError, check_failures
+from pa_ros.evaluation.tables import CURVE, EvaluationError, frames_done, read_curve
 from pa_ros.learning.checkpoints import read_metadata
-from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.run import MADE_ON
 
@@ -40,8 +37,8 @@ class SeedsConfig(Settings):
     """Which seeds of an experiment."""
 
     seeds: int = Field(3, ge=1, description="how many")
-    first_seed: int = Field(0, ge=0, description="and the following")
-    jobs: int = Field(1, ge=1, description="seeds at a time")
+    first_seed: int = Field(0, ge=0, description="the first of them")
+    jobs: int = Field(1, ge=1, description="seeds trained at a time")
 
 
 def train_seeds(
@@ -51,16 +48,13 @@ def train_seeds(
     jobs: int,
     extended: Sequence[str] = (),
 ) -> None:
-    """Each seed in a process, `jobs` at a time, with progress and time left.
+    """Train each seed in a process, `jobs` at a time, showing progress.
 
-    `extended`: extensions that the processes import. One that is refused or diverges is said and
-    the others go on; FailedError, once they are through.
+    `extended`: extensions that the processes import. If a seed fails, the others are still trained;
+    then EvaluationError is raised.
     """
     folders = [folder_of(folder, seed) for seed in seeds]
-    with (
-        _processes(jobs, extended) as pool,
-        SeedsProgress(experiment, folders) as progress,
-    ):
+    with _processes(jobs, extended) as pool, SeedsProgress(experiment, folders) as progress:
         with interrupts_later():  # Ctrl-C is for this process, which ends the others
             seed_of: dict[Future[Path], int] = {
                 pool.submit(run_seed, experiment, seed, into): seed
@@ -70,28 +64,37 @@ def train_seeds(
         while pending:
             ended, pending = wait(pending, REFRESH_S, FIRST_COMPLETED)
             for future in ended:
+                name = f"seed {seed_of[future]}"
                 try:
                     future.result()
-                    progress.tell_unless_seen(f"seed {seed_of[future]} is trained")
+                    progress.log_trained(name)
                 except PaError as error:
-                    failures[f"seed {seed_of[future]}"] = error
-                    progress.tell(f"seed {seed_of[future]} ended early: {error}")
+                    failures[name] = error
+                    progress.log(f"{name} failed: {error}")
                 except BrokenProcessPool as error:
-                    raise FailedError(
-                        "a process was ended from outside, for want of memory perhaps: the same "
-                        "command goes on from each seed's last checkpoint"
+                    raise EvaluationError(
+                        "a training process was killed, perhaps for lack of memory: run the same "
+                        "command again to continue from each seed's last checkpoint",
+                        code="evaluation.failed",
                     ) from error
             progress.show()
     check_failures(failures)
 
 
+def check_failures(failures: Mapping[str, PaError]) -> None:
+    """Raise EvaluationError if there are any, named by what failed."""
+    if failures:
+        what = "; ".join(f"{name}: {error}" for name, error in failures.items())
+        raise EvaluationError(f"all others are done, but {what}", code="evaluation.failed")
+
+
 def folder_of(folder: Path, seed: int) -> Path:
-    """Where a seed of an experiment is trained."""
+    """The folder in which a seed of an experiment is trained."""
     return folder / f"seed-{seed}"
 
 
 class SeedsProgress:
-    """A bar of how far all seeds are; a context."""
+    """A progress bar over all seeds; a context manager."""
 
     def __init__(self, experiment: Experiment, folders: Sequence[Path]) -> None:
         self._frames, self._curves = experiment.frames, [folder / CURVE for folder in folders]
@@ -106,21 +109,21 @@ class SeedsProgress:
         self._bar.stop()
 
     def show(self) -> None:
-        """Read the curves, as far as they can be read, and draw."""
+        """Read the learning curves and redraw the bar."""
         reached = 0.0
         for curve in self._curves:
-            with suppress(CheckpointError):  # which the seed itself is refused for
+            with suppress(EvaluationError):  # the seed itself fails for it
                 reached += min(frames_done(curve), self._frames)
         self._bar.update(self._bar.task_ids[0], completed=reached)
 
-    def tell(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Print a line above the bar."""
         self._bar.console.print(line, markup=False, soft_wrap=True)
 
-    def tell_unless_seen(self, line: str) -> None:
-        """The same where the bar is shown at the end alone: in a file, a dumb terminal."""
+    def log_trained(self, name: str) -> None:
+        """Say that a seed is trained where the bar cannot: in a file or a dumb terminal."""
         if not renewable(self._bar.console):
-            self.tell(line)
+            self.log(f"{name} is trained")
 
 
 def progress_bar() -> Progress:
@@ -131,10 +134,12 @@ def progress_bar() -> Progress:
 
 @contextmanager
 def _processes(count: int, extended: Sequence[str]) -> Iterator[ProcessPoolExecutor]:
-    """A pool that an exception, Ctrl-C's too, ends at once, with what it has yet to do: a seed goes
-    on from its last checkpoint."""
+    """A pool that ends at once after an exception, also after Ctrl-C.
+
+    Seeds can be ended like this because they continue from their last checkpoint.
+    """
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, context, _begin, (extended,)) as pool:
+    with ProcessPoolExecutor(count, context, _start_process, (extended,)) as pool:
         try:
             yield pool
         except BaseException:
@@ -144,42 +149,32 @@ def _processes(count: int, extended: Sequence[str]) -> Iterator[ProcessPoolExecu
             raise
 
 
-def _begin(extended: Sequence[str]) -> None:
+def _start_process(extended: Sequence[str]) -> None:
     end_with_parent()
     extensions.load(extended)
 
 
-@dataclass(frozen=True)
-class Tabulated:
-    """A table of learning curves, and a line for each of its seeds."""
-
-    table: Path
-    summaries: Sequence[SeedSummary]
-
-
 def tabulate(
     experiment: Experiment, seeds: Sequence[int], folder: Path, results: Path, scores: Path
-) -> Tabulated | None:
-    """Tables of each seed that has a curve, however far it came; None if none has.
+) -> tuple[Path, list[SeedSummary]] | None:
+    """Write the tables of each seed that has a curve, finished or not; None if no seed has.
 
-    `scores` keeps those of fresh episodes, from which a seed with a checkpoint is judged.
+    Returns the table of curves and a summary of each seed. A seed with a checkpoint is scored on
+    fresh episodes; `scores` keeps these scores.
     """
-    runs = {seed: folder_of(folder, seed) for seed in seeds}
-    done = {seed: run for seed, run in runs.items() if frames_done(run / CURVE)}
-    if not done:
+    curves: dict[int, list[dict[str, float]]] = {}
+    summaries: list[SeedSummary] = []
+    made_on: dict[int, str] = {}
+    for seed in seeds:
+        run = folder_of(folder, seed)
+        if not frames_done(run / CURVE):
+            continue
+        rows = curves[seed] = read_curve(run / CURVE)
+        if holds_checkpoint(run):
+            summaries.append(summarize(seed, rows, final_scores(run, scores)))
+            made_on[seed] = str(read_metadata(checkpoint_of(run))["extra"].get(MADE_ON, ""))
+        else:
+            summaries.append(summarize(seed, rows))
+    if not curves:
         return None
-    curves = {seed: read_curve(run / CURVE) for seed, run in done.items()}
-    scored = {seed: holds_checkpoint(run) for seed, run in done.items()}
-    summaries = [
-        summarize(seed, rows, final_scores(done[seed], scores))
-        if scored[seed]
-        else summarize(seed, rows)
-        for seed, rows in curves.items()
-    ]
-    made_on = {seed: _made_on(run) for seed, run in done.items() if scored[seed]}
-    return Tabulated(write_table(results, experiment, curves, summaries, made_on), summaries)
-
-
-def _made_on(run: Path) -> str:
-    """Software and machines of a seed; empty: of 0.2, which didn't say."""
-    return str(read_metadata(checkpoint_of(run))["extra"].get(MADE_ON, ""))
+    return write_table(results, experiment, curves, summaries, made_on), summaries

@@ -1,4 +1,4 @@
-"""References that know where all blocks are and how to get there, but ignore the program.
+"""References that know where all blocks are and how to reach them, but ignore the program.
 
 An agent that does not score above the best of these has shown no understanding of a program.
 """
@@ -16,14 +16,14 @@ from pa_ros.core.experience import Float64, Observation
 from pa_ros.world.relations import RELATIONS
 
 BLIND = ("nearest", "any", "most")
-"""Go to the block nearest to the hand; to one drawn at random; to the place near most blocks."""
+"""Go to the block nearest to the hand; to a random one; to the place near most blocks."""
 
 BLIND_STREAM = 5  # of random numbers, beside those of docs/DESIGN.md
 MARGIN = 0.95  # of the horizontal reach: the hand does not stop exactly where it should
 
 
 def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
-    """One of BLIND as joint velocities in rad/s [J]; it decides at the start of an episode."""
+    """One of BLIND as joint velocities in rad/s [J]. It chooses at the start of an episode."""
     choose = {"nearest": _nearest, "any": _any, "most": _most}[name]
     goal = np.zeros(3)
 
@@ -48,8 +48,8 @@ def _any(task: ReachTask) -> Float64:
 
 
 def _most(task: ReachTask) -> Float64:
-    """The block, or the middle of two or three, where the program's relation, pursued, holds of
-    most blocks: to be near most of them, above it."""
+    """The block, or the middle of two or three blocks, at which the program's relation holds for
+    most blocks."""
     hand, blocks = _places(task)
     groups = chain(combinations(blocks, 2), combinations(blocks, 3))
     middles = [np.mean(group, axis=0) for group in groups]
@@ -59,7 +59,7 @@ def _most(task: ReachTask) -> Float64:
 
 
 def _held(task: ReachTask, hand: Float64, blocks: Float64, middle: Float64) -> int:
-    """Of how many blocks the relation holds where the hand goes for `middle`, with the margin."""
+    """For how many blocks the relation holds when the hand goes for `middle`, with the margin."""
     relation = RELATIONS[task.program.relation]
     threshold = task.scoring.threshold(relation.name)
     farther = np.full_like(blocks, middle)
@@ -69,7 +69,7 @@ def _held(task: ReachTask, hand: Float64, blocks: Float64, middle: Float64) -> i
 
 
 def _in_reach(task: ReachTask, place: Float64) -> bool:
-    """Where blocks may lie the arm gets near; not so near its base."""
+    """Whether a block may lie there; the arm reaches those places, but none near its base."""
     low, high = task.config.block_radii_m
     return low <= float(np.hypot(*place[:2])) <= high
 

@@ -1,23 +1,32 @@
-"""Bootstrap intervals of scores over seeds and episodes at once.
+"""Scores of episodes, and bootstrap intervals of their means over seeds and episodes.
 
-Seeds and episodes are resampled independently, with replacement (a bootstrap of a crossed design:
-every seed is scored on the same episodes), as `rliable` resamples runs; with one seed, episodes
-alone.
+Seeds and episodes are resampled independently, with replacement: every seed is scored on the same
+episodes, so this is a bootstrap of a crossed design. With one seed, only episodes are resampled.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.evaluation.scoring.rewards import normalized
-
 CONFIDENCE = 0.95
 RESAMPLES = 2000
 
 Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeScore:
+    """One evaluation episode."""
+
+    episode: int
+    program: str
+    reward_per_step: float  # mean of the ±1 rewards, in [-1, 1]
+    success: bool  # the program was satisfied when the episode ended
+    distance: float  # metres, hand to the nearest object the program names, at the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +38,18 @@ class Interval:
     high: float
 
 
+def rewards(scores: Sequence[EpisodeScore]) -> Float:
+    """Reward per step of each episode, [E]."""
+    return np.array([score.reward_per_step for score in scores], dtype=np.float64)
+
+
+def normalized(raw: float, low: float, high: float) -> float:
+    """0 at the random reference, 1 at the scripted one (same episodes); nan if they coincide."""
+    return (raw - low) / (high - low) if high != low else float("nan")
+
+
 def mean_interval(values: Float, seed: int = 0) -> Interval:
-    """Of the mean of independent values [E]."""
+    """The interval of the mean of independent values [E]."""
     weights = _weights(len(values), np.random.default_rng(seed))
     return _interval(float(values.mean()), weights @ values / len(values))
 

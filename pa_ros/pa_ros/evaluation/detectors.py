@@ -15,8 +15,8 @@ from pa_ros.arena import Design, Episode, ReachTask, condition_named
 from pa_ros.arena.conditions import novel
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
-from pa_ros.evaluation.scoring.agents import TrainedAgent
-from pa_ros.evaluation.scoring.evaluate import EPISODES_SEED
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.language import Logic, parse, relevance, satisfying
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.families import family_of

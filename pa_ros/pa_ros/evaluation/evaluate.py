@@ -1,11 +1,12 @@
-"""Evaluate a policy on a condition, between the two references on the same episodes."""
+"""Score a policy on a condition, beside two references on the same episodes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -18,26 +19,34 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
-from pa_ros.core.experience import Float64, Observation
+from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.settings import OneOf
-from pa_ros.evaluation.scoring.intervals import Interval, mean_interval, normalized_interval
-from pa_ros.evaluation.scoring.rewards import EpisodeScore, rewards
+from pa_ros.evaluation.scores import (
+    EpisodeScore,
+    Interval,
+    mean_interval,
+    normalized,
+    normalized_interval,
+    rewards,
+)
 from pa_ros.language import LOGICS, MIN_MAX, Program
 
-# From what an agent sees, and the program, to joint velocities in rad/s [J].
+# From an observation and a program to joint velocities in rad/s [J].
 AgentPolicy = Callable[[Observation, Program], Float64]
-EPISODES_SEED = 2_000_003  # apart from training's episodes and from those scored during training
+# Seeds of episodes that no training run sees: for scores afterwards, and for scores during one.
+EPISODES_SEED = 2_000_003
+TRAINING_SCORES_SEED = 1_000_003
 REFERENCES = ("scripted", "random")
 
 
 class EvaluationConfig(ArenaChoice):
-    """What to score on."""
+    """Which episodes are scored."""
 
     condition: str = Field("eval", description="that episodes are drawn from")
     episodes: int = Field(100, ge=1, description="how many")
     seed: int = Field(EPISODES_SEED, ge=0, description="of the episodes")
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
-        MIN_MAX.name, description="what AND and OR of degrees are"
+        MIN_MAX.name, description="logic by which an agent executes programs"
     )
 
 
@@ -70,7 +79,7 @@ class Evaluation:
 def run_episodes(
     task: ReachTask, act: Callable[[Observation], Float64], condition: str, episodes: int
 ) -> Iterator[EpisodeScore]:
-    """Episodes 0 … episodes − 1 of a condition, one score each."""
+    """Run episodes 0 … episodes − 1 of a condition and score each."""
     for index in range(episodes):
         observation, verdict = task.reset(index, condition)
         total, steps = 0.0, 0
@@ -84,7 +93,7 @@ def run_episodes(
 def reference_scores(
     task: ReachTask, name: str, condition: str, episodes: int
 ) -> tuple[EpisodeScore, ...]:
-    """Scores of `scripted` (privileged, upper) or `random` (lower)."""
+    """Scores of `scripted` (it knows the target; upper reference) or `random` (lower)."""
     random = random_policy(task.seed)
     policy = scripted_action if name == "scripted" else random
     return tuple(run_episodes(task, lambda _: policy(task), condition, episodes))
@@ -99,7 +108,7 @@ def evaluate(
     seed: int,
     n_blocks: int | None = None,
 ) -> Evaluation:
-    """Evaluate an agent, or a reference by name, and both references beside it."""
+    """Evaluate an agent, or a reference by name, and both references on the same episodes."""
     task = ReachTask(config, design, seed, n_blocks)
     references = {name: reference_scores(task, name, condition, episodes) for name in REFERENCES}
     if isinstance(policy, str):
@@ -121,7 +130,7 @@ class ProgramRow:
 
 
 def by_program(evaluation: Evaluation) -> list[ProgramRow]:
-    """One row per distinct program, in alphabetic order."""
+    """One row per program, in alphabetic order."""
     ordered = sorted(evaluation.scores, key=lambda score: score.program)
     rows = []
     for program, group in groupby(ordered, key=lambda score: score.program):
@@ -130,3 +139,52 @@ def by_program(evaluation: Evaluation) -> list[ProgramRow]:
         success = float(np.mean([score.success for score in members]))
         rows.append(ProgramRow(program, len(members), reward, success))
     return rows
+
+
+class Acts(Protocol):
+    """A greedy actor."""
+
+    def act(self, observation: Observation, program: Program) -> Float32:
+        """The action, [J] in [-1, 1]."""
+
+
+class TrainingScores:
+    """Greedy scores of an actor during training, on the training and the held-out programs.
+
+    The episodes are fixed and differ from those of training. The references on them are computed
+    once, when they are first needed.
+    """
+
+    def __init__(self, config: ArenaConfig, design: Design, episodes: int) -> None:
+        self.task = ReachTask(config, design, TRAINING_SCORES_SEED)
+        self._speeds = np.array(config.joint_speed_limits)
+        self._episodes = episodes
+        self._conditions = ("train", "eval") if design.held_out else ("train",)
+
+    @cached_property
+    def _references(self) -> dict[str, list[float]]:
+        """The mean reward of each of REFERENCES, by condition."""
+        return {
+            condition: [
+                float(rewards(reference_scores(self.task, name, condition, self._episodes)).mean())
+                for name in REFERENCES
+            ]
+            for condition in self._conditions
+        }
+
+    def __call__(self, actor: Acts) -> dict[str, float]:
+        """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
+
+        def act(observation: Observation) -> Float64:
+            action = actor.act(observation, self.task.program).astype(np.float64)
+            return np.asarray(action * self._speeds)
+
+        row: dict[str, float] = {}
+        for condition in self._conditions:
+            scores = list(run_episodes(self.task, act, condition, self._episodes))
+            raw = float(rewards(scores).mean())
+            scripted, random = self._references[condition]
+            row[f"{condition}_greedy.reward_per_step"] = raw
+            row[f"{condition}_greedy.normalized"] = normalized(raw, random, scripted)
+            row[f"{condition}_greedy.success_rate"] = float(np.mean([s.success for s in scores]))
+        return row

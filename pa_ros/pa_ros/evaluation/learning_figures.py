@@ -1,0 +1,213 @@
+"""Pictures of learning curves and of variants, from the tables of `pa_ros experiment`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import cycle, product
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+from numpy.typing import NDArray
+
+from pa_ros.evaluation.drawing import save
+from pa_ros.evaluation.experiments import SOLVED, SeedSummary
+from pa_ros.evaluation.scores import Interval, mean_interval
+from pa_ros.evaluation.tables import read_curves, read_setting
+from pa_ros.evaluation.variants import Variant
+
+Float = NDArray[np.float64]
+Curves = Mapping[int, Sequence[Mapping[str, float]]]
+"""Rows of learning curves, by seed."""
+Scores = Mapping[int, Mapping[float, float]]
+"""One score by frames, for each seed."""
+FEW = 4  # up to so many seeds, each has its own line style and no mean is drawn
+_STYLES = ("-", "--", ":", "-.")
+_MARKERS = ("", "o", "s", "^")
+_SEVERAL = ("#268bd2", "#d33682", "#859900", "#b58900")
+_CURVES = (
+    ("train_greedy.normalized", "training programs", "#b58900"),
+    ("eval_greedy.normalized", "held-out programs", "#d33682"),
+)
+
+
+def learning_figure(table: Path) -> Path:
+    """Draw the seeds of a table beside it and return the picture's path.
+
+    More than FEW seeds also have a mean with its 95 % interval. If the training programs were
+    switched, marks that and when the replay buffer had turned over. Raises EvaluationError for a
+    file that is no table of curves.
+    """
+    curves, setting = _read(table)
+    count = len(curves)
+    figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
+    shown = [curve for curve in _CURVES if curve[0] in next(iter(curves.values()))[0]]
+    for column, label, color in shown:
+        _curve(axes, _scores(curves, column), label, color)
+    if switch := setting["switch_frames"]:
+        turnover = switch + setting["learner"]["replay"]["capacity_frames"]
+        for x, text in ((switch, "programs switched"), (turnover, "replay turned over")):
+            axes.axvline(x, color="#586e75", linestyle="--", linewidth=1)
+            axes.text(x, 0.35, f" {text}", fontsize=8, rotation=90, va="bottom", ha="right",
+                      transform=axes.get_xaxis_transform())  # fmt: skip
+    title = (
+        f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}, "
+        f"{setting.get('arm', 'jaco')}, {setting['preset']} preset: "
+        f"{count} seed{'s' if count > 1 else ''}"
+    )
+    _finish(figure, axes, title, [_scores(curves, column) for column, _, _ in shown])
+    picture = table.with_suffix(".png")
+    save(figure, picture)
+    return picture
+
+
+def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
+    """Draw the held-out scores of several tables; `tables` by the curves' labels."""
+    figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
+    column, _, _ = _CURVES[1]
+    found = []
+    looks = cycle(product(_MARKERS, _SEVERAL))
+    for (label, table), (marker, color) in zip(tables.items(), looks, strict=False):
+        curves, setting = _read(table)
+        found.append(_scores(curves, column))
+        _curve(axes, found[-1], f"{label}, {len(found[-1])} seeds, held out", color, marker)
+    title = f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}"
+    _finish(figure, axes, title, found)
+    save(figure, path)
+
+
+def is_curves(table: Path) -> bool:
+    """Whether a CSV file holds learning curves, with the setting beside it."""
+    if not (table.is_file() and table.with_suffix(".json").exists()):
+        return False
+    with table.open("rb") as file:
+        return file.readline().startswith(b"seed,frames,")
+
+
+def _read(table: Path) -> tuple[Curves, dict[str, Any]]:
+    needed = ("design", "network", "protocol", "preset", "switch_frames", "learner")
+    return read_curves(table), read_setting(table, *needed)
+
+
+def _scores(curves: Curves, column: str) -> Scores:
+    return {
+        seed: {row["frames"]: row[column] for row in rows} for seed, rows in sorted(curves.items())
+    }
+
+
+def _curve(axes: Axes, scores: Scores, label: str, color: str, marker: str = "") -> None:
+    """Draw few seeds each in its style; many as thin lines with their mean.
+
+    `marker` is drawn at some points of all but the thin lines.
+    """
+    many = len(scores) > FEW
+    thick: dict[str, Any] = {"marker": marker, "markevery": 0.1, "markersize": 5, "color": color}
+    for own, style in zip(scores.values(), _STYLES * len(scores), strict=False):
+        thin = {"linewidth": 0.8, "alpha": 0.35, "color": color}
+        axes.plot(list(own), list(own.values()), **(thin if many else thick | {"linestyle": style}))
+    axes.plot([], [], linewidth=2, label=label, **thick)
+    if many:
+        frames, intervals = _means(scores)
+        axes.plot(frames, [i.mean for i in intervals], linewidth=2, **thick)
+        axes.fill_between(
+            frames, [i.low for i in intervals], [i.high for i in intervals],
+            color=color, alpha=0.2, linewidth=0,
+        )  # fmt: skip
+
+
+def _means(scores: Scores) -> tuple[list[float], list[Interval]]:
+    """Means over the seeds that reached each number of frames, as long as more than FEW did."""
+    frames = sorted({at for own in scores.values() for at in own})
+    values = [np.array([own[at] for own in scores.values() if at in own]) for at in frames]
+    enough = [(at, mean_interval(v)) for at, v in zip(frames, values, strict=True) if len(v) > FEW]
+    return [at for at, _ in enough], [interval for _, interval in enough]
+
+
+def _finish(figure: Figure, axes: Axes, title: str, drawn: Sequence[Scores]) -> None:
+    """Add scales, the level that counts as solved, and the legend."""
+    axes.axhline(SOLVED, color="grey", linestyle=":", linewidth=1, label=f"{SOLVED}: solved")
+    axes.set(
+        xlabel="frames (control steps)",
+        ylabel="normalized score (random 0, scripted 1)",
+        ylim=(-0.1, 1.05),
+        title=title,
+    )
+    axes.title.set_fontsize(10)
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda frames, _: f"{frames:,.0f}"))
+    if any(len(scores) > FEW for scores in drawn):
+        axes.plot([], [], color="grey", linewidth=0.8, alpha=0.6, label="each seed")
+        axes.plot([], [], color="grey", linewidth=2, label="mean of the seeds")
+        axes.fill_between([], [], color="grey", alpha=0.25, label="95 % interval of the mean")
+    elif max(map(len, drawn)) > 1:
+        for seed, style in zip(drawn[0], _STYLES, strict=False):
+            axes.plot([], [], color="grey", linestyle=style, label=f"seed {seed}")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+
+
+VARIANTS_IN_WORDS = {
+    "self_weight": "the hand attends to itself: {}",
+    "rule": "relabeling: {}",
+    "programs_per_transition": "programs for each transition: {}",
+    "discount": "discount {}",
+    "critic_output_bias": "the critic begins at {}",
+    "gain": "detectors' rate × {}",
+    "sparsity": "sparse detectors: {}",
+    "detectors_have_biases": "detectors with biases: {}",
+    "property_dropout": "hidden properties: {}",
+    "warmup_frames": "frames before the first update: {}",
+    "sigma": "exploration noise σ {}",
+    "position_scale": "positions × {}",
+    "detector_init_scale": "random detectors at first, × {}",
+    "relations_see_properties": "f, r and attention see properties: {}",
+}
+
+
+def in_words(changed: str) -> str:
+    """Describe what a variant changed, given as "learner.updates.discount=0.99 …"."""
+    return ", ".join(_in_words(*part.partition("=")[::2]) for part in changed.split())
+
+
+def _in_words(path: str, value: str) -> str:
+    name = path.rpartition(".")[2]
+    form = VARIANTS_IN_WORDS.get(name, f"{name.replace('_', ' ')} {{}}")
+    return form.format({"0": "no", "true": "yes", "false": "no", "none": "no"}.get(value, value))
+
+
+def variants_figure(
+    path: Path, rows: Sequence[Variant], seeds: Mapping[str, Sequence[SeedSummary]]
+) -> None:
+    """Draw held-out scores and frames to solve; `seeds` of each variant by its label."""
+    figure, (scores, frames) = plt.subplots(
+        1, 2, figsize=(11, 1.4 + 0.32 * len(rows)), sharey=True, layout="constrained"
+    )
+    for y, row in enumerate(reversed(rows)):
+        color = "#d33682" if row.changed else "#268bd2"
+        own = seeds[row.label]
+        scores.plot([s.held_out_at_end for s in own], [y] * len(own), "o", color=color, alpha=0.6)
+        scores.plot([row.low, row.high], [y, y], color=color, linewidth=1)
+        solved = [s.frames_to_solve for s in own if not math.isnan(s.frames_to_solve)]
+        frames.plot(solved, [y] * len(solved), "o", color=color, alpha=0.6)
+        if missing := len(own) - len(solved):
+            frames.text(1.0, y, f"{missing} never ", transform=frames.get_yaxis_transform(),
+                        ha="right", va="center", fontsize=8)  # fmt: skip
+    names = [in_words(row.changed) or "nothing changed" for row in reversed(rows)]
+    scores.set_yticks(range(len(rows)), names)
+    scores.axvline(SOLVED, color="grey", linestyle=":", linewidth=1)
+    scores.set(xlabel=f"held-out score after {rows[0].frames:,.0f} frames", xlim=(-0.1, 1.05))
+    frames.set(
+        xlabel=f"frames until {SOLVED}, and never below again", xlim=(0, 1.25 * rows[0].frames)
+    )
+    frames.xaxis.set_major_locator(MaxNLocator(5))
+    frames.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+    figure.suptitle(
+        f"{path.stem.removesuffix('-variants')}, something changed: each dot is a seed, the line "
+        "the 95 % interval of their mean",
+        fontsize=10,
+    )
+    save(figure, path)

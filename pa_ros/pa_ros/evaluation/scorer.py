@@ -1,0 +1,91 @@
+"""Scores of agents and references on the same episodes, computed once and kept in files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar
+
+from pydantic import Field
+
+from pa_ros import __version__
+from pa_ros.arena import ArenaConfig, Design, ReachTask, conditions_for, scoring_of
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float64, Observation
+from pa_ros.core.settings import Settings
+from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.blind import BLIND, blind_policy
+from pa_ros.evaluation.evaluate import EPISODES_SEED, reference_scores, run_episodes
+from pa_ros.evaluation.scores import EpisodeScore
+from pa_ros.evaluation.tables import EvaluationError, read_rows, write_rows
+
+MakePolicy = Callable[[], Callable[[Observation], Float64]]
+
+
+class Benchmark(Settings):
+    """The same episodes 0 … `episodes` − 1 of every condition of a design, in one arena."""
+
+    SECTION: ClassVar[str] = "benchmark"
+
+    design: Design
+    arena: ArenaConfig
+    episodes: int = Field(100, ge=1, description="in each condition")
+    seed: int = Field(EPISODES_SEED, ge=0, description="of the episodes")
+
+    @property
+    def digest(self) -> str:
+        """12 hexadecimal digits of the settings that scores of given weights depend on.
+
+        The code of an extension (an arm, a relation) is not part of it.
+        """
+        content = repr((self, scoring_of(self.arena, self.design).thresholds, __version__))
+        return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+
+class Scorer:
+    """Scores policies on a benchmark and keeps each condition's scores in a file under `cache`.
+
+    An interrupted study resumes from these files, and references are computed once for all agents.
+    After a change to an extension's code, delete `cache`.
+    """
+
+    def __init__(self, benchmark: Benchmark, cache: Path) -> None:
+        self.benchmark = benchmark
+        self._cache = cache / benchmark.digest
+        self._task = ReachTask(benchmark.arena, benchmark.design, benchmark.seed)
+
+    def reference(self, name: str, condition: str) -> list[EpisodeScore]:
+        """Scores of one of `evaluate.REFERENCES` or `blind.BLIND`."""
+        policy = (lambda: blind_policy(self._task, name)) if name in BLIND else None
+        return self._scores(name, condition, policy)
+
+    def agent(self, agent: TrainedAgent, condition: str) -> list[EpisodeScore]:
+        """Scores of a trained agent that acts greedily."""
+
+        def policy() -> Callable[[Observation], Float64]:
+            act = agent.policy
+            return lambda observation: act(observation, self._task.program)
+
+        return self._scores(agent.key, condition, policy)
+
+    def path(self, name: str, condition: str) -> Path:
+        """The file with the scores of a reference, or of the agent with this key."""
+        return self._cache / name / f"{condition}.csv"
+
+    def _scores(self, name: str, condition: str, policy: MakePolicy | None) -> list[EpisodeScore]:
+        if condition not in (known := conditions_for(self.benchmark.design)):
+            raise ConfigError(f"benchmark: expected a condition of {known}, got {condition!r}")
+        path, count = self.path(name, condition), self.benchmark.episodes
+        if not path.exists():
+            if policy is None:
+                write_rows(path, reference_scores(self._task, name, condition, count))
+            else:
+                write_rows(path, list(run_episodes(self._task, policy(), condition, count)))
+        kept = read_rows(path, EpisodeScore)
+        if [score.episode for score in kept] != list(range(count)):
+            raise EvaluationError(
+                f"{path}: expected episodes 0 to {count - 1}, got {len(kept)}: delete the file to "
+                "score them again"
+            )
+        return kept

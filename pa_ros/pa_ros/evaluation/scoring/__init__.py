@@ -1,1 +1,0 @@
-"""How well a policy does: episodes, references, scores with their intervals."""

@@ -1,1 +1,0 @@
-"""Several seeds of one setting, and studies of trained agents, as tables."""

@@ -1,0 +1,92 @@
+"""Scores of episodes from a stream of verdicts, and the target that ends a demonstration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pa_ros.core.experience import Verdict
+from pa_ros.evaluation.scores import normalized
+
+
+@dataclass(frozen=True, slots=True)
+class StreamedEpisode:
+    """An episode that was observed from its reset to its time limit."""
+
+    frames: int  # training control steps observed so far, its own included
+    held_out: bool  # greedy, under the evaluation condition
+    reward_per_step: float
+    success: bool  # satisfied at its end
+
+
+class EpisodeTally:
+    """Cuts a stream of verdicts into whole episodes; repeated and late verdicts are ignored."""
+
+    def __init__(self) -> None:
+        self.frames = 0  # control steps of training episodes
+        self.episodes: list[StreamedEpisode] = []
+        self._latest_ns = -1
+        self._rewards: list[float] | None = None  # None: this episode's start was not observed
+
+    def observe(self, verdict: Verdict, evaluation: bool) -> None:
+        """Add one verdict."""
+        if verdict.stamp_ns <= self._latest_ns:
+            return
+        self._latest_ns = verdict.stamp_ns
+        if verdict.step == 0:
+            self._rewards = []
+            return
+        self.frames += not evaluation
+        if self._rewards is None:
+            return
+        self._rewards.append(verdict.reward)
+        if verdict.truncated:
+            mean, self._rewards = float(np.mean(self._rewards)), None
+            episode = StreamedEpisode(self.frames, evaluation, mean, verdict.satisfied)
+            self.episodes.append(episode)
+
+    def curve(self, bins: int = 60) -> tuple[list[float], list[float], list[float]]:
+        """Frames, training and held-out reward per step, means over equal spans of frames.
+
+        NaN where a span has no episode of a kind.
+        """
+        edges = np.linspace(0, max(self.frames, 1), bins + 1)
+        ends = np.searchsorted(edges, [episode.frames for episode in self.episodes]) - 1
+        curves = []
+        for held_out in (False, True):
+            spans: list[list[float]] = [[] for _ in range(bins)]
+            for end, episode in zip(ends, self.episodes, strict=True):
+                if episode.held_out == held_out:
+                    spans[max(end, 0)].append(episode.reward_per_step)
+            curves.append([float(np.mean(span)) if span else float("nan") for span in spans])
+        return edges[1:].tolist(), curves[0], curves[1]
+
+
+@dataclass(frozen=True)
+class HeldOutTarget:
+    """When held-out programs count as learned: over the last `episodes` of them."""
+
+    random: float  # reward per step of the lower reference on the same condition
+    scripted: float  # of the upper reference
+    episodes: int = 40
+    normalized: float = 0.9  # score to reach
+    success: float = 0.95  # share of episodes that end satisfied
+
+    def score(self, tally: EpisodeTally) -> tuple[float, float]:
+        """Normalized score and success rate of the latest held-out episodes; NaN before any."""
+        latest = self._latest(tally)
+        if not latest:
+            return float("nan"), float("nan")
+        raw = float(np.mean([episode.reward_per_step for episode in latest]))
+        success = float(np.mean([episode.success for episode in latest]))
+        return normalized(raw, self.random, self.scripted), success
+
+    def reached(self, tally: EpisodeTally) -> bool:
+        """Whether enough held-out episodes were observed and both bounds hold."""
+        score, success = self.score(tally)
+        enough = len(self._latest(tally)) == self.episodes
+        return enough and score >= self.normalized and success >= self.success
+
+    def _latest(self, tally: EpisodeTally) -> list[StreamedEpisode]:
+        return [episode for episode in tally.episodes if episode.held_out][-self.episodes :]

@@ -1,0 +1,56 @@
+"""Code blocks of the docs about scoring run as they are written."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pa_ros.arena import conditions_for, design_named
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def block_of(page: str) -> str:
+    (block,) = re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)
+    return str(block)
+
+
+def test_starting_scores_a_policy_on_all_conditions(capsys):
+    exec(compile(block_of("starting.md"), "starting.md", "exec"), {})
+    lines = capsys.readouterr().out.splitlines()
+    scores = {line.split()[0]: float(line.split()[1]) for line in lines}
+    assert {"train", "eval", "only-color", "reach-new-both"} <= scores.keys()
+    assert scores["train"] > 0.8
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
+def test_baselines_trains_and_scores_another_librarys_agent(capsys) -> None:
+    pytest.importorskip("stable_baselines3")
+    sizes = "FRAMES, EPISODES, SEED = 10_000, 20, 0"
+    block = block_of("baselines.md")
+    assert sizes in block
+    exec(block.replace(sizes, "FRAMES, EPISODES, SEED = 110, 1, 0"), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(conditions_for(design_named("2-L")))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    nbformat = pytest.importorskip("nbformat", reason="the extra `notebook` is not installed")
+    nbclient = pytest.importorskip("nbclient", reason="the extra `notebook` is not installed")
+    monkeypatch.setenv("TOUR_FRAMES", "1200")
+    monkeypatch.setenv("TOUR_EPISODES", "1")
+    for place in ("TMPDIR", "IPYTHONDIR", "JUPYTER_RUNTIME_DIR"):
+        monkeypatch.setenv(place, str(tmp_path))
+    notebook = nbformat.read(DOCS / "tour.ipynb", as_version=4)
+    client = nbclient.NotebookClient(
+        notebook, timeout=250, kernel_name="python3", resources={"metadata": {"path": tmp_path}}
+    )
+    client.execute()
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    outputs = ["".join(str(output) for output in cell.outputs) for cell in code]
+    assert all("Traceback" not in text for text in outputs)
+    assert sum("image/png" in text for text in outputs) == 3
+    assert (next(tmp_path.glob("tour-*")) / "bag").is_dir()
