@@ -63,7 +63,7 @@ def imports(path: Path) -> set[str]:
 
 
 def room(module: str) -> str:
-    """The room of a module, by the longest name in the table; `pa_ros` holds the version alone."""
+    """The room of a module, by the longest name in the table; `pa_ros` has the public functions."""
     parts = module.split(".")
     names = (".".join(parts[:n]) for n in range(len(parts), 0, -1))
     return next((name for name in names if name in ALLOWED), "")
