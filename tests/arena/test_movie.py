@@ -1,4 +1,4 @@
-"""Films: written as what their name says, with a caption, or refused in a line."""
+"""Films: the file name chooses the format, pictures have captions, errors are one line."""
 
 import sys
 
@@ -22,18 +22,19 @@ def pictures(count, side=65):
         yield picture
 
 
-def test_a_gif_has_every_picture_and_colors_that_come_later(tmp_path):
-    path = tmp_path / "film.gif"
+@pytest.mark.parametrize("kind", ["webp", "gif"])
+def test_an_image_file_has_every_picture_and_colors_that_appear_later(tmp_path, kind):
+    path = tmp_path / f"film.{kind}"
     assert write_movie(path, pictures(6), 0.2) == 6
     with Image.open(path) as film:
-        assert film.info["duration"] == 200 and film.info["loop"] == 0
+        assert film.info["loop"] == 0
         shown = [np.asarray(one.convert("RGB")).astype(int) for one in ImageSequence.Iterator(film)]
     assert len(shown) == 6
     for i, color in ((0, RED), (5, GREEN)):
         assert np.abs(shown[i][i + 4, i + 4] - color).max() < 40
 
 
-def test_an_mp4_can_be_read_again_also_of_odd_sides(tmp_path):
+def test_an_mp4_can_be_read_again_even_with_odd_sides(tmp_path):
     av = pytest.importorskip("av")
     path = tmp_path / "film.mp4"
     assert write_movie(path, pictures(6), 0.1) == 6
@@ -44,14 +45,14 @@ def test_an_mp4_can_be_read_again_also_of_odd_sides(tmp_path):
     assert np.abs(frames[0][4, 4].astype(int) - RED).max() < 60
 
 
-def test_without_the_extra_an_mp4_is_refused_by_its_name(monkeypatch, tmp_path):
+def test_an_mp4_without_the_extra_is_rejected(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(ConfigError, match=r"programmable-agents\[film\]"):
         check_movie(tmp_path / "film.mp4")
     check_movie(tmp_path / "film.gif")
 
 
-def test_a_caption_stands_below_and_is_cut_to_the_width():
+def test_a_caption_is_below_the_picture_and_cut_to_its_width():
     picture = np.zeros((60, 90, 3), dtype=np.uint8)
     short = captioned(picture, ["RED", "step 1"])
     assert (short[:60] == picture).all() and short.shape[1:] == (90, 3)
@@ -60,8 +61,8 @@ def test_a_caption_stands_below_and_is_cut_to_the_width():
     assert captioned(picture, ["", ""]).min() == 0 and (captioned(picture, [""])[60:] == 255).all()
 
 
-@pytest.mark.parametrize("kind", ["gif", "mp4"])
-def test_a_file_that_cannot_be_written_is_refused_in_a_line(tmp_path, kind):
+@pytest.mark.parametrize("kind", ["webp", "gif", "mp4"])
+def test_a_file_that_cannot_be_written_is_rejected(tmp_path, kind):
     if kind == "mp4":
         pytest.importorskip("av")
     (tmp_path / "file").touch()
@@ -69,10 +70,12 @@ def test_a_file_that_cannot_be_written_is_refused_in_a_line(tmp_path, kind):
         write_movie(tmp_path / "file" / f"film.{kind}", pictures(2), 0.1)
 
 
-def test_the_shipped_agent_is_filmed_and_reaches_what_it_is_told(tmp_path, capsys, monkeypatch):
+def test_the_film_of_the_shipped_agent_shows_that_it_reaches_all_targets(
+    tmp_path, capsys, monkeypatch
+):
     said = captions(monkeypatch, "pa_ros.tools.film.captioned")
     out = tmp_path / "film.gif"
-    assert main(["film", "--out", str(out), "--seed", "0", "--side", "64"]) == 0
+    assert main(["film", "--out", str(out), "--seed", "0", "--width", "64"]) == 0
     assert capsys.readouterr().out == f"{len(said)} pictures in {out}; not reached: none\n"
     ends = {program: state for program, state in said}
     assert len(ends) == 6 and all(state.endswith("reached") for state in ends.values())
@@ -81,13 +84,13 @@ def test_the_shipped_agent_is_filmed_and_reaches_what_it_is_told(tmp_path, capsy
 @pytest.mark.parametrize(
     ("arguments", "refused"),
     [
-        (["--out", "x.avi"], "ends in .gif or .mp4"),
-        (["--out", "x.gif", "--side", "9"], "expected 64 to 2000 pixels, got 9"),
+        (["--out", "x.avi"], "ends in .webp, .gif, .mp4"),
+        (["--out", "x.gif", "--width", "9"], "expected 64 to 2000 pixels, got 9"),
         (["--out", "x.gif", "--seed", "-1"], "got -1"),
         (["--out", "x.gif", "--checkpoint", "nowhere"], "nowhere"),
     ],
 )
-def test_bad_options_are_refused_and_leave_nothing(
+def test_wrong_options_are_rejected_and_write_nothing(
     arguments, refused, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)

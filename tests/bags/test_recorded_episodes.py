@@ -253,7 +253,7 @@ def test_the_stage_shows_what_was_recorded(stepped, learned, changing):
 
 
 def film(bag: Path, out: Path, *arguments: str) -> int:
-    chosen = ["--episode", "7", "--side", "64", "--out", str(out)]
+    chosen = ["--episode", "7", "--width", "64", "--out", str(out)]
     return main(["bag", "film", str(bag), *chosen, *arguments])
 
 
@@ -269,7 +269,9 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     assert film(stepped, out, "--episode", "8") == 2
     assert "expected an episode of 7 to 7, got 8" in capsys.readouterr().err
     assert film(stepped, tmp_path / "film.avi") == 2
-    assert "expected a file that ends in .gif or .mp4, got '.avi'" in capsys.readouterr().err
+    assert (
+        "expected a file name that ends in .webp, .gif, .mp4, got '.avi'" in capsys.readouterr().err
+    )
 
 
 def test_a_film_continues_where_blocks_come_and_go(changing, tmp_path, capsys):

@@ -50,7 +50,7 @@ def captions(monkeypatch: pytest.MonkeyPatch, where: str) -> list[list[str]]:
     """A list that collects the captions of all pictures; `where` names the replaced function."""
     said: list[list[str]] = []
 
-    def caption(picture: Any, lines: list[str]) -> Any:
+    def caption(picture: Any, lines: list[str], color: str = "") -> Any:
         said.append(lines)
         return picture
 

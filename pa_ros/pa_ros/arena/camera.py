@@ -23,6 +23,7 @@ from pa_ros.core.body import Body
 from pa_ros.core.experience import Float64
 from pa_ros.core.settings import Settings
 
+CLOSE = "close"  # a view for films: the middle of the table fills the picture
 MARK_M, MARK_RGBA = 0.065, (1.0, 1.0, 1.0, 1.0)
 LARGEST_PX = 2048
 MAX_GEOMS = 1000  # of a scene
@@ -64,7 +65,7 @@ class Camera:
     def __init__(
         self, model: mujoco.MjModel, view: str, width: int, height: int, shadows: bool = False
     ) -> None:
-        """Later models may have other blocks than `model`.
+        """`view` is a camera of the model, or CLOSE. Later models may have other blocks.
 
         The environment variable MUJOCO_GL chooses the OpenGL of MuJoCo; the default is EGL, which
         needs no screen. Raises RenderError if this machine does not have it.
@@ -77,8 +78,13 @@ class Camera:
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._scene.flags[flag] = shadows
         self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
-        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self._camera.fixedcamid = model.camera(view).id
+        self._close = view == CLOSE
+        if self._close:
+            self._camera.lookat[:] = 0.0, 0.0, 0.06
+            self._camera.distance, self._camera.azimuth, self._camera.elevation = 1.45, 150, -52
+        else:
+            self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+            self._camera.fixedcamid = model.camera(view).id
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # from GLFW, on a machine without a display
@@ -99,6 +105,8 @@ class Camera:
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         known = simulation.model, simulation.data, self._option, None, self._camera, every
         mujoco.mjv_updateScene(*known, self._scene)
+        if self._close:
+            _brighten(self._scene)
         for index in marked:
             _mark(self._scene, simulation.positions[index])
 
@@ -131,6 +139,16 @@ def _of_this_size(model: mujoco.MjModel, width: int, height: int, shadows: bool)
     if not shadows:
         model.vis.quality.shadowsize = 0
     return model
+
+
+def _brighten(scene: mujoco.MjvScene) -> None:
+    """Light the scene evenly, in front of a light background without an end."""
+    for light in scene.lights[: scene.nlight]:
+        light.ambient[:], light.diffuse[:] = (0.42, 0.3) if light.headlight else (0.1, 0.5)
+        light.specular[:] = 0.1
+    for geom in scene.geoms[: scene.ngeom]:
+        if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+            geom.rgba[:], geom.size[:], geom.reflectance = (0.92, 0.93, 0.95, 1.0), 0.0, 0.0
 
 
 def _mark(scene: mujoco.MjvScene, place: Float64) -> None:

@@ -1,9 +1,10 @@
-"""Pictures in a row with a caption: an endless GIF, or MP4 where PyAV is installed."""
+"""Films with captions: endless WebP in full color, endless GIF, or MP4 if PyAV is installed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 
@@ -17,44 +18,51 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.files import written_beside
 
 Picture = NDArray[np.uint8]
-FORMATS = (".gif", ".mp4")
-COLORS = 96  # of a GIF's palette
-SHADES = (0.35, 0.6, 0.8, 1.0)  # of a color, in light and shadow
-LINES, PAD_PX = 2, 4
+FORMATS = (".webp", ".gif", ".mp4")
+WEBP_QUALITY = 80
+COLORS = 96  # in the palette of a GIF
+SHADES = (0.35, 0.6, 0.8, 1.0)  # of a block's color, in light and shadow
+LINES, PAD_PX = 2, 6
 
 
 def check_movie(path: Path) -> None:
-    """ConfigError unless the file's name says what is written, and what that takes is there."""
+    """Raise ConfigError for an unknown kind of file, or if MP4 lacks its extra."""
     kind = path.suffix.lower()
     if kind not in FORMATS:
-        names = " or ".join(FORMATS)
-        raise ConfigError(f"film: {path}: expected a file that ends in {names}, got {kind!r}")
+        names = ", ".join(FORMATS)
+        raise ConfigError(f"film: {path}: expected a file name that ends in {names}, got {kind!r}")
     if kind == ".mp4":
         _av(path)
 
 
-def captioned(picture: Picture, lines: Sequence[str]) -> Picture:
-    """[H, W, 3] with up to LINES lines of text below, each cut to the width: [H + text, W, 3]."""
+def captioned(picture: Picture, lines: Sequence[str], color: str = "black") -> Picture:
+    """Write up to LINES lines below a picture [H, W, 3]; the result is [H + text, W, 3].
+
+    The first line is bold, the last one has the `color`. Lines are cut to the width.
+    """
     height, width = picture.shape[:2]
-    font = _font(max(8, width // 36))
-    line_px = round(1.3 * font.size) + 1
+    size = max(8, width // 34)
+    line_px = round(1.4 * size)
     page = Image.new("RGB", (width, height + LINES * line_px + 2 * PAD_PX), "white")
     page.paste(Image.fromarray(picture), (0, 0))
     draw = ImageDraw.Draw(page)
     for i, line in enumerate(lines[:LINES]):
+        font = _font("DejaVuSans" if i else "DejaVuSans-Bold", size)
         while line and draw.textlength(line, font) > width - 2 * PAD_PX:
             line = line.removesuffix("…")[:-1] + "…" if len(line) > 1 else ""
-        draw.text((PAD_PX, height + PAD_PX + i * line_px), line, "black", font)
+        fill = color if i == len(lines) - 1 else "black"
+        draw.text((PAD_PX, height + PAD_PX + i * line_px), line, fill, font)
     return np.asarray(page)
 
 
 def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int:
-    """Write pictures of one size, `period_s` each; how many. RenderError if the file can't be.
+    """Write pictures of one size, each shown for `period_s`; returns their number.
 
-    Until all are there the file, if there was one, is as it was.
+    Raises RenderError if the file cannot be written. An existing file stays until the new one is
+    complete.
     """
     check_movie(path)
-    write = _write_mp4 if path.suffix.lower() == ".mp4" else _write_gif
+    write = {".webp": _write_webp, ".gif": _write_gif, ".mp4": _write_mp4}[path.suffix.lower()]
     count = 0
 
     def counted() -> Iterator[Picture]:
@@ -71,8 +79,17 @@ def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int
     return count
 
 
+def _write_webp(path: Path, pictures: Iterator[Picture], period_s: float) -> None:
+    images = map(Image.fromarray, pictures)
+    with path.open("wb") as file:
+        next(images).save(
+            file, format="WEBP", save_all=True, append_images=images, loop=0,
+            duration=round(1000 * period_s), quality=WEBP_QUALITY, method=4,
+        )  # fmt: skip
+
+
 def _write_gif(path: Path, pictures: Iterator[Picture], period_s: float) -> None:
-    """One palette for all pictures, so that what stands still costs nothing."""
+    """All pictures share one palette, so that unchanged parts take no space."""
     opening = next(pictures)
     palette = _palette(opening)
     reduced = (
@@ -87,17 +104,17 @@ def _write_gif(path: Path, pictures: Iterator[Picture], period_s: float) -> None
 
 
 def _palette(opening: Picture) -> Image.Image:
-    """The first picture's colors, and shades of every block's that may come."""
+    """The colors of the first picture, and shades of all block colors."""
     looks = [[float(part) for part in rgba.split()[:3]] for rgba in COLOR_RGBA.values()]
     shades = 255 * np.multiply.outer(SHADES, np.array(looks)).reshape(-1, 3)
-    rows = len(opening) // 2  # so that they count beside the table
+    rows = len(opening) // 2  # enough to count beside the table
     strip = np.resize(shades.astype(np.uint8), (rows, opening.shape[1], 3))
     both = Image.fromarray(np.concatenate([opening, strip]))
     return both.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], period_s: float) -> None:
-    """H.264 with colors that every player knows."""
+    """Write H.264 with a color format that every player supports."""
     av = _av(path)
     opening = _even(next(pictures))
     with av.open(str(path), "w") as film:
@@ -111,23 +128,24 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], period_s: float) -> None
 
 
 def _even(picture: Picture) -> Picture:
-    """Sides that are even, as MP4's colors want them: a row or column more."""
+    """The picture with even sides, which the color format needs."""
     rows, columns = (side % 2 for side in picture.shape[:2])
     return np.pad(picture, ((0, rows), (0, columns), (0, 0)), mode="edge")
 
 
-def _av(path: Path):  # type: ignore[no-untyped-def]  # not there without the extra
+def _av(path: Path):  # type: ignore[no-untyped-def]  # a library without types
     try:
         import av
     except ImportError as error:
         raise ConfigError(
             f"film: {path}: expected the extra film (`make install-film`, or pip install "
-            f'"programmable-agents[film]"), got: {error}; a .gif needs nothing'
+            f'"programmable-agents[film]"), got: {error}; a .webp needs no extra'
         ) from error
     return av
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont:
+@lru_cache
+def _font(name: str, size: int) -> ImageFont.FreeTypeFont:
     from matplotlib import get_data_path
 
-    return ImageFont.truetype(Path(get_data_path()) / "fonts/ttf/DejaVuSans.ttf", size)
+    return ImageFont.truetype(Path(get_data_path()) / f"fonts/ttf/{name}.ttf", size)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.arena.appearance import look_of
-from pa_ros.arena.camera import Camera
+from pa_ros.arena.camera import CLOSE, Camera
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.references import nearest_target
 from pa_ros.arena.simulation import Simulation
@@ -21,20 +21,20 @@ VIEW = "overview"
 _INCH_PX = 100
 
 
-def draw(task: ReachTask, side_px: int, rendered: bool) -> NDArray[np.uint8]:
-    """A picture of the current scene with marked targets, [side, side, 3] RGB: in perspective
-    (RenderError without OpenGL), or from above."""
+def draw(task: ReachTask, width: int, rendered: bool) -> NDArray[np.uint8]:
+    """A picture of the current scene with marked targets: in perspective, [3/4 width, width, 3] RGB
+    (RenderError without OpenGL), or from above, [width, width, 3]."""
     if not rendered:
-        return top_view(task, side_px)
-    return render(task.simulation, side_px, side_px, task.verifier.targets)
+        return top_view(task, width)
+    return render(task.simulation, width, width * 3 // 4, task.verifier.targets, CLOSE)
 
 
 def render(
-    simulation: Simulation, width: int, height: int, marked: Sequence[int] = ()
+    simulation: Simulation, width: int, height: int, marked: Sequence[int] = (), view: str = VIEW
 ) -> NDArray[np.uint8]:
     """A rendered picture of the current scene, [height, width, 3] RGB, with a ring on the table
     around each `marked` object. Raises RenderError without OpenGL."""
-    with closing(Camera(simulation.model, VIEW, width, height, shadows=True)) as camera:
+    with closing(Camera(simulation.model, view, width, height, shadows=True)) as camera:
         camera.look(simulation, marked)
         return camera.picture()
 

@@ -93,7 +93,7 @@ def _film(bag: Bag, options: argparse.Namespace) -> int:
     others: list[int] = []
     for episode in episodes(bag, options.namespace):
         if (episode.number, episode.evaluation) == wanted:
-            count = film(episode, arenas[-1], options.out, options.rendered, options.side)
+            count = film(episode, arenas[-1], options.out, options.rendered, options.width)
             print(f"{count} pictures of episode {episode.number} in {options.out}")
             return 0
         if episode.evaluation == options.evaluation:

@@ -16,7 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--checkpoint", type=Path, default=Path("shipped:3-D"), help="of an agent (%(default)s)"
     )
-    parser.add_argument("--out", type=file_to_write, required=True, metavar="FILE.gif|FILE.mp4")
+    parser.add_argument(
+        "--out", type=file_to_write, required=True, metavar="FILE.webp|FILE.gif|FILE.mp4"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of scenes (%(default)s)")
     add_look(parser)
 
@@ -24,14 +26,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_look(parser: argparse.ArgumentParser) -> None:
     """Declare the options of how films look."""
     parser.add_argument("--rendered", action="store_true", help="in perspective; needs OpenGL")
-    parser.add_argument("--side", type=int, default=360, metavar="PIXELS", help="(%(default)s)")
+    parser.add_argument("--width", type=int, default=640, metavar="PIXELS", help="(%(default)s)")
 
 
 def check_look(options: argparse.Namespace) -> None:
     """ConfigError for a size that no film has."""
-    if not SMALLEST_PX <= options.side <= LARGEST_PX:
+    if not SMALLEST_PX <= options.width <= LARGEST_PX:
         raise ConfigError(
-            f"--side: expected {SMALLEST_PX} to {LARGEST_PX} pixels, got {options.side}"
+            f"--width: expected {SMALLEST_PX} to {LARGEST_PX} pixels, got {options.width}"
         )
 
 
@@ -44,6 +46,8 @@ def run(options: argparse.Namespace) -> int:
     from pa_ros.tools.film import film_execution
 
     agent = load_agent(options.checkpoint)
-    count, missed = film_execution(agent, options.out, options.seed, options.side, options.rendered)
+    count, missed = film_execution(
+        agent, options.out, options.seed, options.width, options.rendered
+    )
     print(f"{count} pictures in {options.out}; not reached: {', '.join(missed) or 'none'}")
     return 0

@@ -19,9 +19,10 @@ FULL, FEWER = "eval", "only-color"
 SCENES_SEARCHED = 1000
 # The hand starts at least this many thresholds of the relation away, so that the arm must move.
 FARTHER = 2.0
-EVERY = 2  # control steps per picture of a film
-HELD = 8  # steps that a reached target is shown for
+HELD = 5  # a program has succeeded after so many satisfied steps
+PAUSE = 8  # pictures for which a success is shown
 LONGEST = 60  # steps of a program
+REACHED, AWAY = "#1a7f37", "#57606a"  # colors of the verdict
 
 
 @dataclass(frozen=True)
@@ -93,23 +94,23 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
 
 
 def film_execution(
-    agent: TrainedAgent, path: Path, seed: int, side_px: int, rendered: bool, fast: float = 1.0
+    agent: TrainedAgent, path: Path, seed: int, width: int, rendered: bool
 ) -> tuple[int, list[str]]:
-    """Write a film of the six programs, one scene each.
+    """Write a film of the six programs, one scene each, at the speed of the arena.
 
-    Returns its number of pictures, and the programs that were not reached. `fast`: speed, in times
-    the arena's. Raises ConfigError for an unknown kind of file or a design that holds nothing out,
-    RenderError for a file that cannot be written, or for `rendered` without OpenGL.
+    Returns its number of pictures, and the programs that were not reached. Raises ConfigError for
+    an unknown kind of file or a design that holds nothing out, RenderError for a file that cannot
+    be written, or for `rendered` without OpenGL.
     """
     check_movie(path)
-    period_s = EVERY * agent.arena.control_period_ns / 1e9 / fast
+    period_s = agent.arena.control_period_s
     missed: list[str] = []
-    pictures = _pictures(agent, seed, side_px, rendered, missed)
+    pictures = _pictures(agent, seed, width, rendered, missed)
     return write_movie(path, pictures, period_s), missed
 
 
 def _pictures(
-    agent: TrainedAgent, seed: int, side_px: int, rendered: bool, missed: list[str]
+    agent: TrainedAgent, seed: int, width: int, rendered: bool, missed: list[str]
 ) -> Iterator[Picture]:
     task = ReachTask(agent.arena, agent.design, seed)
     for program in demo_programs(agent.design):
@@ -117,8 +118,12 @@ def _pictures(
         task.reset_to(scene.episode)
         reached = False
         for caption, satisfied in _executed(agent, task, program):
-            yield captioned(draw(task, side_px, rendered), (program.text, caption))
+            color = REACHED if satisfied else AWAY
+            picture = captioned(draw(task, width, rendered), (program.text, caption), color)
+            yield picture
             reached = satisfied
+        if reached:
+            yield from [picture] * PAUSE
         if not reached:
             missed.append(program.text)
 
@@ -126,15 +131,14 @@ def _pictures(
 def _executed(
     agent: TrainedAgent, task: ReachTask, program: DemoProgram
 ) -> Iterator[tuple[str, bool]]:
-    """Execute a program; at each picture's step its caption, and whether the target is reached."""
+    """Execute a program; for each step its caption, and whether the target is reached."""
     parsed = parse(program.text, agent.design.vocabulary)
     observation, verdict = task.set_program(parsed)
     policy, held, unit = agent.policy, 0, RELATIONS[parsed.relation].unit
     for step in range(LONGEST + 1):
         held = held + 1 if verdict.satisfied else 0
-        if step % EVERY == 0 or held == HELD:
-            state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
-            yield f"{program.kind}   step {step}   {state}", verdict.satisfied
+        state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
+        yield f"{program.kind}   step {step}   {state}", verdict.satisfied
         if held == HELD:
             return
         observation, verdict = task.step(policy(observation, parsed))
