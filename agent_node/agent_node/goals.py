@@ -61,7 +61,6 @@ class ProgramGoals:
     def __init__(self, node: AgentNode) -> None:
         self._node = node
         self._current: _Execution | None = None
-        self._given_up = ""  # id of the program under which the arm is to be held
         self._served = 0
         self._program_out = topics.PROGRAM.publisher(node)
         self._verdicts: Any = None  # subscription, from the first goal on: it costs at every step
@@ -72,12 +71,8 @@ class ProgramGoals:
     def abandon(self) -> None:
         """Abort the goal and hold the arm: the agent was deactivated."""
         if self._current is not None:
-            self._given_up = self._current.request.program_id
+            self._node.given_up = self._current.request.program_id
             self._abort("goal.inactive", "the agent was deactivated; the arm holds")
-
-    def gave_up(self, program_id: str) -> bool:
-        """Whether to hold the arm: the goal of this program was cancelled or took too long."""
-        return program_id == self._given_up != ""
 
     # Callbacks
 
@@ -116,7 +111,7 @@ class ProgramGoals:
 
     def _cancel(self, goal: Goal) -> None:
         if self._current is not None and self._current.goal is goal:
-            self._given_up = self._current.request.program_id
+            self._node.given_up = self._current.request.program_id
             self._finish(goal.cancel, code="goal.cancelled", reason="cancelled; the arm holds")
 
     def _on_verdict(self, message: Message) -> None:
@@ -188,7 +183,7 @@ class ProgramGoals:
             return
         code, reason = ENDED[execution.ended]
         if execution.ended == "window":
-            self._given_up = current.request.program_id
+            self._node.given_up = current.request.program_id
             reason = f"{reason} ({current.wanted.time_limit_s:g} s)"
         self._finish(current.goal.abort, False, execution.reached_s, code, reason)
 

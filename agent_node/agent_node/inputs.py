@@ -91,14 +91,15 @@ class ProgramBook:
         self._check(program)
         return text
 
-    def name(self, program_id: str, text: str) -> bool:
-        """Let an id name a canonical text; whether it named another one, or none, before."""
-        if self._texts.get(program_id) == text:
-            return False
+    def name(self, program_id: str, text: str) -> None:
+        """Let an id name a canonical text, whatever it named before."""
         self._texts[program_id] = text
         if len(self._texts) > PROGRAMS:
             self._texts.popitem(last=False)
-        return True
+
+    def named(self, program_id: str, text: str) -> Program | None:
+        """The program of a canonical text, if the id names it."""
+        return self._programs.get(text) if self._texts.get(program_id) == text else None
 
     def program(self, text: str) -> Program:
         """The parsed text. Raises ProgramError."""

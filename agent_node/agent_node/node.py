@@ -72,6 +72,7 @@ class AgentNode(ManagedNode):
         self.agent = make_agent(config, AgentKey(self.agent_id, time.time_ns()))
         self.book = ProgramBook(Vocabulary(()), self.agent.check_program)  # until an arena is known
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
+        self.given_up = ""  # id of the program whose goal was cancelled or took too long
         self._handled_ns = self._commanded_ns = -1  # stamps of the newest step taken in, answered
         self._command = StepMessages().command  # filled again for each command
         self._commands = self._trajectories = 0
@@ -137,35 +138,36 @@ class AgentNode(ManagedNode):
     def _on_part(self, part: str, message: Message) -> None:
         if not self.active or not self._arenas.received(arena_of(message)):
             return
-        self._status.observed()
+        self._status.observed_at = time.monotonic()
         try:
             step = self._matcher.add(part, header_stamp(message), message)
             if step is not None:
                 self._on_step(step)
-                self._status.step_done()
+                self._status.step_at, self._status.step_refusal = time.monotonic(), ""
         except PaError as error:
-            self._status.step_refused(str(error))
+            self._status.step_refusal = str(error)
             raise
 
     def _on_step(self, parts: dict[str, Message]) -> None:
-        arena, features = self.arena, parts[FEATURES]
-        assert arena is not None
-        joints = len(arena.joint_names)
-        observation = decode_observation(features, joints, arena.world.object_features)
+        features = parts[FEATURES]
+        observation = decode_observation(features, self._joints, self._object_width)
         if observation.stamp_ns == self._handled_ns:
             self._answer_again()
             return
-        context = decode_context(features, joints)
-        self._status.has_program = bool(context.program)
-        self._status.executed(context.executed, self.agent.key)
-        if not context.program:
+        context = decode_context(features, self._joints)
+        executed, text = context.executed, context.program
+        self._status.has_program = bool(text)
+        if executed is not None and executed.command[:2] != self.agent.key:
+            other = executed.command.agent_id
+            self._status.warn(f"the arm obeys the agent {other!r}, too: stop one of the two")
+        if not text:
             return
-        program = self._program_in_force(observation.program_id, context.program)
+        program = self.book.named(observation.program_id, text)
+        if program is None:
+            program = self._accept_in_force(observation.program_id, text)
         verdict = decode_verdict(parts[VERDICT]) if VERDICT in parts else None
-        ends_episode = observation.step >= arena.episode_steps
-        step = Step(
-            observation, program, verdict, context.evaluation, context.executed, ends_episode
-        )
+        ends_episode = observation.step >= self._episode_steps
+        step = Step(observation, program, verdict, context.evaluation, executed, ends_episode)
         started = time.perf_counter()
         trajectory = self.agent.observe(step)
         self._core_s += time.perf_counter() - started
@@ -193,13 +195,13 @@ class AgentNode(ManagedNode):
         self._commands_out.publish(encode_command(command, self._command))
         self._commanded_ns = observation.stamp_ns
         self._commands += 1
-        self._status.commanded()
+        self._status.commanded_at = time.monotonic()
         if self._controller is not None:
             self._controller.send(sent.action, observation.joint_position)
 
     def _choose_action(self, program_id: str) -> None:
         """Let the agent act; or hold the arm, if the program was given up or can't be acted on."""
-        if self._goals is not None and self._goals.gave_up(program_id):
+        if program_id == self.given_up:
             self.agent.hold()
             return
         try:
@@ -224,6 +226,8 @@ class AgentNode(ManagedNode):
 
     def _bind_to_arena(self, arena: ArenaDescription) -> None:
         """Forget the arena that was followed before."""
+        self._joints, self._episode_steps = len(arena.joint_names), arena.episode_steps
+        self._object_width = arena.world.object_features
         self._matcher.restart()
         self._handled_ns = self._commanded_ns = -1
         self.seen = None
@@ -275,10 +279,10 @@ class AgentNode(ManagedNode):
             self._program_rate.check()
             self._answer(request)
 
-    def _program_in_force(self, program_id: str, text: str) -> Program:
-        """The program of a step; answered if the agent didn't know it before."""
-        if self.book.name(program_id, text):
-            self._answer(ProgramRequest(program_id, text))
+    def _accept_in_force(self, program_id: str, text: str) -> Program:
+        """Answer a program that the agent learns of by a step. Raises ProgramError."""
+        self.book.name(program_id, text)  # the arena decides what an id means
+        self._answer(ProgramRequest(program_id, text))
         return self.book.program(text)
 
     def _answer(self, request: ProgramRequest) -> None:

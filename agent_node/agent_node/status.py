@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.send_window import Wait
-from pa_ros.core.experience import AgentKey, Executed
 from pa_ros.core.published import LearnerInfo
 from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.peers import PeerMonitor
@@ -23,41 +22,24 @@ Status = tuple[int, str]  # level and message for /diagnostics
 
 
 class AgentStatus:
-    """Says OK only while the agent acts. Remembers what happened when."""
+    """Says OK only while the agent acts. The node writes down what happened when.
+
+    Times are those of `clock`, in seconds.
+    """
 
     def __init__(self, stuck_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self.observed_at = clock()  # a part of a step arrived
+        self.step_at = clock()  # a step was complete, and acted on or waited with
+        self.commanded_at = clock()  # a command was sent
+        self.step_refusal = ""  # why a step since `step_at` was refused
         self.has_program = True  # whether a program was in force at the newest step
         self._stuck_after_s, self._clock = stuck_after_s, clock
-        self._observed_at = self._commanded_at = self._step_at = clock()
-        self._refusal = ""  # why a step since `_step_at` was refused
         self._warning, self._warned_at = "", -math.inf
         self._overtaken = 0
 
     def restart(self) -> None:
         """Start all times anew: the agent was activated."""
-        self._observed_at = self._commanded_at = self._step_at = self._clock()
-
-    def observed(self) -> None:
-        """Take note of a part of a step."""
-        self._observed_at = self._clock()
-
-    def step_done(self) -> None:
-        """Take note of a complete step that was acted on, or that waits for weights."""
-        self._step_at, self._refusal = self._clock(), ""
-
-    def step_refused(self, reason: str) -> None:
-        """Take note of a refused step, or part of one."""
-        self._refusal = reason
-
-    def commanded(self) -> None:
-        """Take note of a command that was sent."""
-        self._commanded_at = self._clock()
-
-    def executed(self, executed: Executed | None, key: AgentKey) -> None:
-        """Take note of what the arena executed; `key` is this agent's."""
-        if executed is not None and executed.command[:2] != key:
-            agent = executed.command.agent_id
-            self.warn(f"the arm obeys the agent {agent!r}, too: stop one of the two")
+        self.observed_at = self.step_at = self.commanded_at = self._clock()
 
     def warn(self, warning: str) -> None:
         """Report a warning for REPORTED_S."""
@@ -66,12 +48,12 @@ class AgentStatus:
     @property
     def observation_age_s(self) -> float:
         """Time since the newest part of a step."""
-        return self._clock() - self._observed_at
+        return self._clock() - self.observed_at
 
     @property
     def idle_s(self) -> float:
         """Time since the newest command."""
-        return self._clock() - self._commanded_at
+        return self._clock() - self.commanded_at
 
     def state(
         self,
@@ -110,8 +92,8 @@ class AgentStatus:
     def _no_step(self, lacking: Sequence[str]) -> Status | None:
         age_s = self.observation_age_s
         missing = f"{' and '.join(lacking)} with the same stamp are missing" if lacking else ""
-        reason = self._refusal or missing
-        if reason and age_s < REPORTED_S and self._clock() - self._step_at > QUIET_S:
+        reason = self.step_refusal or missing
+        if reason and age_s < REPORTED_S and self._clock() - self.step_at > QUIET_S:
             return WARN, f"takes in no step: {reason}"
         if age_s > QUIET_S:
             return WARN, "waits for observations (object_features): has sim_node ended or paused?"

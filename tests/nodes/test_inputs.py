@@ -54,7 +54,8 @@ def test_an_accepted_program_is_known_by_its_id_and_parsed_once(book):
     assert book.accept(ProgramRequest("1", "NEAR(HAND,RED )")) == "NEAR(HAND, RED)"
     assert book.accept(ProgramRequest("1", "NEAR(HAND, RED)")) == "NEAR(HAND, RED)"
     assert book.program("NEAR(HAND, RED)") is book.program("NEAR(HAND, RED)")
-    assert not book.name("1", "NEAR(HAND, RED)") and book.name("1", "NEAR(HAND, BLUE)")
+    assert book.named("1", "NEAR(HAND, RED)") is book.program("NEAR(HAND, RED)")
+    assert book.named("1", "NEAR(HAND, BLUE)") is book.named("2", "NEAR(HAND, RED)") is None
 
 
 def test_an_id_that_names_another_program_and_a_text_that_is_none_are_refused(book):
