@@ -17,10 +17,10 @@ from pa_ros.core.published import PublishedPolicy
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
+from pa_ros.learning.fixed_order import FixedOrder
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.run import LearningRun
-from pa_ros.learning.turns import Turns
 from pa_ros.provenance.origins import learner_origin
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.diagnostics import Origin
@@ -56,7 +56,7 @@ class LearnerWorker:
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
         self.metrics = self._learner.metrics()
         self._frames_at_start = self.metrics["frames"]
-        self._turns = Turns(self.run, config.turns)
+        self._order = FixedOrder(self.run, config.turns)
         self._offered = deque[PublishedPolicy](maxlen=self._learner.config.schedule.versions_kept)
         self._trajectories: queue.SimpleQueue[Trajectory | None] = queue.SimpleQueue()
         self._stopping = False
@@ -68,12 +68,12 @@ class LearnerWorker:
     @property
     def backlog(self) -> int:
         """Number of trajectories that wait."""
-        return self._trajectories.qsize() + len(self._turns)
+        return self._trajectories.qsize() + len(self._order)
 
     @property
     def awaited(self) -> str:
         """The agent whose turn it is while trajectories of others wait; empty if none wait."""
-        return self._turns.awaited
+        return self._order.awaited
 
     @property
     def has_learned(self) -> bool:
@@ -87,8 +87,7 @@ class LearnerWorker:
 
     def missing(self, at_work: Callable[[str], bool]) -> int:
         """Number of skipped trajectories whose agents are at work, and can still send them."""
-        accounts = list(self._learner.replay.ledger.accounts.items())
-        return sum(one.missing for agent_id, one in accounts if at_work(agent_id))
+        return self._learner.replay.ledger.missing_of(at_work)
 
     @property
     def trouble(self) -> str:
@@ -175,16 +174,17 @@ class LearnerWorker:
             self._reject(self.diverged)
             return
         try:
-            for ready in self._turns.ready(trajectory):
+            for ready in self._order.ready(trajectory):
                 self._learn(ready)
         except DivergedError as error:
             self.diverged = error
             self._sinks.refuse("learning", error)
-            waiting, self._turns = len(self._turns), Turns(self.run, self._config.turns)
+            waiting, self._order = len(self._order), FixedOrder(self.run, self._config.turns)
             for _ in range(waiting):
                 self._reject(error)
         except PaError as error:
             self._reject(error)
+            self._publish(self.run.policy())  # its agent may wait for an answer
 
     def _learn(self, trajectory: Trajectory) -> None:
         """Learn from a trajectory, publish the answer, and write a checkpoint if it is time."""
@@ -199,7 +199,7 @@ class LearnerWorker:
             refused = True
         self.metrics = self._learner.metrics()
         frames, every = self._learner.counters.frames, self._config.checkpoint_every_frames
-        if refused or self._turns.over:
+        if refused or self._order.round_complete:
             self._publish(self.run.policy())
         elif frames == before:  # a duplicate: perhaps its agent missed the newest versions
             for policy in self._offered:

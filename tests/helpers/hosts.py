@@ -206,7 +206,7 @@ class Site:
     def heard(self) -> set[str]:
         """The agents of which the newest checkpoint contains trajectories."""
         try:
-            return set(self.ledger["accounts"])
+            return set(self.ledger["agents"])
         except PaError:  # no checkpoint yet
             return set()
 
@@ -223,4 +223,4 @@ class Site:
 def ended(site: Site) -> dict[str, dict[str, object]]:
     """Stop everything; what the learner's last checkpoint says of each agent."""
     site.hosts.stop()
-    return dict(site.ledger["accounts"])
+    return dict(site.ledger["agents"])

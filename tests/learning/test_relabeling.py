@@ -9,7 +9,7 @@ import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary, parse, satisfying
-from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, Marks, Relabeler
+from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, GoalMasks, Relabeler
 from pa_ros.world import Scoring
 from pa_ros.world.schema import COLORS, PAPER, SHAPES
 from pa_ros.world.world import World
@@ -49,7 +49,7 @@ def test_marks_are_what_the_verifier_says() -> None:
     for trial in range(30):
         n, hand = 2 + trial % 4, trial % 2
         objects, words = episode(rng, 6, n, hand)
-        satisfied, present, _ = relabeler().marks(objects, hand)
+        satisfied, present, _ = relabeler().masks(objects, hand)
         assert satisfied.shape == (7,)
         for j, program in enumerate(PROGRAMS):
             named = satisfying(program, words, hand)
@@ -70,7 +70,7 @@ def test_marks_are_what_the_verifier_says() -> None:
 def test_exactly_the_threshold_is_near_as_for_the_verifier(x: float, near: bool) -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, :3] = x, 0.0, 0.0
-    satisfied, present, _ = Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": 0.25})).marks(objects, 0)
+    satisfied, present, _ = Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": 0.25})).masks(objects, 0)
     assert present != 0
     assert satisfied.tolist() == [present if near else 0] * 2
 
@@ -88,8 +88,8 @@ def test_draws(k) -> None:
     original = np.array([2, 1, 7, 9], np.int32)
     reward = np.array([1.0, 1.0, -1.0, 1.0], np.float32)
     for _ in range(50):
-        marks = Marks(bits(satisfied), bits(present))
-        program, rewards = relabeler().draw(rng, original, reward, marks, k)
+        masks = GoalMasks(bits(satisfied), bits(present))
+        program, rewards = relabeler().draw(rng, original, reward, masks, k)
         assert program.shape == rewards.shape == (4, k)
         assert program.dtype == np.int32 and rewards.dtype == np.float32
         for b in range(3):
@@ -103,9 +103,9 @@ def test_draws(k) -> None:
 def test_draws_are_uniform_over_what_is_present() -> None:
     rng = np.random.default_rng(2)
     size = 30_000
-    marks = Marks(bits([set()] * size), bits([{0, 3, 4}] * size))
+    masks = GoalMasks(bits([set()] * size), bits([{0, 3, 4}] * size))
     program, _ = relabeler().draw(
-        rng, np.zeros(size, np.int32), -np.ones(size, np.float32), marks, 1
+        rng, np.zeros(size, np.int32), -np.ones(size, np.float32), masks, 1
     )
     counts = np.bincount(program[:, 0], minlength=5)
     assert counts[[1, 2]].sum() == 0
@@ -120,11 +120,11 @@ def test_the_64th_program_has_its_bit() -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, 7:] = 0.0
     objects[:, 1, [7, 13]], objects[:, 1, :3] = 1.0, 0.1  # a blue cube, near
-    satisfied, present, _ = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).marks(objects, 0)
+    satisfied, present, _ = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0)
     assert present == int(satisfied[0]) == (2**64 - 2**15)
-    marks = Marks(satisfied[:1], np.array([present], np.uint64))
+    masks = GoalMasks(satisfied[:1], np.array([present], np.uint64))
     drawn, rewards = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).draw(
-        np.random.default_rng(0), np.zeros(1, np.int32), np.zeros(1, np.float32), marks, 49
+        np.random.default_rng(0), np.zeros(1, np.int32), np.zeros(1, np.float32), masks, 49
     )
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
 
@@ -132,7 +132,7 @@ def test_the_64th_program_has_its_bit() -> None:
 def test_of_one_program_its_bit_is_kept_and_no_reward() -> None:
     one = Relabeler(PROGRAMS[:1], WORLD, Scoring({"NEAR": NEAR_M}))
     objects, _ = episode(np.random.default_rng(0), 3, 4, 0)
-    assert one.rewards_kept == 0 and one.marks(objects, 0).rewards is None
+    assert one.rewards_kept == 0 and one.masks(objects, 0).rewards is None
 
 
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])

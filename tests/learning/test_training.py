@@ -260,7 +260,7 @@ def test_learning_that_diverges_stops_and_the_last_two_good_checkpoints_stay(tmp
 
 
 def test_of_learning_that_diverges_the_state_before_is_saved(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("pa_ros.learning.learner.KEPT_BEFORE", 1)
+    monkeypatch.setattr("pa_ros.learning.learner.SAVED_BEFORE", 1)
     wild = dpg(SETTINGS, optimizer__critic_rate=1e30, replay__warmup_frames=60)
     with pytest.raises(DivergedError) as caught:
         run(tmp_path, 200, wild, checkpoint_every_frames=0, evaluate_every_frames=0)

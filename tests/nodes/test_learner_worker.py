@@ -230,7 +230,7 @@ def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_p
 
 
 def test_of_learning_that_diverges_the_state_before_is_kept(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("pa_ros.learning.learner.KEPT_BEFORE", 1)
+    monkeypatch.setattr("pa_ros.learning.learner.SAVED_BEFORE", 1)
     wild = {"learner.optimizer.critic_rate": 1e30}
     bench = Bench(out=str(tmp_path), **wild)
     for i in range(5):

@@ -12,8 +12,8 @@ from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, TrajectoryKey
 from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.fixed_order import in_fixed_order
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.turns import in_turn
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import Origin, decode_provenance
@@ -169,7 +169,7 @@ class Experience:
             and key not in last
         ]
         if self._agents_in_order:
-            within = in_turn(within, self._agents_in_order, before)
+            within = in_fixed_order(within, self._agents_in_order, before)
         return within[: version - before - len(last)] + last
 
     def _fixed_order(self) -> tuple[str, ...]:
@@ -249,7 +249,7 @@ def _consume(learner: Learner, trajectory: Trajectory, found: OfflineResult) -> 
         found.refused += 1
         found.refusal = found.refusal or str(error)
     else:
-        found.accepted += report.insert.accepted
+        found.accepted += report.accepted
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:

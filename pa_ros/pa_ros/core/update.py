@@ -43,7 +43,7 @@ class Engine(Protocol):
         """An episode has ended: DPG copies both networks to their targets (paper, appendix)."""
 
     def actor_tensors(self) -> dict[str, Float32]:
-        """The actor's weights now, float32, owned by the caller."""
+        """The actor's weights now, float32 and C-contiguous, owned by the caller."""
 
     def metrics(self) -> dict[str, float]:
         """Of the latest update: `critic_loss`, `mean_q`, `actor_gradient_norm`; {} before it."""

@@ -1,4 +1,4 @@
-"""The learning side: replay buffer, updates in a fixed ratio to frames, and published weights."""
+"""The learner: replay buffer, updates in a fixed ratio to frames, and published weights."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.acting.errors import ActingError
 from pa_ros.core.experience import Float32, PolicySnapshot
 from pa_ros.core.update import Batch
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import DivergedError
-from pa_ros.learning.relabeling.all_goals import Int32, Marks, Relabeler
+from pa_ros.learning.relabeling.all_goals import GoalMasks, Int32, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
-from pa_ros.learning.replay_buffer.buffer import InsertReport, Int64, ReplayBuffer
+from pa_ros.learning.replay_buffer.buffer import NO_GOALS, Int64, ReplayBuffer
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import not_finite
@@ -29,16 +28,16 @@ from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.programs import ProgramTable
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
-# Before so many updates and more the state is kept, to go back to, and afterwards all of it is
-# looked at: that costs about as much as one update.
-KEPT_BEFORE = 80
+# Before so many updates or more, the state is saved to go back to if they diverge, and all of it is
+# checked afterwards. That costs about as much as one update.
+SAVED_BEFORE = 80
 
 
 @dataclass(frozen=True, slots=True)
 class ConsumeReport:
     """What one trajectory led to."""
 
-    insert: InsertReport
+    accepted: bool  # False: a duplicate, which changed nothing
     updates: int
     version: int  # of the weights now; grew by one if the trajectory was accepted
 
@@ -55,8 +54,8 @@ class Counters:
 
 
 @dataclass(frozen=True)
-class _Kept:
-    """A learner before a trajectory, but for its replay buffer."""
+class _Saved:
+    """A learner's state before a trajectory, except its replay buffer."""
 
     counters: Counters
     rng: Mapping[str, Any]
@@ -67,7 +66,7 @@ class Learner:
     """Consumes trajectories, publishes policies; one seed and one order, one result.
 
     `training_programs` are the ones that relabeling draws from; programs of trajectories
-    join the table as they come.
+    join the table as they arrive.
     """
 
     def __init__(
@@ -79,7 +78,7 @@ class Learner:
         scoring: Scoring | None = None,
         n_objects: int | None = None,
     ) -> None:
-        """`config` says by which algorithm; ConfigError if that is not registered or is none.
+        """`config` says by which algorithm; ConfigError if it is not registered.
 
         `scoring` is the arena's, which relabeling asks; unless given, the paper's reward
         at the relations' own thresholds. `n_objects`: of the arena's scenes, the hand included;
@@ -109,64 +108,61 @@ class Learner:
         self.published: deque[PolicySnapshot] = deque([self._snapshot(0)], maxlen=kept)
 
     def consume(self, trajectory: Trajectory) -> ConsumeReport:
-        """Insert a trajectory, make the updates that it is due, publish one version more.
+        """Store a trajectory, make the updates it is due, and publish one version more.
 
-        A duplicate is counted and does nothing else. Raises LearningError or ProgramError, with
-        nothing changed, for a trajectory that cannot be used; DivergedError, with no version more,
-        once numbers are not finite. If that says `restored`, the learner is as it was before the
-        trajectory, but for its replay buffer; else it is not to be used any more.
+        Raises LearningError or ProgramError, with nothing changed, for a trajectory that cannot be
+        used. Raises DivergedError, with no new version, when numbers are not finite any more; if
+        that says `restored`, the learner is as it was before the trajectory, except for its replay
+        buffer, else it must not be used any more.
         """
+        if not self.replay.ledger.is_new(trajectory.key):
+            self.replay.ledger.duplicates += 1
+            return ConsumeReport(False, 0, self.counters.version)
         self.replay.check(trajectory)
         program = self._row(trajectory.program)
-        marks = None
+        goals = NO_GOALS
         if self._relabeler is not None:
-            marks = self._relabeler.marks(
-                trajectory.objects, trajectory.hand_index, trajectory.arm[:, -POSE_WIDTH:]
-            )
-        report = self.replay.insert(trajectory, program, marks)
-        if not report.accepted:
-            return ConsumeReport(report, 0, self.counters.version)
-        counters = replace(self.counters)
+            hand_pose = trajectory.arm[:, -POSE_WIDTH:]
+            goals = self._relabeler.masks(trajectory.objects, trajectory.hand_index, hand_pose)
+        self.replay.insert(trajectory, program, goals)
+        before = replace(self.counters)
         self.counters.frames += len(trajectory)
         updates = self._updates_due(len(trajectory))
-        kept = self._keep(counters) if updates >= KEPT_BEFORE else None
+        saved = None
+        if updates >= SAVED_BEFORE:
+            saved = _Saved(before, self.rng.bit_generator.state, self.engine.tensors())
         self.update(updates)
         newest = self._snapshot(self.counters.version + 1)
-        self._check_finite(newest, kept)
+        self._check_finite(newest, saved)
         if trajectory.ends_episode:
             self.counters.episodes += 1
             self.engine.end_episode()
         self.counters.version = newest.version
         self.published.append(newest)
-        return ConsumeReport(report, updates, self.counters.version)
+        return ConsumeReport(True, updates, self.counters.version)
 
-    def _keep(self, counters: Counters) -> _Kept:
-        return _Kept(counters, self.rng.bit_generator.state, self.engine.tensors())
-
-    def _go_back(self, kept: _Kept) -> None:
-        self.counters, self.rng.bit_generator.state = kept.counters, kept.rng
-        self.engine.load_tensors(kept.tensors)
-
-    def _check_finite(self, newest: PolicySnapshot, kept: _Kept | None) -> None:
+    def _check_finite(self, newest: PolicySnapshot, saved: _Saved | None) -> None:
         """Raise DivergedError unless the latest update and the actor are made of finite numbers."""
         figures = self.engine.metrics()
         wrong = [name for name, value in figures.items() if not math.isfinite(value)]
         wrong += [f"actor.{name}" for name in not_finite(newest.tensors)]
-        if kept is not None and not wrong:  # a sum of finite float32 is a finite float64
+        if saved is not None and not wrong:  # a sum of finite float32 is a finite float64
             sums = {k: v.sum(dtype=np.float64) for k, v in self.engine.tensors().items()}
             wrong = [name for name, total in sums.items() if not np.isfinite(total)]
-        if wrong:
-            shown = ", ".join(f"{name} {value:g}" for name, value in figures.items())
-            error = DivergedError(
-                f"learner: expected finite numbers, got others in {', '.join(wrong)} at update "
-                f"{self.counters.updates} ({shown}): learning stopped after version "
-                f"{self.counters.version}, whose weights are the last good ones; smaller learning "
-                "rates or rewards may help"
-            )
-            if kept is not None:
-                self._go_back(kept)
-                error.restored = True
-            raise error
+        if not wrong:
+            return
+        shown = ", ".join(f"{name} {value:g}" for name, value in figures.items())
+        error = DivergedError(
+            f"learner: expected finite numbers, got others in {', '.join(wrong)} at update "
+            f"{self.counters.updates} ({shown}): learning stopped after version "
+            f"{self.counters.version}, whose weights are the last good ones; smaller learning "
+            "rates or rewards may help"
+        )
+        if saved is not None:
+            self.counters, self.rng.bit_generator.state = saved.counters, saved.rng
+            self.engine.load_tensors(saved.tensors)
+            error.restored = True
+        raise error
 
     def update(self, updates: int) -> None:
         """Make this many updates, whether due or not; LearningError without transitions."""
@@ -182,7 +178,10 @@ class Learner:
         index = self.replay.sample(self.rng, updates * size)
         following = self.replay.following(index)
         program, reward = self._programs(index, following)
-        discount, hidden = self._discount(index), self._hidden(len(index))
+        terminal = self.replay.arrays["terminal"][index]
+        discount = np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
+        # These numbers decide which properties of which block are hidden, [rows, 2].
+        hidden = None if self._dropout is None else self.rng.random((len(index), 2), np.float32)
         for first in range(0, updates * size, size):
             part = slice(first, first + size)
             batch = self._batch(
@@ -193,18 +192,9 @@ class Learner:
                 self._dropout.hide(hidden[part], *scene)
             yield batch
 
-    def snapshot(self, version: int | None = None) -> PolicySnapshot:
-        """Published weights: the newest, or one of the last policy_lag + 1 versions.
-
-        Raises ActingError if that version is not kept any more, or not yet.
-        """
-        if version is None:
-            return self.published[-1]
-        for kept in self.published:
-            if kept.version == version:
-                return kept
-        versions = [kept.version for kept in self.published]
-        raise ActingError(f"policy: expected one of the versions {versions}, got {version}")
+    def snapshot(self) -> PolicySnapshot:
+        """The newest published weights."""
+        return self.published[-1]
 
     def metrics(self) -> dict[str, float]:
         """Counters and the latest update's figures, by name."""
@@ -230,7 +220,7 @@ class Learner:
             version=version,
             architecture=self.network.architecture,
             world_digest=self.network.world.digest,
-            tensors={k: np.ascontiguousarray(v) for k, v in self.engine.actor_tensors().items()},
+            tensors=self.engine.actor_tensors(),
         )
 
     def _updates_due(self, frames: int) -> int:
@@ -248,18 +238,10 @@ class Learner:
             program, reward = program[:, None], reward[:, None]
         else:
             rewards = arrays["goal_reward"][following] if self._relabeler.rewards_kept else None
-            marks = Marks(arrays["satisfied"][following], arrays["present"][index], rewards)
+            masks = GoalMasks(arrays["satisfied"][following], arrays["present"][index], rewards)
             k = self.config.relabeling.programs_per_transition
-            program, reward = self._relabeler.draw(self.rng, program, reward, marks, k)
+            program, reward = self._relabeler.draw(self.rng, program, reward, masks, k)
         return np.ascontiguousarray(program), np.ascontiguousarray(reward)
-
-    def _discount(self, index: Int64) -> Float32:
-        terminal = self.replay.arrays["terminal"][index]
-        return np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
-
-    def _hidden(self, rows: int) -> Float32 | None:
-        """What decides on hidden properties, [rows, 2], if any are to be hidden."""
-        return None if self._dropout is None else self.rng.random((rows, 2), np.float32)
 
     def _batch(
         self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32

@@ -1,4 +1,4 @@
-"""A learner as its agents know it, over the graph as in process."""
+"""A learner as its agents see it, the same over the graph and in one process."""
 
 from __future__ import annotations
 
@@ -16,69 +16,88 @@ from pa_ros.learning.errors import DivergedError, LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
-AHEAD = 100  # trajectories that an agent may be ahead of its account, beside policy_lag
-MADE_ON, AND_ON = "made_on", "; then "  # `here` of all machines that a run was on, in order
+MOST_AHEAD = 100  # trajectories that an agent may send beyond policy_lag before it gets weights
+MADE_ON, AND_ON = "made_on", "; then "  # all machines that a run used, in order
 
 Facts = dict[str, float | int | str]
 
 
 class LearningRun:
-    """Announces what is asked of agents, and answers each trajectory with weights."""
+    """Announces what it asks of agents, and answers each trajectory with weights."""
 
     def __init__(
-        self, learner: Learner, control_period_s: float, before: Mapping[str, Any] | None = None
+        self, learner: Learner, control_period_s: float, resumed: Mapping[str, Any] | None = None
     ) -> None:
-        """`control_period_s`: of the arena. `before`: `facts` of the run that goes on."""
-        self.learner, before = learner, before or {}
-        run_id = str(before.get("run_id", "")) or uuid4().hex
+        """`control_period_s`: of the arena. `resumed`: `facts` of the run that continues."""
+        self.learner, resumed = learner, resumed or {}
+        run_id = str(resumed.get("run_id", "")) or uuid4().hex
         self.info = _announcement(learner, control_period_s, run_id)
-        places = [place for place in str(before.get(MADE_ON, "")).split(AND_ON) if place]
-        self._made_on = AND_ON.join(dict.fromkeys([*places, here()]))
+        machines = [name for name in str(resumed.get(MADE_ON, "")).split(AND_ON) if name]
+        self._made_on = AND_ON.join(dict.fromkeys([*machines, here()]))
         self._schedule = learner.config.schedule
-        self._latest: TrajectoryKey | None = None  # that led to the newest version
+        self._latest: TrajectoryKey | None = None  # the one that led to the newest version
 
     def opening(self) -> list[PublishedPolicy]:
-        """The versions that may still be asked for, oldest first."""
-        older = list(self.learner.published)[:-1]
-        ids = self.info.run_id, self.info.learner_id
-        return [*(PublishedPolicy(one, *ids, stamp_ns=time.time_ns()) for one in older),
-                self.policy()]  # fmt: skip
+        """The versions that agents may still need, oldest first."""
+        ids, now = (self.info.run_id, self.info.learner_id), time.time_ns()
+        older = [PublishedPolicy(one, *ids, stamp_ns=now) for one in self.learner.published]
+        return [*older[:-1], self.policy()]
 
     def facts(self, started_s: float, seed: int, design: str, preset: str, arm: str) -> Facts:
-        """What a checkpoint says beside the learner; `started_s`: of the steady clock."""
-        wall_s, run_id = time.monotonic() - started_s, self.info.run_id
-        return {"wall_s": wall_s, "seed": seed, "design": design, "preset": preset, "arm": arm,
-                "run_id": run_id, MADE_ON: self._made_on}  # fmt: skip
+        """What a checkpoint holds beside the learner; `started_s`: on the steady clock."""
+        return {
+            "wall_s": time.monotonic() - started_s,
+            "seed": seed,
+            "design": design,
+            "preset": preset,
+            "arm": arm,
+            "run_id": self.info.run_id,
+            MADE_ON: self._made_on,
+        }
 
-    def consume(self, trajectory: Trajectory) -> None:
-        """Learn from a trajectory; a duplicate changes nothing.
+    def check_sender(self, trajectory: Trajectory) -> None:
+        """Raise LearningError for a trajectory that cannot be its agent's next.
 
-        Raises LearningError or ProgramError for one that cannot be learned from. It is then
-        accounted for all the same, since no agent must wait for ever; but not with
-        LearningError or LearningError. Whose weights acted doesn't matter: it may be a
-        recording's.
+        It is not accounted for then: either a newer agent uses the name (learning.superseded), or
+        the number is too far ahead of an agent that waits for weights (learning.ahead).
         """
         ledger = self.learner.replay.ledger
-        self.check(trajectory)
+        ledger.check(trajectory.agent)
+        accounted = ledger.accounted().get(trajectory.agent, 0)
+        first = max(accounted, trajectory.held_from)
+        farthest = first + self._schedule.policy_lag + MOST_AHEAD
+        if trajectory.sequence > farthest:
+            raise LearningError(
+                f"trajectory: expected at most number {farthest} of {trajectory.agent_id!r}, "
+                f"whose trajectories before {first} are accounted for, got "
+                f"{trajectory.sequence}: does another agent send under its name?",
+                code="learning.ahead",
+            )
+
+    def consume(self, trajectory: Trajectory) -> bool:
+        """Learn from a trajectory. Returns whether it was new: a duplicate changes nothing.
+
+        Raises LearningError or ProgramError for one that cannot be learned from. It is accounted
+        for all the same, so that its agent does not wait for ever. Any weights may have acted: a
+        recording's trajectories are welcome, too.
+        """
+        ledger = self.learner.replay.ledger
         try:
             self._check_length(trajectory)
             self._check_age(trajectory)
-            if self.learner.consume(trajectory).insert.accepted:
-                self._latest = trajectory.key
+            accepted = self.learner.consume(trajectory).accepted
         except DivergedError:
             raise
         except PaError:
             if ledger.is_new(trajectory.key):
-                ledger.record(trajectory.key, trajectory.held_from, taken=False)
+                ledger.record(trajectory.key, trajectory.held_from)
             raise
-
-    def check(self, trajectory: Trajectory) -> None:
-        """Raise LearningError or LearningError for a trajectory that is not to be heard."""
-        self.learner.replay.ledger.check(trajectory)
-        self._check_ahead(trajectory)
+        if accepted:
+            self._latest = trajectory.key
+        return accepted
 
     def policy(self) -> PublishedPolicy:
-        """The newest weights, and what is accounted for by now."""
+        """The newest weights, and which trajectories they account for."""
         return PublishedPolicy(
             self.learner.snapshot(),
             self.info.run_id,
@@ -88,27 +107,14 @@ class LearningRun:
             time.time_ns(),
         )
 
-    def _check_ahead(self, trajectory: Trajectory) -> None:
-        """An agent waits for weights that account for all but `policy_lag` of its trajectories."""
-        accounted = self.learner.replay.ledger.accounted().get(trajectory.agent, 0)
-        first = max(accounted, trajectory.held_from)
-        farthest = first + self._schedule.policy_lag + AHEAD
-        if trajectory.sequence > farthest:
-            raise LearningError(
-                f"trajectory: expected at most number {farthest} of {trajectory.agent_id!r}, of "
-                f"whose trajectories those before {first} are accounted for, got "
-                f"{trajectory.sequence}: does someone else send under its name?",
-                code="learning.ahead",
-            )
-
     def _check_age(self, trajectory: Trajectory) -> None:
-        """Free agents act with whatever weights they have: what too old ones did is left out."""
-        schedule, replay = self._schedule, self.learner.replay
+        """Free agents act with whatever weights they have; leave out what too old ones did."""
+        schedule, ledger = self._schedule, self.learner.replay.ledger
         age = self.learner.counters.version - trajectory.policy_version
         if schedule.in_step != "free" or age <= schedule.oldest_policy:
             return
-        if trajectory.run_id == self.info.run_id and replay.ledger.is_new(trajectory.key):
-            replay.ledger.too_old += 1
+        if trajectory.run_id == self.info.run_id and ledger.is_new(trajectory.key):
+            ledger.too_old += 1
             raise LearningError(
                 f"trajectory: expected one acted by weights of at most schedule.oldest_policy = "
                 f"{schedule.oldest_policy} versions before {self.learner.counters.version}, got "

@@ -19,9 +19,11 @@ class FlatTensors:
         self._parts = self._views(buffer)
 
     def read(self) -> Tensors:
-        """Copies."""
+        """Copies, C-contiguous."""
         return {
-            name: views[0].copy() if len(views) == 1 else np.concatenate(views, axis=-1)
+            name: np.ascontiguousarray(np.concatenate(views, axis=-1))
+            if len(views) > 1
+            else views[0].copy()
             for name, views in self._parts.items()
         }
 

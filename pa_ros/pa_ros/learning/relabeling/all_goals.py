@@ -21,13 +21,13 @@ from pa_ros.world import Scoring
 from pa_ros.world.programs import ProgramTable, crisp
 from pa_ros.world.world import World
 
-MAX_PROGRAMS = 64  # bits of a mark
+MAX_PROGRAMS = 64  # bits of a mask
 
 Int32 = NDArray[np.int32]
 UInt64 = NDArray[np.uint64]
 
 
-class Marks(NamedTuple):
+class GoalMasks(NamedTuple):
     """What relabeling keeps of rows [...]: bit j, and column j, are of program j."""
 
     satisfied: UInt64  # [...] bits
@@ -36,7 +36,7 @@ class Marks(NamedTuple):
 
 
 class Relabeler:
-    """The P training programs, in order: program j is bit j of every mark, and row j of a batch."""
+    """The P training programs, in order: program j is bit j of every mask, and row j of a batch."""
 
     def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
         if not 1 <= len(programs) <= MAX_PROGRAMS:
@@ -60,10 +60,12 @@ class Relabeler:
 
     @property
     def rewards_kept(self) -> int:
-        """Programs whose rewards marks hold, because their bits don't tell: all, or none."""
+        """Programs whose rewards masks hold, because bits alone don't tell them: all, or none."""
         return len(self._table) if self._values is None else 0
 
-    def marks(self, objects: Float32, hand_index: int, hand_pose: Float32 | None = None) -> Marks:
+    def masks(
+        self, objects: Float32, hand_index: int, hand_pose: Float32 | None = None
+    ) -> GoalMasks:
         """Which programs each row satisfies, [T + 1], which name something, and the rewards.
 
         `objects` is [T + 1, N, F] of one episode, where properties do not change; `hand_pose`
@@ -80,30 +82,30 @@ class Relabeler:
         rewards = None
         if self._values is None:
             rewards = np.where(present, earned, 0.0).astype(np.float32)
-        return Marks(satisfied @ weights, int(present @ weights), rewards)
+        return GoalMasks(satisfied @ weights, int(present @ weights), rewards)
 
     def draw(
         self,
         rng: np.random.Generator,
         original: Int32,
         reward: Float32,
-        marks: Marks,
+        masks: GoalMasks,
         k: int,
     ) -> tuple[Int32, Float32]:
         """Draw K programs, [B, K], and their rewards, [B, K], for B transitions.
 
-        Given the program that acted and its reward, [B], and the marks of the next rows. Programs
+        Given the program that acted and its reward, [B], and the masks of the next rows. Programs
         present are drawn uniformly without replacement, and over again if they are fewer than K.
         """
-        satisfied, present = map(self._unpack, (marks.satisfied, marks.present))  # [B, P]
+        satisfied, present = map(self._unpack, (masks.satisfied, masks.present))  # [B, P]
         keys = rng.random(present.shape)
         order = np.argsort(np.where(present, keys, 2.0), axis=1)  # those present come first
         count = present.sum(1, keepdims=True)
         column = np.arange(k) % np.maximum(count, 1)  # [B, K]
         other = np.take_along_axis(order, column, 1).astype(np.int32)
         if self._values is None:
-            assert marks.rewards is not None
-            rewards = np.take_along_axis(marks.rewards, other, 1)
+            assert masks.rewards is not None
+            rewards = np.take_along_axis(masks.rewards, other, 1)
         else:
             no, yes = self._values
             satisfying = np.take_along_axis(satisfied, other, 1)
