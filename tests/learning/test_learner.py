@@ -232,19 +232,6 @@ def test_a_refused_setting_says_where_what_and_what_came(path, value, expected) 
     assert str(refusal.value) == f"learner.{path}: expected {expected}, got {value!r}"
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"replay.capacity_frames": 100}, "learner.replay.capacity_frames: expected more than"),
-        ({"relabeling.programs_per_transition": 2}, "expected 1 without relabeling, got 2"),
-        ({"discount": 0.5}, "a known name, such as updates.discount, got 0.5"),
-    ],
-)
-def test_settings_that_do_not_go_together_are_refused(changes, message) -> None:
-    with pytest.raises(ConfigError, match=message):
-        DPGConfig().changed(**changes)
-
-
 def test_settings_round_trip() -> None:
     config = dpg(
         relabeling__rule="all-goals",
