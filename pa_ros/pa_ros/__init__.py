@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pa_ros.evaluation.scoring.agents import TrainedAgent
+    from pa_ros.evaluation.agents import TrainedAgent
 
 # Functions import what they need, so that `import pa_ros` stays quick.
 
@@ -54,7 +54,7 @@ def load_agent(checkpoint: str | Path = "shipped:3-D") -> TrainedAgent:
 
     Raises PaError (its subclass CheckpointError) if there is no usable checkpoint.
     """
-    from pa_ros.evaluation.scoring.agents import load_agent as load
+    from pa_ros.evaluation.agents import load_agent as load
 
     return load(Path(checkpoint))
 
@@ -87,7 +87,7 @@ class Arena:
         Raises ProgramError for a wrong program or one that names no present object, ActingError for
         an agent of another arm or design.
         """
-        from pa_ros.evaluation.scoring.agents import greedy
+        from pa_ros.evaluation.agents import greedy
         from pa_ros.language import parse
 
         parsed = parse(program, self.task.world.vocabulary)
