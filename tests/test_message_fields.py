@@ -1,4 +1,4 @@
-"""`pa_ros.wire` alone reads and writes the fields of messages; all others go through its codec."""
+"""Only `pa_ros.wire` reads and writes fields of messages; all others call its functions."""
 
 from __future__ import annotations
 
@@ -10,26 +10,19 @@ from helpers.sources import accesses, files
 
 PLANTED = {
     "a parameter": "def f(message):\n    return message.agent_id",
-    "by its type": "def f(x: Message):\n    return x.agent_id",
-    "one of several": "def f(parts: dict[str, Message]):\n    return parts['verdict'].reward",
-    "kept": "class A:\n    early: list[Message]\n    def f(self):\n        self.early[0].step += 1",
-    "kept and taken": "def f(early: list[Message]):\n    for m in early:\n        print(m.step)",
     "written": "def f(message: Any):\n    message.step = 3",
     "by name": "def f(message):\n    return getattr(message, 'step')",
     "just encoded": "print(encode_weights(policy).checksum)",
     "encoded before": "m = encode_verdict(verdict)\nm.reward = 1.0",
     "from a bag": "for recorded in bag.messages():\n    print(bag.deserialize(recorded).step)",
-    "from rosbags": "m = store.deserialize_cdr(payload, name)\nprint(m.step)",
-    "in passing": "bag.through(recorded, lambda m: (m.agent_id, m.sequence))",
     "in a callback": "VERDICT.subscribe(node, lambda m: print(m.reward))",
-    "in a callback of ours": "def f(v):\n    return v.reward\nVERDICT.subscribe(node, f)",
+    "in a named callback": "def f(v):\n    return v.reward\nVERDICT.subscribe(node, f)",
     "in a guarded one": "def f(v):\n    return v.reward\nrefusals.guard('verdict', partial(f))",
     "beside its decoder": "def f(v: Any):\n    x = decode_verdict(v)\n    return v.reward",
     "taken by hand": "taken = subscription.take_message(kind, False)\nprint(taken[0].step)",
 }
 HARMLESS = {
     "a record": "def f(message: Message):\n    return decode_verdict(message).reward",
-    "a container": "def f(early: list[Message]):\n    early.append(1)\n    early.clear()",
     "text": "def f(log):\n    return log.read().decode().splitlines()",
     "a request of ours": "def f(request: ProgramRequest):\n    return request.text",
 }
@@ -42,10 +35,10 @@ def test_a_planted_access_is_found(source: str):
 
 
 @pytest.mark.parametrize("source", HARMLESS.values(), ids=HARMLESS)
-def test_what_touches_no_field_is_not(source: str):
+def test_harmless_code_passes(source: str):
     assert accesses(source) == []
 
 
 @pytest.mark.parametrize(("module", "path"), OUTSIDE, ids=[module for module, _ in OUTSIDE])
-def test_message_fields_are_touched_by_the_wire_alone(module: str, path: Path):
+def test_only_the_wire_touches_message_fields(module: str, path: Path):
     assert accesses(path.read_text()) == []

@@ -24,56 +24,29 @@ def files() -> list[tuple[str, Path]]:
     return found
 
 
-# What hands out a message, by the name called; and what calls back with one.
+# Calls that return a message, and calls that pass one to a callback.
 SOURCES = {"Message", "deserialize", "deserialize_cdr", "deserialize_message", "take_message"}
-CALLBACK_TAKERS = {
-    "checked",
-    "create_subscription",
-    "create_service",
-    "guard",
-    "subscribe",
-    "through",
-}
-NAMES = {"message", "msg", "response"}  # parameters that are called so are messages
-READERS = {"header_stamp", "is_evaluation", "arena_of"}  # and whatever begins with decode_
+CALLBACK_TAKERS = {"checked", "create_subscription", "create_service", "guard", "subscribe"}
+# Parameters with these names are messages.
+NAMES = {"message", "msg", "response"}
+READERS = {"header_stamp", "is_evaluation", "arena_of"}  # and all that begin with decode_
 BY_NAME = {"getattr", "setattr", "hasattr", "delattr", "vars"}
-FROM_CONTAINER = {"get", "items", "pop", "popleft", "values"}
-
-Function = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
 
 
 def accesses(source: str) -> list[tuple[int, str]]:
-    """(line, access) of every field of a message that the source reads or writes."""
+    """Line and code of every access to a field of a message.
+
+    It finds messages typed Any, by where they come from; mypy finds those typed Message, which
+    have no attributes.
+    """
     tree = ast.parse(source)
-    reader = _Reader(_attributes(tree), _callbacks(tree))
+    reader = _Reader(_callbacks(tree))
     reader.visit(tree)
     return sorted(set(reader.found))
 
 
-def _attributes(tree: ast.AST) -> dict[str, bool]:
-    """Attributes annotated as messages; True: as something that holds messages."""
-    found = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.AnnAssign):
-            held = _annotated(node.annotation)
-            name = node.target.attr if isinstance(node.target, ast.Attribute) else None
-            if isinstance(node.target, ast.Name):
-                name = node.target.id
-            if held is not None and name is not None:
-                found[name] = held
-    return found
-
-
-def _annotated(annotation: ast.expr | None) -> bool | None:
-    """False: a message; True: a container of them; None: neither."""
-    names = {n.id for n in ast.walk(annotation) if isinstance(n, ast.Name)} if annotation else set()
-    if "Message" not in names or "Callable" in names:
-        return None
-    return not isinstance(annotation, (ast.Name, ast.BinOp))
-
-
 def _callbacks(tree: ast.AST) -> set[str]:
-    """Names of functions that are called back with messages."""
+    """Names of the functions that are called back with messages."""
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and _called(node) in CALLBACK_TAKERS:
@@ -94,11 +67,10 @@ def _called(call: ast.Call) -> str:
 class _Reader(ast.NodeVisitor):
     """Follows messages through the names of each function."""
 
-    def __init__(self, attributes: dict[str, bool], callbacks: set[str]) -> None:
+    def __init__(self, callbacks: set[str]) -> None:
         self.found: list[tuple[int, str]] = []
-        self._attributes = attributes
         self._callbacks = callbacks
-        self._names: dict[str, bool] = {}  # as in _annotated
+        self._names: set[str] = set()  # that are messages
         self._lambdas: set[ast.Lambda] = set()  # that are called back with messages
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
@@ -107,76 +79,51 @@ class _Reader(ast.NodeVisitor):
     def visit_Lambda(self, node: ast.Lambda) -> None:
         self._function(node, node in self._lambdas)
 
-    def _function(self, node: Function, called_back: bool) -> None:
-        outer, self._names = self._names, dict(self._names)
-        for parameter in [*node.args.args, *node.args.kwonlyargs]:
-            held = _annotated(parameter.annotation)
-            self._names.pop(parameter.arg, None)
-            if held is not None:
-                self._names[parameter.arg] = held
-            elif parameter.arg in NAMES:
-                self._names[parameter.arg] = False
-        if called_back and node.args.args and not self._spared(node.args.args[-1]):
-            self._names[node.args.args[-1].arg] = False
-        for inner in ast.walk(node):  # whatever is given to a decoder is a message
-            if isinstance(inner, ast.Call) and self._decodes(inner):
-                self._names |= {a.id: False for a in inner.args[:1] if isinstance(a, ast.Name)}
+    def _function(self, node: ast.FunctionDef | ast.Lambda, called_back: bool) -> None:
+        outer, parameters = self._names, [*node.args.args, *node.args.kwonlyargs]
+        self._names = outer - {one.arg for one in parameters}
+        self._names |= {one.arg for one in parameters if one.arg in NAMES and _untyped(one)}
+        if called_back and node.args.args and _untyped(last := node.args.args[-1]):
+            self._names.add(last.arg)
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.Call) and (
+                _called(inner).startswith("decode_") or _called(inner) in READERS
+            ):
+                self._names |= {a.id for a in inner.args[:1] if isinstance(a, ast.Name)}
         self.generic_visit(node)
         self._names = outer
 
-    @staticmethod
-    def _spared(parameter: ast.arg) -> bool:
-        """`self`, or annotated as something of ours."""
-        note = parameter.annotation
-        if parameter.arg == "self":
-            return True
-        return note is not None and ast.unparse(note) not in ("Any", "object", "Message")
-
-    @staticmethod
-    def _decodes(call: ast.Call) -> bool:
-        name = _called(call)
-        return name.startswith("decode_") or name in READERS
-
     def visit_Assign(self, node: ast.Assign) -> None:
-        held = self._holds(node.value)
-        for target in node.targets:
-            self._bind(target, held)
+        if self._is_message(node.value):
+            self._names |= {t.id for t in node.targets if isinstance(t, ast.Name)}
         self.generic_visit(node)
-
-    def visit_For(self, node: ast.For) -> None:
-        self._bind(node.target, None if self._holds(node.iter) is None else False)
-        self.generic_visit(node)
-
-    def _bind(self, target: ast.expr, held: bool | None) -> None:
-        names = target.elts if isinstance(target, (ast.Tuple, ast.List)) else [target]
-        for name in names:
-            if isinstance(name, ast.Name) and held is not None:
-                self._names[name.id] = held
 
     def visit_Call(self, node: ast.Call) -> None:
         if _called(node) in CALLBACK_TAKERS:
             self._lambdas |= {a for a in node.args if isinstance(a, ast.Lambda)}
-        if _called(node) in BY_NAME and node.args and self._holds(node.args[0]) is False:
+        if _called(node) in BY_NAME and node.args and self._is_message(node.args[0]):
             self.found.append((node.lineno, ast.unparse(node)))
         self.generic_visit(node)
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
-        if self._holds(node.value) is False:
+        if self._is_message(node.value):
             self.found.append((node.lineno, ast.unparse(node)))
         self.generic_visit(node)
 
-    def _holds(self, node: ast.expr) -> bool | None:
-        """What an expression's value is, as in _annotated."""
+    def _is_message(self, node: ast.expr) -> bool:
         if isinstance(node, ast.Name):
-            return self._names.get(node.id)
-        if isinstance(node, ast.Attribute):
-            return self._attributes.get(node.attr)
-        if isinstance(node, ast.Subscript):
-            return None if self._holds(node.value) is None else False
+            return node.id in self._names
+        if isinstance(node, ast.Subscript):  # a message of several
+            return self._is_message(node.value)
         if isinstance(node, ast.Call):
             name = _called(node)
-            if name in SOURCES or name.startswith("encode_"):
-                return False
-            if name in FROM_CONTAINER and isinstance(node.func, ast.Attribute):
-                return False if self._holds(node.func.value) else None
-        return None
+            return name in SOURCES or name.startswith("encode_")
+        return False
+
+
+def _untyped(parameter: ast.arg) -> bool:
+    """Whether a parameter may be a message, as far as its annotation says."""
+    note = parameter.annotation
+    if parameter.arg == "self":
+        return False
+    return note is None or ast.unparse(note) in ("Any", "object", "Message")
