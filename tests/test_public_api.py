@@ -5,6 +5,7 @@ from __future__ import annotations
 import pydoc
 import subprocess
 import sys
+from pathlib import Path
 from textwrap import dedent
 
 import pytest
@@ -14,6 +15,8 @@ from pa_ros.acting.errors import ActingError
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import ProgramError
 
+README = (Path(__file__).parents[1] / "README.md").read_text()
+
 
 def test_importing_loads_no_heavy_library() -> None:
     code = "import sys, pa_ros; print({'numpy', 'mujoco', 'torch', 'rclpy'} & {*sys.modules})"
@@ -21,9 +24,12 @@ def test_importing_loads_no_heavy_library() -> None:
     assert run.stdout.strip() == "set()"
 
 
-def test_the_example_of_the_docstring_succeeds(capsys: pytest.CaptureFixture[str]) -> None:
-    text = pa_ros.__doc__ or ""
-    exec(dedent(text[text.index("    import pa_ros") : text.index("This runs")]), {})
+def test_the_example_of_the_readme_and_the_docstring_succeeds(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    example = README.partition("```python\n")[2].partition("```")[0]
+    assert example in dedent((pa_ros.__doc__ or "").partition("\n\n")[2])
+    exec(example, {})
     assert capsys.readouterr().out.startswith("True 0.0")
 
 
