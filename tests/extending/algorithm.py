@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms import ALGORITHMS, Algorithm
-from pa_ros.learning.algorithms.dpg.networks import initial_networks
+from pa_ros.learning.algorithms.dpg.builder import initial_networks
 from pa_ros.learning.algorithms.torch_engine import Inputs, TorchEngine
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig

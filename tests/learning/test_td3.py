@@ -14,9 +14,8 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.td3.builder import make_engine
-from pa_ros.learning.algorithms.td3.config import TD3Config
+from pa_ros.learning.algorithms.td3.config import CRITICS, TD3Config
 from pa_ros.learning.algorithms.td3.learner import SMOOTHING_STREAM, TorchTD3
-from pa_ros.learning.algorithms.td3.networks import CRITICS
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import LearnerConfig, TrainConfig
 from pa_ros.learning.errors import CheckpointError

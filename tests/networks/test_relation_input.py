@@ -11,6 +11,7 @@ from pa_ros.arena import PRESETS, design_named, world_of
 from pa_ros.language import parse
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.families import family_of
+from pa_ros.networks.modules import goals_of, modules_of
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.world.programs import ProgramTable
@@ -38,7 +39,7 @@ def programs(config: NetworkConfig, rows: list[list[int]]) -> Programs:
     codes = [
         torch.from_numpy(code).long()[torch.tensor(rows)] for code in family_of(config).codes(table)
     ]
-    goals: Programs = family_of(config).goals(*codes)
+    goals: Programs = goals_of(config, *codes)
     return goals
 
 
@@ -79,7 +80,7 @@ def test_a_relation_is_another_bias_of_r() -> None:
     table.add(parse(TEXTS[0], one.vocabulary))
     codes = [torch.from_numpy(code).long()[torch.zeros(5, 1, dtype=torch.int64)]
              for code in family_of(one).codes(table)]  # fmt: skip
-    torch.testing.assert_close(asked, plain(objects, arm, family_of(one).goals(*codes)))
+    torch.testing.assert_close(asked, plain(objects, arm, goals_of(one, *codes)))
 
 
 def test_only_relations_that_are_asked_for_learn() -> None:
@@ -114,9 +115,7 @@ def test_the_true_properties_and_the_distilled_critic_mix_relations_too() -> Non
     for kind in ("true-properties", "distilled-critic"):
         config = network(*THREE).changed(family=kind)
         objects, arm = scenes(config, 2)
-        action = family_of(config).modules()[0](config)(
-            objects, arm, programs(config, [[0, 1], [2, 3]])
-        )
+        action = modules_of(config)[0](config)(objects, arm, programs(config, [[0, 1], [2, 3]]))
         assert action.shape == (2, 2, 6)
 
 

@@ -108,7 +108,7 @@ class FusedEngine:
 
     def update(self, batch: Batch) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
-        self._programs.tell()
+        self._programs.refresh()
         step = self._trained["actor"].step + 1
         correction1, correction2 = (1.0 - beta**step for beta in self._betas)
         self._metrics = self._engine.update(
@@ -198,7 +198,7 @@ class FusedActor:
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
         self._flat = FlatTensors(described, self._actor.parameters)
-        self._told: tuple[Program, tuple[Int32, ...]] | None = None  # the newest, and its codes
+        self._newest: tuple[Program, tuple[Int32, ...]] | None = None  # a program and its codes
         self.load(tensors)
 
     def load(self, tensors: Tensors) -> None:
@@ -210,21 +210,23 @@ class FusedActor:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
         objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
         action = np.empty(self._config.world.actions, np.float32)
-        if self._told is None or self._told[0] is not program:
-            self._told = program, self._family.codes(program, self._config)
-        self._family.act(self._actor, (objects, arm, hand_index), self._told[1], action)
+        if self._newest is None or self._newest[0] is not program:
+            self._newest = program, self._family.codes(program, self._config)
+        self._family.act(self._actor, (objects, arm, hand_index), self._newest[1], action)
         return action
 
 
 class _Programs:
-    """Tells the engine of a table's programs, again whenever it has grown."""
+    """Passes a table's programs to the engine, again whenever the table has grown."""
 
     def __init__(self, network: NetworkConfig, table: ProgramTable, engine: _fused.Engine) -> None:
         self._network, self._table, self._engine = network, table, engine
-        self._told = 0
+        self._size = 0  # rows of the table that the engine has
 
-    def tell(self) -> None:
-        """NetworkError for a program that the networks cannot be told."""
-        if self._told != len(self._table):
-            FUSED[type(family_of(self._network))].tell(self._engine, self._network, self._table)
-            self._told = len(self._table)
+    def refresh(self) -> None:
+        """NetworkError for a program that the networks cannot represent."""
+        if self._size != len(self._table):
+            FUSED[type(family_of(self._network))].set_programs(
+                self._engine, self._network, self._table
+            )
+            self._size = len(self._table)

@@ -1,4 +1,4 @@
-"""What the fused engine refuses."""
+"""Errors of the native room."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pa_ros.core.errors import PaError
 
 
 class FusedError(PaError):
-    """The fused engine cannot be loaded, or cannot take what it was given.
+    """The fused engine cannot be loaded, or cannot take its arguments.
 
     The library raises it too, for sizes, types and registers that do not fit
     (pa_ros/native/bindings.cpp).

@@ -1,4 +1,4 @@
-"""What the library is told of each family of networks; others are for torch alone."""
+"""Each family of networks as the C++ library takes it."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ class FusedFamily(ABC):
         """The actor or the critic."""
 
     @abstractmethod
-    def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
-        """A table's programs; NetworkError for one that cannot be told."""
+    def set_programs(
+        self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
+    ) -> None:
+        """Pass a table's programs; NetworkError for one that cannot be represented."""
 
     @abstractmethod
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        """A program as `act` is told it. NetworkError if it cannot be told."""
+        """A program as `act` takes it. NetworkError if it cannot be represented."""
 
     @abstractmethod
     def act(
@@ -44,7 +46,7 @@ class FusedFamily(ABC):
 
 
 def _world(network: NetworkConfig) -> dict[str, Any]:
-    """What the library is told of the world, with inputs as networks see them."""
+    """The world as the library takes it, with inputs as networks see them."""
     world, words = network.world, []
     scales = world.schema.scales
     scales[:3] = network.position_scale
@@ -79,7 +81,9 @@ class _Trunk(FusedFamily):
             **_world(network),
         )
 
-    def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
+    def set_programs(
+        self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
+    ) -> None:
         engine.set_programs(*_with_relation(family_of(network).codes(table)))
 
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
@@ -110,7 +114,9 @@ class _Mlp(FusedFamily):
             **_world(network),
         )
 
-    def tell(self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable) -> None:
+    def set_programs(
+        self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
+    ) -> None:
         (one_hots,) = family_of(network).codes(table)
         engine.set_targets(_words(one_hots))
 
@@ -135,7 +141,7 @@ def _flat(program: Program, network: NetworkConfig) -> tuple[Int32, Int32, Int32
 
 
 def _with_relation(codes: Codes) -> tuple[Int32, Int32, Int32, Int32]:
-    """`op`, `a`, `b` and what relations the programs ask for: none, where there is one alone."""
+    """`op`, `a`, `b` and the programs' relations, empty if the world has one relation only."""
     op, a, b, *relation = (code.astype(np.int32, copy=False) for code in codes)
     return op, a, b, relation[0] if relation else np.zeros(0, np.int32)
 

@@ -1,4 +1,4 @@
-"""Whether the fused engine is here, and what it applies to; imported without it too."""
+"""Whether the fused engine is installed, and which networks it can compute."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def level() -> str:
 
 
 def why_not_network(network: NetworkConfig) -> str:
-    """Empty where the fused code can compute a network, else the reason.
+    """Why the fused code cannot compute a network; empty: it can.
 
-    FusedError as `level` has it: a level that was asked for is never passed over in silence.
+    Raises FusedError as `level` does: a requested level is never ignored silently.
     """
     try:
         limit = library().MAX_SLOTS
@@ -41,6 +41,6 @@ def why_not_network(network: NetworkConfig) -> str:
     if type(family_of(network)) not in (Programmable, Canonical):
         return f"it knows no networks of the family {network.family!r}"
     if type(family_of(network)) is Canonical and network.relation_inputs:
-        return "it tells no relations apart in canonical networks"
+        return "it does not distinguish relations in canonical networks"
     slots = len(slot_values(network.world)) if type(family_of(network)) is Canonical else 0
     return f"it takes {limit} slots, not {slots}" if slots > limit else ""

@@ -36,7 +36,7 @@ class FlatTensors:
                 start += view.shape[-1]
 
     def _views(self, buffer: Float32) -> dict[str, list[Float32]]:
-        """By name, what its values are side by side along the last axis; order of the networks."""
+        """For each tensor, views that make it up side by side along the last axis."""
         n, at = self.network, self._layout
         views: dict[str, list[Float32]] = {}
         if n.is_canonical:

@@ -1,4 +1,4 @@
-"""Φ of an actor's weights by NumPy: for one scene now and then, where torch isn't wanted."""
+"""Φ of an actor's weights in NumPy, for one scene at a time: torch need not be loaded."""
 
 from __future__ import annotations
 

@@ -1,14 +1,13 @@
-"""Families of networks: an object for all that depends on the kind of actor and critic.
+"""Families of networks: the shapes of their tensors and the form in which they take programs.
 
-Other rooms register what they know of a family by its type (`functools.singledispatch`): the fused
-engine how to compute it, benchmarks what it costs.
+How a family is computed is in `pa_ros.networks.modules` (torch) and `pa_ros.native.families` (C++).
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,15 +18,12 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.slots import canonical_inputs, target_one_hots
 from pa_ros.world.programs import Int32, ProgramTable
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
 
 Shapes = dict[str, tuple[int, ...]]
 """Shapes of tensors by state-dict name."""
 Codes = tuple[Float32 | Int32, ...]
-"""What networks are told of each program of a table, arrays [P, …]."""
+"""Programs as the networks take them, arrays [P, …] for the P programs of a table."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +32,7 @@ class Family(ABC):
 
     name: str
     evaluates_programs: ClassVar[bool]
-    """Whether a program is run over Φ, so that degrees can be shown, and properties be hidden."""
+    """Whether programs are evaluated over Φ, so that degrees exist."""
 
     @abstractmethod
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
@@ -47,21 +43,13 @@ class Family(ABC):
         """Bound of the last layer's initial weights; None: as any layer's."""
 
     @abstractmethod
-    def modules(self) -> tuple[type[Any], type[Any]]:
-        """The torch reference, actor and critic: made of a config, called with `goals`."""
-
-    @abstractmethod
     def codes(self, table: ProgramTable) -> Codes:
-        """NetworkError if a program of the table cannot be told."""
-
-    @abstractmethod
-    def goals(self, *codes: Tensor) -> Any:
-        """What the modules take for `codes` [B, K, …] gathered from a table's."""
+        """A table's programs. NetworkError if the networks cannot represent one of them."""
 
     @abstractmethod
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
-        """NetworkError if the networks cannot be told this program, ProgramError if
-        they know not all of its words."""
+        """Raise NetworkError if the networks cannot represent this program, ProgramError for an
+        unknown word."""
 
     def detects(self, critic: bool) -> bool:
         """Whether the actor or the critic learns its Φ by detectors."""
@@ -97,22 +85,11 @@ class Programmable(Family):
     def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
         return None if critic else config.actor_output_scale
 
-    def modules(self) -> tuple[type[Any], type[Any]]:
-        from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic
-
-        return ProgrammableActor, ProgrammableCritic
-
     def codes(self, table: ProgramTable) -> Codes:
         several = table.vocabulary.relation_inputs
         return (*table.arrays(), table.relations()) if several else table.arrays()
 
-    def goals(self, *codes: Tensor) -> Any:
-        from pa_ros.networks.programmable import Programs
-
-        return Programs(*codes)
-
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
-        """Any program of their vocabulary can be told."""
         compile_program(program, vocabulary)
 
     def detects(self, critic: bool) -> bool:
@@ -121,7 +98,8 @@ class Programmable(Family):
 
 @dataclass(frozen=True)
 class Canonical(Family):
-    """MLPs on the flattened Ω (`pa_ros.networks.canonical`), told the target as one-hots [P, V]."""
+    """MLPs on the flattened Ω (`pa_ros.networks.canonical`);
+    they take the target as one-hots [P, V]."""
 
     evaluates_programs: ClassVar[bool] = False
 
@@ -136,17 +114,9 @@ class Canonical(Family):
     def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
         return LILLICRAP_OUTPUT_SCALE
 
-    def modules(self) -> tuple[type[Any], type[Any]]:
-        from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
-
-        return CanonicalActor, CanonicalCritic
-
     def codes(self, table: ProgramTable) -> Codes:
         programs = table.programs
         return (np.stack([target_one_hots(program, table.vocabulary) for program in programs]),)
-
-    def goals(self, *codes: Tensor) -> Any:
-        return codes[0]
 
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
         target_one_hots(program, vocabulary)
@@ -169,7 +139,7 @@ def family_of(network: NetworkConfig) -> Family:
 
 
 def codes_of(program: Program, network: NetworkConfig) -> Codes:
-    """What networks are told of one program, arrays [1, …]; NetworkError if nothing."""
+    """One program as the networks take it, arrays [1, …]; NetworkError if they cannot."""
     table = ProgramTable(network.vocabulary)
     table.add(program)
     return family_of(network).codes(table)

@@ -12,7 +12,8 @@ from pa_ros.core.experience import Float32
 from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
-from pa_ros.networks.families import codes_of, family_of
+from pa_ros.networks.families import codes_of
+from pa_ros.networks.modules import goals_of, modules_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
 
@@ -29,12 +30,12 @@ class Inference(Protocol):
 class TorchActor:
     """`Inference` by the modules of `pa_ros.networks`; NetworkError if the weights do not fit.
 
-    Networks that evaluate no programs know of no `logic`.
+    Networks that evaluate no programs ignore `logic`.
     """
 
     def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
         self._config, self._shapes = config, actor_shapes(config)
-        self._module = family_of(config).modules()[0](config).eval().requires_grad_(False)
+        self._module = modules_of(config)[0](config).eval().requires_grad_(False)
         self._module.logic = logic
         self.load(tensors)
 
@@ -45,7 +46,7 @@ class TorchActor:
 
     @torch.inference_mode()
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [J]; NetworkError for what the network cannot be told."""
+        """Action in [-1, 1], [J]; NetworkError for a program it cannot represent."""
         goals = _goals(program, self._config)
         action = self._module(_scene(objects), _scene(arm), goals, hand_index)
         return np.asarray(action[0, 0].numpy())
@@ -62,6 +63,6 @@ def _scene(array: Float32) -> torch.Tensor:
 
 @lru_cache(maxsize=1024)
 def _goals(program: Program, network: NetworkConfig) -> Any:
-    """What the modules are told of one program for one scene."""
+    """One program for one scene, as the modules take it."""
     codes = codes_of(program, network)
-    return family_of(network).goals(*(torch.from_numpy(code)[None] for code in codes))
+    return goals_of(network, *(torch.from_numpy(code)[None] for code in codes))

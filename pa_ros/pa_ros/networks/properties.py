@@ -1,4 +1,4 @@
-"""What networks are given of objects' true properties, and the scales of their inputs (torch)."""
+"""True properties of objects, and the scales of the networks' inputs (torch)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What canonical networks are told: a slot for each kind of block, the target as one-hots."""
+"""Inputs of canonical networks: a slot for each kind of block, and the target as one-hots."""
 
 from __future__ import annotations
 
@@ -59,5 +59,5 @@ def slot_values(world: World) -> NDArray[np.int64]:
 def canonical_inputs(world: World) -> int:
     """Size of the canonical networks' input: hand, block slots, arm, target one-hots."""
     slots = 1 + len(slot_values(world))
-    told = len(world.vocabulary.words) + world.vocabulary.relation_inputs
-    return slots * world.object_features + world.arm_features + told
+    target = len(world.vocabulary.words) + world.vocabulary.relation_inputs
+    return slots * world.object_features + world.arm_features + target

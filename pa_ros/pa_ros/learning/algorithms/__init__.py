@@ -1,4 +1,4 @@
-"""Algorithms by name; each with the same files: config, networks, learner, builder."""
+"""Algorithms by name. Each has the same files: config, learner, builder."""
 
 from pa_ros.learning.algorithms.algorithm import Algorithm, Algorithms
 from pa_ros.learning.algorithms.dpg.builder import DPG

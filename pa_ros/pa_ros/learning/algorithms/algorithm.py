@@ -1,4 +1,4 @@
-"""What an algorithm is: its settings, what makes its engine, and its values under protocols."""
+"""An algorithm: its settings, a function that makes its engine, and its values in protocols."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
 
 MakeEngine = Callable[[NetworkConfig, Any, ProgramTable, np.random.Generator], Engine]
-"""An engine with random initial weights, for settings of the algorithm's own type."""
+"""Makes an engine with random initial weights, for settings of the algorithm's type."""
 
 
 @dataclass(frozen=True)
 class Algorithm:
-    """One way to learn, of which a learner needs no more; `config.ALGORITHM` is its name.
+    """One way to learn; `config.ALGORITHM` is its name.
 
     `values` are those of settings that differ under a protocol, by the protocol's name and then
     as `pa_ros.learning.protocols` has them.
@@ -38,13 +38,13 @@ class Algorithm:
         table: ProgramTable,
         rng: np.random.Generator,
     ) -> Engine:
-        """What `make_engine` makes; ConfigError, with the algorithm's name, if that is none."""
+        """The engine that `make_engine` makes; ConfigError, naming the algorithm, if it fails."""
         name = config.ALGORITHM
         try:
             engine = self.make_engine(network, config, table, rng)
         except PaError:
             raise
-        except Exception as error:  # whatever code of others raises
+        except Exception as error:  # an extension may raise anything
             raise ConfigError(
                 f"algorithm {name}: expected what docs/extending.md says of algorithms, got "
                 f"{type(error).__name__}: {error}"
@@ -55,10 +55,10 @@ class Algorithm:
 
 
 class Algorithms(Registry[Algorithm]):
-    """By the names that their settings say: a learner finds its algorithm by them."""
+    """Algorithms by name: the one that their settings state."""
 
     def register(self, name: str, item: Algorithm) -> Algorithm:
-        """Add an algorithm; ConfigError if its settings say another name, or none."""
+        """Add an algorithm; ConfigError if its settings state another name."""
         said = getattr(item.config, "ALGORITHM", None)
         if said != name:
             raise ConfigError(

@@ -1,4 +1,4 @@
-"""What engines in torch share: networks, targets, Adam, bookkeeping; an algorithm adds its step."""
+"""The common part of engines in torch: networks, targets and Adam; an algorithm adds its step."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
+from pa_ros.networks.modules import goals_of, modules_of
 from pa_ros.networks.parameters import (
     Tensors,
     actor_shapes,
@@ -32,7 +33,7 @@ ACTOR = "actor"
 
 
 class Inputs(NamedTuple):
-    """A batch on the device, as `Batch` but for what the networks are told of each program."""
+    """A batch on the device: `Batch`, with programs as the networks take them."""
 
     objects: Tensor
     arm: Tensor
@@ -41,24 +42,24 @@ class Inputs(NamedTuple):
     next_arm: Tensor
     reward: Tensor
     discount: Tensor
-    goals: Any  # `Family.goals`
+    goals: Any  # `modules.goals_of`
 
     @property
     def now(self) -> tuple[Tensor, Tensor, Any]:
-        """What networks see of s."""
+        """Inputs of the networks at s."""
         return self.objects, self.arm, self.goals
 
     @property
     def then(self) -> tuple[Tensor, Tensor, Any]:
-        """What networks see of s'."""
+        """Inputs of the networks at s'."""
         return self.next_objects, self.next_arm, self.goals
 
 
 class TorchEngine(ABC):
     """`Engine` with an actor and any number of critics, by name, with their targets and Adam.
 
-    A subclass says in `step` what one update does; targets are copied at each episode's end unless
-    it says otherwise in `end_episode`.
+    A subclass defines one update in `step`. Targets are copied at the end of each episode unless it
+    overrides `end_episode`.
     """
 
     name = "torch"
@@ -76,8 +77,8 @@ class TorchEngine(ABC):
         self.device = _device_named(config.engine.device)
         self.dtype: torch.dtype = getattr(torch, config.engine.dtype)
         self._table = _Goals(network, table, self.device, self.dtype)
-        # modules of pa_ros.networks: the actor is called with what is seen, critics have `trunk`
-        # and `head`
+        # Modules of pa_ros.networks: the actor is called with its inputs, critics have `trunk` and
+        # `head`.
         self.networks: dict[str, Any] = {
             name: self._module(network, name, tensors) for name, tensors in initial.items()
         }
@@ -108,7 +109,7 @@ class TorchEngine(ABC):
         self._latest = self.step(x)
 
     def goals(self, program: NDArray[np.int32]) -> Any:
-        """What the networks are told of rows [B, K] of the table."""
+        """Rows [B, K] of the table, as the networks take programs."""
         self._table.refresh()
         return self._table.of(torch.from_numpy(program).to(self.device))
 
@@ -118,7 +119,7 @@ class TorchEngine(ABC):
         return action
 
     def features(self, critic: Any, seen: tuple[Tensor, Tensor, Any]) -> Tensor:
-        """What a critic's `head` takes beside the action, [B, K, H]."""
+        """Input of a critic's `head` beside the action, [B, K, H]."""
         h: Tensor = critic.trunk(*seen, HAND_INDEX)
         return h
 
@@ -133,9 +134,9 @@ class TorchEngine(ABC):
 
     @torch.no_grad()
     def _draw_to_zero(self, adam: torch.optim.Adam) -> None:
-        """Take of the detectors' weights what sparsity takes of their size, never past zero.
+        """Shrink the detectors' weights, never past zero, and less the larger they are.
 
-        That is apart from the gradient, and less the larger they are (Zhang 2010).
+        This is the proximal step of the minimax concave penalty (Zhang 2010), after Adam's.
         """
         config = self._config.detectors
         for group in adam.param_groups[1:]:
@@ -156,7 +157,9 @@ class TorchEngine(ABC):
         if self._latest is None:
             return {}
         gradients = [p.grad for p in self.networks[ACTOR].parameters() if p.grad is not None]
-        norms = [g.norm() for g in gradients] or [torch.zeros(())]  # an actor that waits its turn
+        norms = [g.norm() for g in gradients] or [
+            torch.zeros(())
+        ]  # an actor that is updated less often
         norm = torch.stack(norms).norm()
         values = torch.stack([*self._latest, norm]).tolist()  # the only wait for the device
         return dict(zip(("critic_loss", "mean_q", "actor_gradient_norm"), values, strict=True))
@@ -210,12 +213,12 @@ class TorchEngine(ABC):
         """The actor, or a critic, with these weights; NetworkError if they do not fit."""
         critic = name != ACTOR
         check_tensors(tensors, (critic_shapes if critic else actor_shapes)(network), name)
-        module: nn.Module = family_of(network).modules()[critic](network)
+        module: nn.Module = modules_of(network)[critic](network)
         module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
         return module.to(self.device, self.dtype)
 
     def _adam(self, name: str) -> torch.optim.Adam:
-        """Adam of all parameters, then, as a group of their own, of the detectors if any."""
+        """Adam for all parameters; the detectors, if any, are a second group with their own rate."""
         config, module = self._config, self.networks[name]
         rate = config.optimizer.actor_rate if name == ACTOR else config.optimizer.critic_rate
         named = dict(module.named_parameters())
@@ -237,7 +240,7 @@ class TorchEngine(ABC):
 def _device_named(name: str) -> torch.device:
     try:
         probe = torch.zeros(1, device=name)
-        probe.cpu()  # what `meta` has can't be read
+        probe.cpu()  # fails for `meta`, which holds no numbers
         return probe.device
     except (RuntimeError, AssertionError) as error:
         reason = str(error).partition("\n")[0]
@@ -247,12 +250,12 @@ def _device_named(name: str) -> torch.device:
 
 
 class _Goals:
-    """What the networks are told of each program of a table."""
+    """The programs of a table on the device, as the networks take them."""
 
     def __init__(
         self, network: NetworkConfig, table: ProgramTable, device: torch.device, dtype: torch.dtype
     ) -> None:
-        self._family = family_of(network)
+        self._network = network
         self._table = table
         self._device, self._dtype = device, dtype
         self._size = 0  # rows of the table that are on the device
@@ -261,7 +264,7 @@ class _Goals:
     def refresh(self) -> None:
         """Bring rows that joined the table to the device."""
         if self._size != len(self._table):
-            codes = map(torch.from_numpy, self._family.codes(self._table))
+            codes = map(torch.from_numpy, family_of(self._network).codes(self._table))
             self._rows = [
                 code.to(self._device, self._dtype if code.is_floating_point() else torch.int64)
                 for code in codes
@@ -271,4 +274,4 @@ class _Goals:
     def of(self, program: Tensor) -> Any:
         """For rows [B, K] of the table."""
         index = program.long()
-        return self._family.goals(*(rows[index] for rows in self._rows))
+        return goals_of(self._network, *(rows[index] for rows in self._rows))

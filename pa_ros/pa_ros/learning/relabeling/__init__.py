@@ -1,1 +1,1 @@
-"""What a stored transition says about other programs than the one that acted."""
+"""Learning more from a stored transition: other programs, and hidden properties."""

@@ -28,7 +28,7 @@ UInt64 = NDArray[np.uint64]
 
 
 class GoalMasks(NamedTuple):
-    """What relabeling keeps of rows [...]: bit j, and column j, are of program j."""
+    """What relabeling stores of rows [...]; bit j and column j belong to program j."""
 
     satisfied: UInt64  # [...] bits
     present: Any  # bits of the programs that name something: of a trajectory, or [...]
@@ -60,7 +60,7 @@ class Relabeler:
 
     @property
     def rewards_kept(self) -> int:
-        """Programs whose rewards masks hold, because bits alone don't tell them: all, or none."""
+        """Number of programs whose rewards masks hold: all if bits do not determine them, else 0."""
         return len(self._table) if self._values is None else 0
 
     def masks(

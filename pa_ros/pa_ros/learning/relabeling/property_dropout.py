@@ -1,8 +1,7 @@
 """Property dropout: at times a block of a sampled transition shows not all of its properties.
 
-Not in the paper. What a word means of a block that shows none of the properties that training has
-is left open by training: the detectors then say whatever their biases say, which is that such a
-block is as likely RED as not. Blocks that a drawn program names keep their properties, so rewards
+Not in the paper. Training does not determine what detectors say of a block that shows no known
+property: they then say whatever their biases say, for example that it is as likely RED as not. Blocks that a drawn program names keep their properties, so rewards
 stay as they are, and the others must be passed by whatever they are.
 """
 

@@ -10,9 +10,9 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms.algorithm import Algorithm
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.algorithms.dpg.networks import initial_networks
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
 
 log = logging.getLogger(__name__)
@@ -45,8 +45,13 @@ def make_engine(
     return made
 
 
+def initial_networks(network: NetworkConfig, rng: np.random.Generator) -> dict[str, Tensors]:
+    """Random initial weights of actor and critic; the same `rng` state, the same weights."""
+    return {"actor": initial_actor(network, rng), "critic": initial_critic(network, rng)}
+
+
 def why_not_fused(network: NetworkConfig, config: DPGConfig) -> str:
-    """Empty where the fused engine applies to a learner, else the reason."""
+    """Why the fused engine cannot make a learner's updates; empty: it can."""
     device, dtype = config.engine.device, config.engine.dtype
     if device != "cpu" or dtype != "float32":
         return f"it is for float32 on the CPU, not {dtype} on {device}"

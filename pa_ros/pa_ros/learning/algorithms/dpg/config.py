@@ -1,4 +1,4 @@
-"""DPG's own settings, beside those that algorithms share."""
+"""Settings of DPG, beside those that all algorithms share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TD3 as an algorithm: torch computes its updates."""
+"""TD3 as an algorithm; torch computes its updates."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms.algorithm import Algorithm
-from pa_ros.learning.algorithms.td3.config import TD3Config
-from pa_ros.learning.algorithms.td3.networks import initial_networks
+from pa_ros.learning.algorithms.td3.config import CRITICS, TD3Config
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
 
 log = logging.getLogger(__name__)
@@ -30,7 +30,9 @@ def make_engine(
         )
     from pa_ros.learning.algorithms.td3.learner import TorchTD3
 
-    engine = TorchTD3(network, config, table, initial_networks(network, rng))
+    initial = {"actor": initial_actor(network, rng)}
+    initial |= {name: initial_critic(network, rng) for name in CRITICS}
+    engine = TorchTD3(network, config, table, initial)
     log.info("learner engine: %s", engine.name)
     return engine
 

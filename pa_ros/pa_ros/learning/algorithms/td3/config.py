@@ -1,4 +1,4 @@
-"""TD3's own settings, beside those that algorithms share."""
+"""Settings of TD3, beside those that all algorithms share."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pydantic import Field
 
 from pa_ros.core.settings import Settings
 from pa_ros.learning.config import LearnerConfig
+
+CRITICS = ("critic_1", "critic_2")  # names of its two critics
 
 
 class SmoothingConfig(Settings):
@@ -24,7 +26,7 @@ class TargetsConfig(Settings):
 
 
 class TD3Config(LearnerConfig):
-    """Twin delayed DPG (Fujimoto et al. 2018); defaults of its own parts are the paper's.
+    """Twin delayed DPG (Fujimoto et al. 2018); defaults are that paper's.
 
     Not a setting: the target is of the lesser of two critics.
     """

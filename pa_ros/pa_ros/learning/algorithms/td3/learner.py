@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from pa_ros.learning.algorithms.td3.config import TD3Config
-from pa_ros.learning.algorithms.td3.networks import CRITICS
+from pa_ros.learning.algorithms.td3.config import CRITICS, TD3Config
 from pa_ros.learning.algorithms.torch_engine import Inputs, TorchEngine
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors
@@ -67,7 +66,7 @@ class TorchTD3(TorchEngine):
             return bootstrapped
 
     def _noise(self, shape: torch.Size, update: int) -> Tensor:
-        """A function of the number of updates alone: what is resumed needs no state of it."""
+        """ε, [B, K, J], a function of the number of updates alone, so resuming needs no state."""
         smoothing = self._settings.smoothing
         drawn = np.random.default_rng([SMOOTHING_STREAM, update]).normal(0, smoothing.sigma, shape)
         return torch.from_numpy(drawn.clip(-smoothing.clip, smoothing.clip)).to(
