@@ -157,9 +157,8 @@ class TorchEngine(ABC):
         if self._latest is None:
             return {}
         gradients = [p.grad for p in self.networks[ACTOR].parameters() if p.grad is not None]
-        norms = [g.norm() for g in gradients] or [
-            torch.zeros(())
-        ]  # an actor that is updated less often
+        # An algorithm that updates its actor less often may have no gradients of it yet.
+        norms = [g.norm() for g in gradients] or [torch.zeros(())]
         norm = torch.stack(norms).norm()
         values = torch.stack([*self._latest, norm]).tolist()  # the only wait for the device
         return dict(zip(("critic_loss", "mean_q", "actor_gradient_norm"), values, strict=True))
@@ -218,7 +217,7 @@ class TorchEngine(ABC):
         return module.to(self.device, self.dtype)
 
     def _adam(self, name: str) -> torch.optim.Adam:
-        """Adam for all parameters; the detectors, if any, are a second group with their own rate."""
+        """Adam for all parameters; detectors, if any, are a second group with their own rate."""
         config, module = self._config, self.networks[name]
         rate = config.optimizer.actor_rate if name == ACTOR else config.optimizer.critic_rate
         named = dict(module.named_parameters())

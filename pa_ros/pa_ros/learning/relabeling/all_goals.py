@@ -60,7 +60,7 @@ class Relabeler:
 
     @property
     def rewards_kept(self) -> int:
-        """Number of programs whose rewards masks hold: all if bits do not determine them, else 0."""
+        """Programs whose rewards masks hold: all, unless bits determine the rewards; then 0."""
         return len(self._table) if self._values is None else 0
 
     def masks(

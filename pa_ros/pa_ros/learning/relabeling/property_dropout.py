@@ -1,8 +1,9 @@
-"""Property dropout: at times a block of a sampled transition shows not all of its properties.
+"""Property dropout: at times a block of a sampled transition does not show all of its properties.
 
 Not in the paper. Training does not determine what detectors say of a block that shows no known
-property: they then say whatever their biases say, for example that it is as likely RED as not. Blocks that a drawn program names keep their properties, so rewards
-stay as they are, and the others must be passed by whatever they are.
+property: their biases decide, and they make such a block as likely RED as not. Blocks that a drawn
+program names keep their properties, so rewards stay as they are; the others must be passed by
+whatever they are.
 """
 
 from __future__ import annotations
