@@ -128,7 +128,7 @@ sanitize-%: install-dev
 # One benchmark of pa_ros/benchmarks: make bench NAME=learner ARGS="--json learner.json"
 NAME ?= graph
 bench: install
-	PYTHONPATH=pa_ros $(BIN)/python -m benchmarks $(NAME) $(ARGS)
+	PYTHONPATH=pa_ros:tests $(BIN)/python -m benchmarks $(NAME) $(ARGS)
 
 # Faults injected into a running graph. Without ARGS it writes FAULTS.md's table, in half an hour.
 chaos: install-dev

@@ -18,8 +18,8 @@ import torch
 
 from benchmarks.cost import Sizes, floor_us, update_cost
 from benchmarks.machine import measure_rates
-from benchmarks.straightforward import StraightforwardEngine
 from benchmarks.timing import Contender, measure
+from helpers.formulas import StraightforwardEngine
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import design_named, preset_named, training_programs, world_of
 from pa_ros.arena.gym_env import ENV_ID

@@ -1,1 +1,1 @@
-"""Faults on purpose: processes killed, messages lost, full disks; and what came of it."""
+"""Fault injection: what a live graph does when things break (FAULTS.md)."""

@@ -1,4 +1,4 @@
-"""Inject faults into a running graph: `make chaos` (ARGS=--short for a minute's worth)."""
+"""Inject faults into running graphs: `make chaos`, or for a minute `make chaos ARGS=--short`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from chaos.campaign import ChaosConfig, campaign
-from chaos.report import report, write_table
-from pa_ros.cli.options import add_settings, settings_from
+from chaos.campaign import campaign, chosen, report, write_table
 from pa_ros.core.errors import PaError
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
 from pa_ros.core.text import write_report
@@ -17,16 +15,21 @@ from pa_ros.core.text import write_report
 def main() -> int:
     """Exit status 1 if a row failed."""
     parser = argparse.ArgumentParser(prog="python -m chaos", description=__doc__)
-    add_settings(parser, ChaosConfig, "cycles", "minutes", "only")
+    parser.add_argument("--cycles", type=int, default=200, help="faults in all (%(default)s)")
+    parser.add_argument("--minutes", type=float, default=120.0,
+                        help="begin no cycle after these (%(default)s)")  # fmt: skip
+    parser.add_argument("--only", nargs="+", default=(), metavar="TEXT",
+                        help="faults whose name contains one of these")  # fmt: skip
     parser.add_argument("--short", action="store_true", help="three faults, one cycle each")
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="keep the logs and bags there")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="write the rows' table there")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="keep logs and bags there")
+    parser.add_argument("--table", type=Path, metavar="FILE", help="write the table into this page")
     options = parser.parse_args()
     try:
         with signals_interrupt():
-            config = settings_from(options, ChaosConfig)
-            rows = campaign(config, lambda line: print(line, flush=True), options.out)
+            faults = chosen(options.only, options.short)
+            cycles = len(faults) if options.short else options.cycles
+            rows = campaign(faults, cycles, options.minutes, options.out)
     except PaError as error:
         print(f"chaos: {error}", file=sys.stderr)
         return 2
@@ -35,7 +38,7 @@ def main() -> int:
     figures = report(rows)
     write_report(options.json, figures)
     if options.table is not None:
-        write_table(options.table, rows, "make chaos")
+        write_table(options.table, rows)
     return int(bool(figures["chaos.failed_rows"]))
 
 

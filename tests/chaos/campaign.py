@@ -1,4 +1,4 @@
-"""Many cycles on a few stages, in rows: one for each fault."""
+"""Many cycles on a few stages, as a table with a row for each fault."""
 
 from __future__ import annotations
 
@@ -6,41 +6,28 @@ import itertools
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
-from pydantic import Field
-
-from chaos.cycles import Cycle, run_cycle
-from chaos.faults import Fault, executing_faults, order_faults, process_faults
-from chaos.faults_disk import disk_faults
-from chaos.faults_fleet import fleet_faults
-from chaos.faults_launcher import launcher_faults
-from chaos.faults_messages import message_faults
-from chaos.invariants import mis_joined, orphans, shared_memory
-from chaos.stage import MARK, Stage, executing, fleet, learning, staged, with_key
-from chaos.strangers import stranger_faults
+from chaos import faults, messages
+from chaos.cycles import Cycle, mis_joined, orphans, run_cycle, shared_memory
+from chaos.faults import Fault
+from chaos.stage import Stage, staged
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.settings import Settings
+from pa_ros.core.text import Report
 from pa_ros.tools.domain import use_domain
 
 SHORT: Final = ("agent_node: SIGKILL", "learner_node: SIGKILL", "sim_node: SIGSTOP 5 s")
 ATTEMPTS: Final = 3  # to bring up a stage, on a machine that may be busy
-PER_STAGE: Final = 12  # cycles, so that a recording stays short enough to be re-enacted
-Say = Callable[[str], None]
+PER_STAGE: Final = 12  # cycles, so that a recording stays short enough to be replayed
+TABLE = ("<!-- make chaos -->\n", "<!-- end -->\n")  # the table in FAULTS.md lies between these
+HEAD = """{cycles} cycles, {failed} of {rows} rows failed.
 
-
-class ChaosConfig(Settings):
-    """How much harm is done."""
-
-    SECTION: ClassVar[str] = "chaos"
-
-    cycles: int = Field(200, ge=1, description="faults in all, shared among the rows")
-    minutes: float = Field(120.0, gt=0, description="begin no cycle after these")
-    only: tuple[str, ...] = Field((), description="rows whose name has one of these in it")
-    short: bool = Field(False, description="three rows of processes, one cycle each")
+| Fault | Injected | Reported, s | Recovered, s | Verdict |
+|---|---|---|---|---|
+"""
 
 
 @dataclass
@@ -68,137 +55,178 @@ class Row:
         return bool(self.failures or self.lost or self.mis_joined)
 
     def median(self, name: str) -> float | None:
-        """Of a time over the cycles that have it, s."""
+        """The median of a time over the cycles that have it, s."""
         values = [getattr(cycle, name) for cycle in self.cycles]
         known = [value for value in values if value is not None]
         return statistics.median(known) if known else None
 
 
 def all_faults() -> list[Fault]:
-    """Every row, those of one kind together."""
-    return [*process_faults(), *order_faults(), *disk_faults(), *stranger_faults(),
-            *launcher_faults(), *message_faults(), *executing_faults(),
-            *fleet_faults()]  # fmt: skip
+    """Every fault, those of one kind together."""
+    return [*faults.process_faults(), *faults.order_faults(), *faults.disk_faults(),
+            *messages.stranger_faults(), *faults.launcher_faults(), *messages.relay_faults(),
+            *faults.executing_faults(), *faults.fleet_faults()]  # fmt: skip
 
 
-def chosen(config: ChaosConfig) -> list[Fault]:
-    """The rows asked for. Raises ConfigError if there are none."""
-    if config.short:
+def chosen(only: Sequence[str] = (), short: bool = False) -> list[Fault]:
+    """The faults whose name contains one of `only` (default: all). Raises ConfigError for none."""
+    if short:
         return [fault for fault in all_faults() if fault.name in SHORT]
-    names = config.only
-    found = [f for f in all_faults() if not names or any(part in f.name for part in names)]
+    found = [f for f in all_faults() if not only or any(part in f.name for part in only)]
     if not found:
-        raise ConfigError(f"chaos.only: expected parts of rows' names, got {names}: no row has one")
+        raise ConfigError(f"--only: expected parts of faults' names, got {only}")
     return found
 
 
-def campaign(config: ChaosConfig, say: Say = print, kept: Path | None = None) -> list[Row]:
-    """Do all of it, in a ROS domain of its own; rows as far as they were begun.
+def campaign(
+    wanted: Sequence[Fault],
+    cycles: int,
+    minutes: float,
+    kept: Path | None = None,
+    log: Callable[[str], None] = print,
+) -> list[Row]:
+    """Run so many cycles, or those that begin within so many minutes.
 
-    Logs and bags are left in `kept`, if that is given.
+    Faults take turns. Logs and bags are left in `kept`, if it is given.
     """
     use_domain(None)
-    rows = [Row(fault) for fault in chosen(config)]
-    deadline = time.monotonic() + config.minutes * 60
-    plan = list(_plan(rows, len(rows) if config.short else config.cycles))
+    rows = [Row(fault) for fault in wanted]
+    deadline = time.monotonic() + minutes * 60
     with tempfile.TemporaryDirectory(prefix="pa_ros-chaos-") as made:
         folder = kept or Path(made)
-        for number, part in enumerate(_parts(plan)):
+        for number, part in enumerate(_parts(rows, cycles)):
             attempts = 0
             while part and time.monotonic() < deadline:
                 attempts += 1
                 where = folder / f"{number}-{len(part)}-{attempts}"
-                if _on_one_stage(where, number, part, deadline, say):
+                if _on_one_stage(where, number, part, deadline, log):
                     attempts = 0
                 elif attempts == ATTEMPTS:
-                    none = [f"the graph did not come to work, {ATTEMPTS} times, before any harm"]
-                    part.pop(0).cycles.append(Cycle("", time.time(), failures=none))
+                    failed = [f"the graph did not start, {ATTEMPTS} times, before any fault"]
+                    part.pop(0).cycles.append(Cycle("", time.time(), failures=failed))
                     attempts = 0
     return rows
 
 
-def _plan(rows: list[Row], cycles: int) -> Iterator[Row]:
-    """As many cycles: all rows in turn, and in each turn kind by kind, so that a campaign that is
-    cut short has done every row."""
+def _parts(rows: list[Row], cycles: int) -> Iterator[list[Row]]:
+    """The rows of each cycle, in parts that one stage can serve.
+
+    All rows take turns, and within a turn kind by kind, so that a campaign that ends early has done
+    every row.
+    """
     kinds = list(dict.fromkeys(row.fault.kind for row in rows))
     turn = sorted(rows, key=lambda row: kinds.index(row.fault.kind))
-    yield from itertools.islice(itertools.cycle(turn), cycles)
+    plan = itertools.islice(itertools.cycle(turn), cycles)
+    for _, group in itertools.groupby(plan, key=lambda row: row.fault.kind):
+        same = list(group)
+        for begun in range(0, len(same), PER_STAGE):
+            yield same[begun : begun + PER_STAGE]
 
 
-def _parts(plan: list[Row]) -> Iterator[list[Row]]:
-    for _, these in itertools.groupby(plan, key=lambda row: row.fault.kind):
-        kept = list(these)
-        for begun in range(0, len(kept), PER_STAGE):
-            yield kept[begun : begun + PER_STAGE]
+def _on_one_stage(
+    folder: Path, number: int, part: list[Row], deadline: float, log: Callable[[str], None]
+) -> bool:
+    """Run cycles on one graph as long as it recovers, and remove them from `part`.
 
-
-def _on_one_stage(folder: Path, number: int, part: list[Row], deadline: float, say: Say) -> bool:
-    """Cycles on one graph, as long as it recovers; what was done is taken from `part`.
-
-    False if the graph did not come to work, so that no harm could be done to it.
+    Returns False if the graph did not start.
     """
-    kind, memory = part[0].fault.kind, set[Path]()
-    parameters = {"executing": executing, "fleet": fleet}.get(kind, learning)()
-    if kind == "keyed":
-        parameters = with_key(parameters, folder)
     done: list[Cycle] = []
     agents: set[str] = set()
+    memory: set[Path] = set()
     try:
-        with staged(folder, number, parameters, kind) as stage:
+        with staged(folder, number, part[0].fault.kind) as stage:
+
+            def note() -> None:
+                agents.add(stage.observer.text("agent_node", "agent_id"))
+                memory.update(shared_memory(stage.mark))
+
             while part and time.monotonic() < deadline:
                 row = part.pop(0)
-                agents.add(stage.observer.text("agent_node", "agent_id"))
-                memory |= shared_memory(stage.mark, MARK)
-                row.cycles.append(run_cycle(stage, row.fault))
-                agents.add(stage.observer.text("agent_node", "agent_id"))
-                memory |= shared_memory(stage.mark, MARK)
-                done.append(row.cycles[-1])
-                say(_line(done[-1]))
+                note()
+                done.append(run_cycle(stage, row.fault))
+                row.cycles.append(done[-1])
+                note()
+                log(_line(done[-1]))
                 if done[-1].recovered_after is None:
                     break
     except PaError as error:
         if not done:
-            say(str(error))
+            log(str(error))
             return False
         done[-1].failures.append(str(error))
     if done:
-        _check_afterwards(stage, done, agents, memory, say)
+        _check_afterwards(stage, done, agents, memory, log)
     return True
 
 
 def _check_afterwards(
-    stage: Stage, done: list[Cycle], agents: set[str], memory: set[Path], say: Say
+    stage: Stage,
+    done: list[Cycle],
+    agents: set[str],
+    memory: set[Path],
+    log: Callable[[str], None],
 ) -> None:
-    """What can be said once the graph is gone."""
-    left = orphans(stage.mark, MARK)
-    if left:
+    """What can be checked once the graph has ended."""
+    if left := orphans(stage.mark):
         done[-1].failures.append(f"processes left behind: {left}")
-    if kept := [path.name for path in memory if path.exists()]:
-        done[-1].failures.append(f"shared memory left behind: {sorted(kept)}")
+    if kept := sorted(path.name for path in memory if path.exists()):
+        done[-1].failures.append(f"shared memory left behind: {kept}")
     arena = stage.observer.arena
     if stage.learns and arena is not None:
-        denied, held = mis_joined(stage.bags, arena, agents - {""})
-        say(f"  re-enacted {held} transitions: {len(denied)} trajectories denied")
-        for name, stamp_s in denied:
-            _culprit(done, stamp_s).mis_joined += 1
-            say(f"  {name}")
-
-
-def _culprit(done: list[Cycle], stamp_s: float) -> Cycle:
-    """The cycle in whose time, or after which, something was recorded."""
-    return next((c for c in reversed(done) if c.began <= stamp_s), done[0])
+        wrong, compared = mis_joined(stage.bags, arena, agents - {""})
+        log(f"  replayed {compared} transitions: {len(wrong)} trajectories contradicted")
+        for name, stamp_s in wrong:
+            # It belongs to the cycle during or after which it was recorded.
+            next((c for c in reversed(done) if c.began <= stamp_s), done[0]).mis_joined += 1
+            log(f"  {name}")
 
 
 def _line(cycle: Cycle) -> str:
-    def shown(value: float | None) -> str:
-        return "never" if value is None else f"{value:.1f} s"
-
-    what = f"{cycle.fault:<48} seen {shown(cycle.seen_after):>7}  recovered "
-    return f"{what}{shown(cycle.recovered_after):>7}  lost {cycle.lost}  " + "; ".join(
-        cycle.failures
+    seen, recovered = (
+        "never" if value is None else f"{value:.1f} s"
+        for value in (cycle.seen_after, cycle.recovered_after)
     )
+    return (f"{cycle.fault:<48} reported {seen:>7}  recovered {recovered:>7}  lost {cycle.lost}  "
+            + "; ".join(cycle.failures))  # fmt: skip
 
 
-def failed_rows(rows: Iterable[Row]) -> int:
-    """Rows with an invariant that did not hold in some cycle."""
-    return sum(row.failed for row in rows)
+def report(rows: Sequence[Row]) -> Report:
+    """Figures of all rows."""
+    begun = [row for row in rows if row.cycles]
+    return {
+        "chaos.cycles": sum(len(row.cycles) for row in begun),
+        "chaos.rows": len(begun),
+        "chaos.lost": sum(row.lost for row in begun),
+        "chaos.mis_joined": sum(row.mis_joined for row in begun),
+        "chaos.failed_rows": sum(row.failed for row in begun),
+    }
+
+
+def write_table(path: Path, rows: Sequence[Row]) -> None:
+    """Rewrite the table between the markers of a page; a row for each fault that was injected."""
+    figures = report(rows)
+    head = HEAD.format(
+        cycles=figures["chaos.cycles"],
+        failed=figures["chaos.failed_rows"],
+        rows=figures["chaos.rows"],
+    )
+    text = path.read_text() if path.exists() else "".join(TABLE)
+    before, _, rest = text.partition(TABLE[0])
+    _, _, after = rest.partition(TABLE[1])
+    table = head + "".join(_cells(row) for row in rows if row.cycles)
+    path.write_text(before + TABLE[0] + table + TABLE[1] + after)
+
+
+def _cells(row: Row) -> str:
+    harm = [f"{row.lost} trajectories lost"] if row.lost else []
+    harm += [f"{row.mis_joined} trajectories mis-joined"] if row.mis_joined else []
+    verdict = "; ".join([*harm, *row.failures[:3]]) or "held"
+    seen, recovered = row.median("seen_after"), row.median("recovered_after")
+    cells = (
+        row.fault.name,
+        str(len(row.cycles)),
+        "–" if seen is None else f"{seen:.1f}",
+        "never" if recovered is None else f"{recovered:.1f}",
+        f"**failed**: {verdict}" if row.failed else verdict,
+    )
+    return "| " + " | ".join(cell.replace("|", "/").replace("\n", " ") for cell in cells) + " |\n"

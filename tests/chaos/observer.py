@@ -1,16 +1,15 @@
-"""What an outsider sees of a graph: what was published, what was learned, what nodes say."""
+"""What is published on a graph: trajectories, versions of the weights, steps, diagnostics."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from typing import Final
 
 import numpy as np
 from rclpy.node import Node
 
-from chaos.ledger import Ledger
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Float64, TrajectoryKey
 from pa_ros.core.published import LearnerInfo
@@ -25,28 +24,28 @@ from pa_ros.wire.learning import decode_learner_info, decode_trajectory_key, dec
 from pa_ros.wire.step import decode_joints
 
 TROUBLE: Final = ("refused", "duplicate", "missing", "lost", "rejected", "interrupted", "holds")
-STRANGER: Final = "stranger"  # learner, agent and arena that none of ours is
-GONE_S: Final = 3.0  # a node that has said nothing for so long isn't counted as OK
+STRANGER: Final = "stranger"  # the id in forged messages
+SILENT_S: Final = 3.0  # a node without diagnostics for so long does not count as OK
 
 
 class Observer:
-    """Hears a graph from `node`'s namespace; nothing in it is told to the graph."""
+    """Subscribes to a graph in the namespace of `node` and keeps what it needs to judge it."""
 
     def __init__(self, node: Node) -> None:
         self.arena: ArenaDescription | None = None
+        self.ledger = Ledger()
+        self.forgeries = 0  # forged trajectories sent
+        self.forged: set[TrajectoryKey] = set()
+        self.steps = 0  # control steps
+        self.last: dict[str, Message] = {}  # by topic
+        self.positions: deque[tuple[float, Float64]] = deque(maxlen=2000)  # time, joints (rad)
+        self.went_back = 0  # times that a version was lower than the one before it
         self._learners = PeerMonitor("learner", self._on_new_learner, is_restarted_learner)
         self._announcements: dict[str, Message] = {}  # by learner
-        self.account = Ledger()
-        self.forgeries = 0  # trajectories that strangers sent
-        self.forged: set[TrajectoryKey] = set()  # sent by strangers
-        self.steps = 0  # control steps observed
-        self.last: dict[str, Message] = {}  # by topic
-        self.positions: deque[tuple[float, Float64]] = deque(maxlen=2000)  # rad
-        self.went_back = 0  # versions lower than the one before, of one process
-        self._reached: dict[str, int] = {}  # newest version of the learner that is there
+        self._newest: dict[str, int] = {}  # version of the current learner
         self._prefix = node.get_namespace().rstrip("/") + "/"
         self._health: dict[str, tuple[Health, float]] = {}
-        self._seen: list[tuple[float, str]] = []  # when, and what nodes said of trouble
+        self._reports: list[tuple[float, str]] = []  # trouble that nodes reported, and when
         self._baseline: dict[tuple[str, str], float] = {}
         self._stamp = -1
         for topic, callback in (
@@ -55,38 +54,37 @@ class Observer:
             (topics.TRAJECTORIES, self._on_trajectory),
             (topics.POLICY_WEIGHTS, self._on_weights),
             (topics.JOINT_STATES, self._on_joints),
-            (topics.JOINT_COMMANDS, self._keep("joint_commands")),
+            (topics.JOINT_COMMANDS, self._on_command),
             (topics.DIAGNOSTICS, self._on_diagnostics),
         ):
-            topic.subscribe(node, callback)
+            topic.subscribe(node, _ignoring_errors(callback))
 
     @property
     def learner(self) -> LearnerInfo | None:
-        """The one that agents act for."""
+        """The learner that agents follow."""
         return self._learners.current
 
     def value(self, node: str, key: str) -> float:
-        """A figure that a node reported last; 0 if it has not."""
-        entry = self._health.get(self._prefix + node)
+        """The latest figure of a node; 0 without any."""
         try:
-            return float(entry[0].values[key]) if entry else 0.0
-        except (KeyError, ValueError):
+            return float(self.text(node, key))
+        except ValueError:
             return 0.0
 
     def text(self, node: str, key: str) -> str:
-        """The same as text."""
+        """The latest value of a node's diagnostics; empty without any."""
         entry = self._health.get(self._prefix + node)
         return entry[0].values.get(key, "") if entry else ""
 
     def all_ok(self, nodes: tuple[str, ...]) -> bool:
-        """Whether each has said OK lately."""
+        """Whether each node has reported OK lately."""
         now = time.monotonic()
         entries = [self._health.get(self._prefix + node) for node in nodes]
-        return all(e is not None and e[0].level == 0 and now - e[1] < GONE_S for e in entries)
+        return all(e is not None and e[0].level == 0 and now - e[1] < SILENT_S for e in entries)
 
-    def forget(self) -> None:
-        """From here on `seen` tells of what comes."""
-        self._seen.clear()
+    def forget_reports(self) -> None:
+        """Start to collect reports of trouble anew."""
+        self._reports.clear()
         self._baseline = {
             (name, key): float(value)
             for name, (health, _) in self._health.items()
@@ -95,54 +93,42 @@ class Observer:
         }
 
     @property
-    def seen(self) -> tuple[float, str] | None:
-        """The first thing that a node said of trouble since, and when; None: none has."""
-        return self._seen[0] if self._seen else None
+    def first_report(self) -> tuple[float, str] | None:
+        """When a node first reported trouble, and its message."""
+        return self._reports[0] if self._reports else None
 
-    def says(self) -> str:
-        """What all nodes say now, for a row that failed."""
+    def summary(self) -> str:
+        """What all nodes report now."""
         now = time.monotonic()
         return "; ".join(
             f"{name.rpartition('/')[2]}: {health.message} (level {health.level}"
-            + (f", silent for {now - at:.0f} s)" if now - at > GONE_S else ")")
+            + (f", silent for {now - at:.0f} s)" if now - at > SILENT_S else ")")
             for name, (health, at) in sorted(self._health.items())
         )
 
     def unexplained(self) -> int:
-        """Trajectories published that are neither learned, refused, reported lost nor under way.
+        """Trajectories published that are neither learned, rejected, reported lost nor in flight.
 
         Negative if more was learned than published.
         """
         living = {entry.values.get("agent_id", "") for entry, _ in self._health.values()}
-        refused = self.value("learner_node", "rejected_trajectories")
-        told = max(0.0, refused - self.forgeries)  # of ours
-        told += self.value("learner_node", "lost_trajectories")
-        return self.account.unexplained(living, int(told))
+        rejected = self.value("learner_node", "rejected_trajectories")
+        reported = max(0.0, rejected - self.forgeries)
+        reported += self.value("learner_node", "lost_trajectories")
+        return self.ledger.unexplained(living, int(reported))
 
     def moved(self, since: float) -> float:
-        """Largest way of a joint since then, rad."""
+        """The largest movement of a joint since then, rad."""
         kept = [position for at, position in self.positions if at >= since]
         return float(np.ptp(np.array(kept), axis=0).max()) if kept else 0.0
 
-    def _keep(self, name: str) -> Callable[[Message], None]:
-        def keep(message: Message) -> None:
-            self.last[name] = message
-
-        return keep
-
     def _on_arena(self, message: Message) -> None:
-        try:
-            arena = decode_arena_info(message)
-        except PaError:
-            return
+        arena = decode_arena_info(message)
         if arena.arena_id != STRANGER:
             self.arena, self.last["arena_info"] = arena, message
 
     def _on_learner(self, message: Message) -> None:
-        try:
-            info = decode_learner_info(message)
-        except PaError:
-            return
+        info = decode_learner_info(message)
         if info.learner_id != STRANGER:
             self._announcements[info.learner_id] = message
             self._learners.described(info.learner_id, info)
@@ -153,43 +139,94 @@ class Observer:
     def _on_trajectory(self, message: Message) -> None:
         key = decode_trajectory_key(message)
         if key not in self.forged:
-            self.account.sent(AgentKey(key.agent_id, key.incarnation), key.sequence)
+            self.ledger.published(AgentKey(key.agent_id, key.incarnation), key.sequence)
             self.last["trajectories"] = message
 
     def _on_weights(self, message: Message) -> None:
-        try:
-            policy = decode_weights(message)
-        except PaError:
-            return
+        policy = decode_weights(message)
         if self.learner is None or not self._learners.received(policy.learner_id):
             return
         version = policy.snapshot.version
-        if version < self._reached.get(policy.learner_id, 0):
+        if version < self._newest.get(policy.learner_id, 0):
             self.went_back += version >= self.learner.first_version
-        self._reached = {policy.learner_id: version}
-        self.account.learned(version, policy.accounted)
+        self._newest = {policy.learner_id: version}
+        self.ledger.learned(version, policy.accounted)
         self.last["policy_weights"] = message
 
     def _on_joints(self, message: Message) -> None:
         stamp = header_stamp(message)
         self.steps += stamp != self._stamp
         self._stamp = stamp
-        try:
-            self.positions.append((time.monotonic(), decode_joints(message, ())[0]))
-        except PaError:
-            return
+        self.positions.append((time.monotonic(), decode_joints(message, ())[0]))
+
+    def _on_command(self, message: Message) -> None:
+        self.last["joint_commands"] = message
 
     def _on_diagnostics(self, message: Message) -> None:
+        now = time.monotonic()
         for health in decode_diagnostics(message):
             if not health.name.startswith(self._prefix):
                 continue
-            self._health[health.name] = health, time.monotonic()
+            self._health[health.name] = health, now
             self._learners.received(health.values.get(LEARNER_ID, ""))
-            said = f"{health.name.rpartition('/')[2]}: {health.message}"
+            node = health.name.rpartition("/")[2]
             if health.level:
-                self._seen.append((time.monotonic(), said))
+                self._reports.append((now, f"{node}: {health.message}"))
             for key, value in health.values.items():
                 known = self._baseline.get((health.name, key), 0.0)
                 if key.startswith(TROUBLE) and value.isdecimal() and float(value) > known:
-                    said = f"{health.name.rpartition('/')[2]}: {key} {value}"
-                    self._seen.append((time.monotonic(), said))
+                    self._reports.append((now, f"{node}: {key} {value}"))
+
+
+def _ignoring_errors(callback: Callable[[Message], None]) -> Callable[[Message], None]:
+    """An observer ignores messages that cannot be decoded; the nodes reject and count them."""
+
+    def receive(message: Message) -> None:
+        try:
+            callback(message)
+        except PaError:
+            return
+
+    return receive
+
+
+class Ledger:
+    """What agents published and a learner learned, as counted from outside."""
+
+    def __init__(self) -> None:
+        self.version = 0
+        # Trajectories accounted for, by the newest weights and by any: a restarted learner may
+        # resume from before what its predecessor had learned.
+        self._accounted: dict[AgentKey, int] = {}
+        self._ever: dict[AgentKey, int] = {}
+        # One more than the highest sequence number: messages of a new agent may be missed at first,
+        # since subscribers discover it one after the other.
+        self._published: dict[AgentKey, int] = {}
+
+    def published(self, agent: AgentKey, sequence: int) -> None:
+        """A trajectory was published."""
+        self._published[agent] = max(self._published.get(agent, 0), sequence + 1)
+
+    def learned(self, version: int, accounted: Mapping[AgentKey, int]) -> None:
+        """Weights were published. They do not list former incarnations of an agent."""
+        self.version = version
+        self._accounted |= accounted
+        for agent, count in accounted.items():
+            self._ever[agent] = max(self._ever.get(agent, 0), count)
+
+    def unexplained(self, living: Collection[str], reported: int) -> int:
+        """Trajectories published that are neither learned, nor among the `reported` ones (rejected
+        or lost), nor in flight from a living agent.
+
+        What a dead agent had sent and a killed learner had learned after its newest checkpoint is
+        lost with it, and no further loss. Negative if more was learned than published.
+        """
+        accounted = lost = 0
+        for agent, heard in self._published.items():
+            ever = self._ever.get(agent, 0)
+            dead = agent.agent_id not in living
+            # Some subscribers receive what a killed agent was just sending, others do not.
+            sent = heard + (dead and ever > heard)
+            accounted += min(self._accounted.get(agent, 0), sent)
+            lost += max(0, sent - ever) if dead else 0
+        return accounted - self.version - reported + lost

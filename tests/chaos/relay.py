@@ -1,10 +1,10 @@
-"""A relay between nodes: what one publishes on NAME, the others read on relayed/NAME, perhaps."""
+"""A relay between nodes: what one publishes on NAME, others read on relayed/NAME."""
 
 from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from rclpy.node import Node
 
@@ -12,11 +12,10 @@ from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.topics import Topic
 
-Deed = Literal["drop", "duplicate", "delay", "reorder"]
-DEEDS: Final[tuple[Deed, ...]] = ("drop", "duplicate", "delay", "reorder")
-SHARE: Final = 0.3  # of messages that something is done to
+CHANGES: Final = ("dropped", "duplicated", "delayed", "reordered")
+SHARE: Final = 0.3  # of the messages
 DELAY_S: Final = 0.25
-RELAYED: Final = (  # and who reads what is relayed
+RELAYED: Final = (  # topic, and the node that reads it through the relay
     (topics.TRAJECTORIES, "learner_node"),
     (topics.POLICY_WEIGHTS, "agent_node"),
     (topics.JOINT_COMMANDS, "sim_node"),
@@ -25,45 +24,43 @@ RELAYED: Final = (  # and who reads what is relayed
 
 
 def remaps(node: str) -> dict[str, str]:
-    """What a node of a relayed graph reads elsewhere."""
+    """The topics that a node reads through the relay."""
     return {t.name: f"relayed/{t.name}" for t, reader in RELAYED if reader == node}
 
 
 class Relay:
-    """Hands every message on, in order, until `deed` says otherwise for one topic."""
+    """Forwards every message in order, except on topics with an entry in `changes`."""
 
     def __init__(self, node: Node, seed: int = 0) -> None:
-        self.deeds: dict[str, Deed] = {}  # by topic
-        self.done = 0  # messages that something was done to
+        self.changes: dict[str, str] = {}  # one of CHANGES by topic
         self._node, self._rng = node, random.Random(seed)
-        self._held: dict[str, bytes] = {}
+        self._held: dict[str, bytes] = {}  # a message that is to follow the next, by topic
         for topic, _ in RELAYED:
-            self._lay(topic)
+            self._connect(topic)
 
-    def _lay(self, topic: Topic) -> None:
+    def _connect(self, topic: Topic) -> None:
         out = self._node.create_publisher(topic.type, f"relayed/{topic.name}", topic.writer)
-        hand_on = self._hand_on(topic.name, out.publish)
-        self._node.create_subscription(topic.type, topic.name, hand_on, topic.reader, raw=True)
+        forward = self._forwarder(topic.name, out.publish)
+        self._node.create_subscription(topic.type, topic.name, forward, topic.reader, raw=True)
 
-    def _hand_on(self, name: str, publish: Callable[[bytes], object]) -> Callable[[bytes], None]:
-        def hand_on(payload: bytes) -> None:
+    def _forwarder(self, name: str, publish: Callable[[bytes], object]) -> Callable[[bytes], None]:
+        def forward(payload: bytes) -> None:
             held = self._held.pop(name, None)
-            deed = self.deeds.get(name) if self._rng.random() < SHARE else None
-            self.done += deed is not None
-            if deed == "delay":
-                self._later(publish, payload)
-            elif deed == "reorder" and held is None:
+            change = self.changes.get(name) if self._rng.random() < SHARE else None
+            if change == "delayed":
+                self._publish_later(publish, payload)
+            elif change == "reordered" and held is None:
                 self._held[name] = payload
-            elif deed != "drop":
+            elif change != "dropped":
                 publish(payload)
-                if deed == "duplicate":
+                if change == "duplicated":
                     publish(payload)
             if held is not None:
                 publish(held)
 
-        return hand_on
+        return forward
 
-    def _later(self, publish: Callable[[bytes], object], payload: bytes) -> None:
+    def _publish_later(self, publish: Callable[[bytes], object], payload: bytes) -> None:
         timers: list[Any] = []
 
         def fire() -> None:

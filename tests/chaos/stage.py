@@ -1,11 +1,10 @@
-"""A small graph to do harm to: nodes as processes, a recorder, and an observer in this one."""
+"""A small graph for fault injection: nodes as processes, a recorder, and an observer."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
-import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,16 +25,15 @@ from pa_ros.tools.client import client_node
 from pa_ros.tools.launch_params import Parameters, write_parameters
 from pa_ros.tools.launcher import Patience, Supervisor, node_command
 
-MARK: Final = "PA_ROS_CHAOS"  # in the environment of every process of a stage
-START_S: Final = 60.0  # far beyond what it takes
-LAUNCHED: Final = "launched"
+MARK: Final = "PA_ROS_CHAOS"  # environment variable of every process of a stage
+START_S: Final = 60.0  # much longer than a graph needs to start
 NODES: Final = ("sim_node", "agent_node", "learner_node")
 RECORDER: Final = "recorder"
 LAUNCHER: Final = "launcher"
-SMALL: Final = {
+SMALL: Final = {  # learns with small networks, quick to start and to resume
     "learner.replay.warmup_frames": 20,
     "learner.replay.batch_size": 32,
-    "learner.replay.capacity_frames": 50000,
+    "learner.replay.capacity_frames": 50_000,
     "learner.updates.per_frame": 4,
     "learner.schedule.trajectory_steps": 20,
     "network.hidden": 16,
@@ -43,67 +41,51 @@ SMALL: Final = {
 
 
 class StageError(PaError):
-    """A graph that could not be brought to work, before any harm was done."""
+    """A graph that could not be brought to work, or a fault that had another effect."""
 
     code = "chaos.stage"
 
 
-def learning() -> Parameters:
-    """Three nodes that learn in small, quick to start and to resume."""
-    return {
+def parameters_of(kind: str, folder: Path) -> Parameters:
+    """The parameters of a kind of stage; `folder` receives the key of a "keyed" one."""
+    if kind == "executing":
+        scene = {"mode": "real_time", "real_time_factor": 2.0, "episode_steps": 100_000}
+        return {"sim_node": {"seed": 4, **scene}, "agent_node": {"seed": 4, "weights": "random"}}
+    learning: Parameters = {
         "sim_node": {"seed": 4, "episode_steps": 40, "resend_period_s": 0.25},
         "agent_node": {"seed": 4, "learning": True, "resend_period_s": 0.5, "stuck_after_s": 2.0},
         "learner_node": {"seed": 4, **SMALL, "checkpoint_every_frames": 400},
     }
-
-
-def fleet() -> Parameters:
-    """The same with a second arena, which feeds the same learner; agents are called as arenas."""
-    one = learning()
-    named = one["agent_node"] | {"agent_id": "arena1"}
-    return {
-        **one,
-        "agent_node": named,
-        "learner_node": one["learner_node"] | {"arenas": ["", "arena2"]},
-        "arena2/sim_node": one["sim_node"] | {"seed": 5},
-        "arena2/agent_node": named | {"seed": 5, "agent_id": "arena2"},
-    }
-
-
-def executing() -> Parameters:
-    """An arena by the clock and an agent that moves its arm."""
-    return {
-        "sim_node": {
-            "seed": 4,
-            "mode": "real_time",
-            "real_time_factor": 2.0,
-            "episode_steps": 100_000,
-        },
-        "agent_node": {"seed": 4, "weights": "random"},
-    }
-
-
-def with_key(parameters: Parameters, folder: Path) -> Parameters:
-    """The same nodes, all given one key in a file there."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "key"
-    path.touch(mode=0o600)
-    path.write_bytes(os.urandom(32))
-    return {name: {**values, "auth_key_file": str(path.resolve())}
-            for name, values in parameters.items()}  # fmt: skip
+    if kind == "keyed":
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / "key"
+        path.touch(mode=0o600)
+        path.write_bytes(os.urandom(32))
+        return {name: {**values, "auth_key_file": str(path.resolve())}
+                for name, values in learning.items()}  # fmt: skip
+    if kind == "fleet":  # a second arena feeds the same learner
+        agent = learning["agent_node"]
+        return {
+            "sim_node": learning["sim_node"],
+            "agent_node": agent | {"agent_id": "arena1"},
+            "learner_node": learning["learner_node"] | {"arenas": ["", "arena2"]},
+            "arena2/sim_node": learning["sim_node"] | {"seed": 5},
+            "arena2/agent_node": agent | {"seed": 5, "agent_id": "arena2"},
+        }
+    return learning
 
 
 class Stage:
-    """Nodes by name that can be hurt and started again; the learner goes on from its checkpoint."""
+    """Processes by name that can be hurt and started again; the learner resumes its checkpoint."""
 
-    def __init__(self, folder: Path, node: Node, parameters: Parameters, kind: str = "") -> None:
-        """`kind`: "relayed", or "launched" by `pa_ros launch`, or as usual."""
+    def __init__(self, folder: Path, node: Node, kind: str) -> None:
+        """`kind` is a `faults.Kind`."""
         self.folder, self.node = folder, node
         self.observer = Observer(node)
-        self.relay = Relay(node) if kind == "relayed" else None
         self.mark = uuid.uuid4().hex
         self.bags: list[Path] = []
-        self._parameters, self._kind = parameters, kind
+        self._parameters, self._kind = parameters_of(kind, folder), kind
+        self._relay = Relay(node) if kind == "relayed" else None
         self._pids: dict[str, int] = {}
         self._starts = 0
         patience = Patience(interrupt_s=10.0, terminate_s=3.0)
@@ -122,10 +104,9 @@ class Stage:
         return checkpoint_of(self.folder / "run")
 
     def versions(self) -> list[int]:
-        """Of the checkpoints on disk, newest first: one that LATEST doesn't name yet is being
-        written."""
+        """Versions of the finished checkpoints on disk, newest first."""
         try:
-            newest = find_checkpoint(self.checkpoint).name
+            newest = find_checkpoint(self.checkpoint).name  # a newer one is being written
         except CheckpointError:
             return []
         found = (one.parent.name for one in self.checkpoint.glob("version-*/metadata.json"))
@@ -133,22 +114,23 @@ class Stage:
 
     def begin(self) -> None:
         """Start everything and wait until it works. Raises StageError."""
-        if self._kind == LAUNCHED:
+        if self._kind == "launched":
             self.start(LAUNCHER)
-        elif self.learns:
-            self.start(RECORDER)
-            self.until(lambda: any(self.bags[-1].glob("*.mcap")), START_S)
-        for name in self._parameters if self._kind != LAUNCHED else ():
-            self.start(name)
+        else:
+            if self.learns:
+                self.start(RECORDER)
+                self.until(lambda: any(self.bags[-1].glob("*.mcap")), START_S)
+            for name in self._parameters:
+                self.start(name)
         self.until(lambda: self.works() or any(map(self.ended, self._pids)), START_S)
         self._supervisor.check()
         if not self.works():
             raise StageError(f"stage: expected a graph that works in {START_S:g} s, got "
-                             f"{self.observer.says() or 'silence'}")  # fmt: skip
+                             f"{self.observer.summary() or 'no diagnostics'}")  # fmt: skip
 
     def works(self) -> bool:
-        """Whether it is OK and has done something."""
-        done = self.observer.account.version > 3 if self.learns else self.observer.steps > 10
+        """Whether all nodes report OK and some work was done."""
+        done = self.observer.ledger.version > 3 if self.learns else self.observer.steps > 10
         return done and self.observer.all_ok(self.nodes)
 
     def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
@@ -158,28 +140,31 @@ class Stage:
     def wait(self, seconds: float) -> None:
         self.until(lambda: False, seconds)
 
+    def change_messages(self, topic: str, change: str) -> None:
+        """Let the relay change messages of a topic (one of `relay.CHANGES`, or "")."""
+        assert self._relay is not None
+        self._relay.changes[topic] = change
+
     def start(self, name: str, beside: bool = False) -> None:
-        """Start a node, or a second one `beside` it."""
+        """Start a process, or a second one `beside` it."""
         self._starts += 1
         label = f"{name}-second" if beside else name
         command = self._command(name, beside)
-        self._pids[label] = self._supervisor.start(_process(label), command)
+        self._pids[label] = self._supervisor.start(_file_name(label), command)
 
     def _command(self, name: str, beside: bool) -> list[str]:
         namespace = self.node.get_namespace()
+        if name in (RECORDER, LAUNCHER) and not beside:
+            self.bags.append(self.folder / f"bag-{len(self.bags)}")
         if name == RECORDER:
-            if not beside:
-                self.bags.append(self.folder / f"bag-{len(self.bags)}")
             command = [sys.executable, "-m", "pa_ros", "record", str(self.bags[-1])]
             return [*command, "--namespace", namespace]
-        path = self.folder / f"{_process(name)}-{self._starts}.yaml"
+        path = self.folder / f"{_file_name(name)}-{self._starts}.yaml"
         if name == LAUNCHER:
-            if not beside:
-                self.bags.append(self.folder / f"bag-{len(self.bags)}")
             write_parameters(path, {n: self._values(n) for n in self.nodes})
-            into = ["--out", str(self.folder / f"launch-{self._starts}")]
-            into += ["--record", str(self.bags[-1]), "--namespace", namespace]
-            return [sys.executable, "-m", "pa_ros", "launch", "--params", str(path), *into]
+            options = ["--out", str(self.folder / f"launch-{self._starts}")]
+            options += ["--record", str(self.bags[-1]), "--namespace", namespace]
+            return [sys.executable, "-m", "pa_ros", "launch", "--params", str(path), *options]
         write_parameters(path, {name: self._values(name, beside)}, namespace)
         rules = remaps(name) if self._kind == "relayed" else {}
         within, _, node = name.rpartition("/")
@@ -187,7 +172,7 @@ class Stage:
         return [*node_command([node], path, place), *ros_arguments(remaps=rules)[1:]]
 
     def _values(self, name: str, beside: bool = False) -> dict[str, Any]:
-        """A node's parameters; the learner goes on where there is something to go on from."""
+        """A node's parameters; the learner resumes if there is a checkpoint."""
         values = dict(self._parameters[name])
         if name == "learner_node":
             out = self.folder / ("second" if beside else "run")
@@ -200,7 +185,7 @@ class Stage:
         os.kill(self.pid(name), number)
 
     def pid(self, name: str) -> int:
-        """Of a process of ours, or of the recorder that a launcher of ours has started."""
+        """The process id; also of the recorder that the launcher has started."""
         if name in self._pids:
             return self._pids[name]
         recording = [b"record", str(self.bags[-1]).encode()]
@@ -215,12 +200,12 @@ class Stage:
         within = self.node.get_namespace()
         return int(self.node.get_node_names_and_namespaces().count((name, within)))
 
-    def stop(self, name: str) -> int:
-        """Stop it as Ctrl-C does; its exit status."""
-        return self._supervisor.stop([_process(name)]).get(_process(name), 0)
+    def stop(self, name: str) -> None:
+        """Stop a process as Ctrl-C does."""
+        self._supervisor.stop([_file_name(name)])
 
     def ended(self, name: str) -> bool:
-        """Whether it has ended by itself."""
+        """Whether a process has ended by itself."""
         stat = Path(f"/proc/{self._pids[name]}/stat")
         try:
             return stat.read_text().rpartition(")")[2].split()[0] == "Z"
@@ -228,7 +213,7 @@ class Stage:
             return True
 
     def log(self, name: str) -> str:
-        path = self.folder / "log" / f"{_process(name)}.log"
+        path = self.folder / "log" / f"{_file_name(name)}.log"
         return path.read_text(errors="replace") if path.exists() else ""
 
     def end(self) -> None:
@@ -237,22 +222,17 @@ class Stage:
         self._supervisor.stop()
 
 
-def _process(name: str) -> str:
-    """A node's name among processes and files."""
+def _file_name(name: str) -> str:
     return name.replace("/", ".")
 
 
 @contextmanager
-def staged(folder: Path, number: int, parameters: Parameters, kind: str = "") -> Iterator[Stage]:
-    """A stage that works, in a namespace of its own; all of it is gone afterwards."""
+def staged(folder: Path, number: int, kind: str) -> Iterator[Stage]:
+    """A stage that works, in its own namespace; everything is stopped afterwards."""
     with client_node("chaos", f"chaos{number}") as node:
-        stage = Stage(folder, node, parameters, kind)
+        stage = Stage(folder, node, kind)
         try:
             stage.begin()
             yield stage
         finally:
             stage.end()
-
-
-def now() -> float:
-    return time.monotonic()

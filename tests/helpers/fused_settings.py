@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.straightforward import StraightforwardEngine
+from helpers.formulas import StraightforwardEngine
 from helpers.worlds import dpg
 from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import parse

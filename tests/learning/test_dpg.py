@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.straightforward import StraightforwardEngine
+from helpers.formulas import StraightforwardEngine
 from helpers.worlds import WORDS, WORLD, dpg, random_batch
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.builder import make_engine

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.straightforward import Scenes, parameters
-from benchmarks.straightforward import actor as formulas
+from helpers.formulas import Scenes, parameters
+from helpers.formulas import actor as formulas
 from helpers.fused_settings import (
     PROGRAMS,
     SMALL,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks import straightforward as formulas
+from helpers import formulas
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError

@@ -1,4 +1,4 @@
-"""Strangers: messages in the names of others, with a shared key and without one."""
+"""Faults of messages: forged ones, and a relay that drops, repeats, delays or reorders them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from chaos.faults import Fault
+from chaos.faults import Act, Fault
 from chaos.observer import STRANGER
+from chaos.relay import CHANGES, RELAYED, SHARE
 from chaos.stage import START_S, Stage, StageError
 from pa_ros.ros import topics
 from pa_ros.ros.topics import Topic
@@ -26,44 +27,58 @@ from pa_ros.wire.learning import (
 from pa_ros.wire.step import decode_command, encode_command
 from pa_ros.world import Trajectory
 
-TIMES: Final = 5  # that a message is sent
-AHEAD: Final = 10**6  # of a real agent's sequence
+RELAY_S: Final = 4.0  # that the relay changes messages
+TIMES: Final = 5  # that a forged message is sent
+AHEAD: Final = 10**6  # of a real agent's sequence number
 Make = Callable[[Stage], Message]
 
 
+def relay_faults() -> list[Fault]:
+    """Each change on each relayed topic."""
+
+    def change(name: str, what: str) -> Act:
+        return lambda stage: stage.change_messages(name, what)
+
+    return [
+        Fault(f"{topic.name}: {SHARE:.0%} {what}", change(topic.name, what), change(topic.name, ""),
+              RELAY_S, kind="relayed", silent="the protocol repairs it")
+        for topic, _ in RELAYED for what in CHANGES
+    ]  # fmt: skip
+
+
 def stranger_faults() -> list[Fault]:
-    """What was found to do harm, without a key; and anything at all, with one."""
-    opened: list[tuple[str, Topic, Make]] = [
+    """Messages that once did harm without a key; and any forged or replayed message with one."""
+    without_key: list[tuple[str, Topic, Make]] = [
         ("a trajectory of a real agent, far ahead", topics.TRAJECTORIES, _far_ahead),
         ("a trajectory with 64 objects", topics.TRAJECTORIES, _crowded),
-        ("a trajectory with numbers of 3e38", topics.TRAJECTORIES, _absurd),
+        ("a trajectory with numbers of 3e38", topics.TRAJECTORIES, _huge),
         ("another arena_info", topics.ARENA_INFO, _arena),
         ("weights of nobody's run", topics.POLICY_WEIGHTS, _weights),
     ]
-    keyed: list[tuple[str, Topic, Make]] = [
+    with_key: list[tuple[str, Topic, Make]] = [
         ("a forged trajectory", topics.TRAJECTORIES, _far_ahead),
         ("a forged command", topics.JOINT_COMMANDS, _command),
         ("a forged arena_info", topics.ARENA_INFO, _arena),
         ("forged weights", topics.POLICY_WEIGHTS, _weights),
         ("a forged learner_info", topics.LEARNER_INFO, _learner),
-        ("a replayed trajectory", topics.TRAJECTORIES, _again("trajectories")),
-        ("a replayed command", topics.JOINT_COMMANDS, _again("joint_commands")),
+        ("a replayed trajectory", topics.TRAJECTORIES, lambda s: s.observer.last["trajectories"]),
+        ("a replayed command", topics.JOINT_COMMANDS, lambda s: s.observer.last["joint_commands"]),
     ]
     return [
         *(Fault(f"stranger: {name}", _send(topic, make), hold_s=2.0)
-          for name, topic, make in opened),
+          for name, topic, make in without_key),
         *(Fault(f"stranger, with a key: {name}", _send(topic, make), hold_s=2.0, kind="keyed")
-          for name, topic, make in keyed),
+          for name, topic, make in with_key),
     ]  # fmt: skip
 
 
-def _send(topic: Topic, make: Make) -> Callable[[Stage], None]:
+def _send(topic: Topic, make: Make) -> Act:
     def send(stage: Stage) -> None:
         publisher = topic.publisher(stage.node)
         try:
-            heard = stage.until(lambda: publisher.get_subscription_count() > 1, START_S)
-            if not heard:
-                raise StageError(f"{topic.name}: expected a listener, got none")
+            # The observer subscribes too.
+            if not stage.until(lambda: publisher.get_subscription_count() > 1, START_S):
+                raise StageError(f"{topic.name}: expected a subscriber, got none")
             for _ in range(TIMES):
                 publisher.publish(make(stage))
             stage.wait(1.0)
@@ -73,8 +88,7 @@ def _send(topic: Topic, make: Make) -> Callable[[Stage], None]:
     return send
 
 
-def _trajectory(stage: Stage) -> Trajectory:
-    """The last that was published, decoded."""
+def _last_trajectory(stage: Stage) -> Trajectory:
     arena = stage.observer.arena
     if arena is None:
         raise StageError("arena_info: expected one before this fault, got none")
@@ -88,19 +102,19 @@ def _forged(stage: Stage, trajectory: Trajectory) -> Message:
 
 
 def _far_ahead(stage: Stage) -> Message:
-    real = _trajectory(stage)
+    real = _last_trajectory(stage)
     number = real.sequence + AHEAD
     return _forged(stage, replace(real, sequence=number, held_from=min(real.held_from, number)))
 
 
 def _crowded(stage: Stage) -> Message:
-    real = _trajectory(stage)
+    real = _last_trajectory(stage)
     objects = np.repeat(real.objects[:, :1], 64, axis=1)
     return _forged(stage, replace(real, agent_id=STRANGER, objects=objects))
 
 
-def _absurd(stage: Stage) -> Message:
-    real = _trajectory(stage)
+def _huge(stage: Stage) -> Message:
+    real = _last_trajectory(stage)
     objects = np.full_like(real.objects, 3e38)
     return _forged(stage, replace(real, agent_id=STRANGER, objects=objects))
 
@@ -115,8 +129,8 @@ def _weights(stage: Stage) -> Message:
     real = decode_weights(stage.observer.last["policy_weights"])
     wild = {name: np.full_like(tensor, 1e3) for name, tensor in real.snapshot.tensors.items()}
     snapshot = replace(real.snapshot, tensors=wild, version=real.snapshot.version + AHEAD)
-    return Message(encode_weights(replace(real, run_id=STRANGER, snapshot=snapshot,
-                                                learner_id=STRANGER)))  # fmt: skip
+    strange = replace(real, run_id=STRANGER, snapshot=snapshot, learner_id=STRANGER)
+    return Message(encode_weights(strange))
 
 
 def _learner(stage: Stage) -> Message:
@@ -129,12 +143,3 @@ def _command(stage: Stage) -> Message:
     joints = len(stage.observer.positions[-1][1])
     real = decode_command(stage.observer.last["joint_commands"], joints)
     return Message(encode_command(replace(real, action=np.zeros(joints, np.float32))))
-
-
-def _again(topic: str) -> Make:
-    """The very same message once more, its signature too."""
-
-    def make(stage: Stage) -> Message:
-        return stage.observer.last[topic]
-
-    return make

@@ -1,10 +1,10 @@
-"""The paper's formulas in torch as they stand: what one writes first, and what others are held to.
+"""The paper's formulas in torch, written as directly as possible: the reference of all engines.
 
-Batched over transitions and programs, but nothing is rearranged or shared: programs run over their
-trees, r is an MLP of every concatenated pair with its last layer inside the sum, the critic is
-evaluated anew for each loss, gradients are autograd's and Adam is written out. Nothing of
-`pa_ros.networks` or an engine is used but the names of tensors. It is never chosen for learning:
-benchmarks compare speed with it, in float32, and tests compare numbers with it, in float64.
+Batched over transitions and programs, but nothing is rearranged or shared: programs are evaluated
+over their trees, r is an MLP of every concatenated pair with its last layer inside the sum, the
+critic is evaluated anew for each loss, gradients come from autograd and Adam is written out. It
+uses nothing of `pa_ros.networks` or an engine except the names of tensors. Tests compare numbers
+with it, in float64; the learner's benchmark compares speed with it, in float32.
 """
 
 from __future__ import annotations
