@@ -50,7 +50,7 @@ def browser() -> Iterator[Any]:
 @pytest.fixture
 def new_page(browser: Any) -> Iterator[Callable[[], Any]]:
     """Makes pages in a context of the test's own."""
-    context = browser.new_context(viewport={"width": 1000, "height": 560})
+    context = browser.new_context(viewport={"width": 900, "height": 480})
     try:
         yield context.new_page
     finally:

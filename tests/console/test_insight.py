@@ -1,52 +1,58 @@
-"""What the page says of a program is what the networks say."""
+"""What the page says about a program is what the networks and the arena say."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from helpers.learners import LEARNER, again, published
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.console import markup
-from pa_ros.console.insight import Insight
-from pa_ros.console.moment import Moment, looked
+from pa_ros.console.history import History
+from pa_ros.console.insight import Insight, Moment, agent_logic, explained
+from pa_ros.console.sources import AgentWeights
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import PolicySnapshot
-from pa_ros.language import MIN_MAX, parse, relevance
+from pa_ros.core.experience import PolicySnapshot, Verdict
+from pa_ros.core.published import PublishedPolicy
+from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance.origins import describe
+from pa_ros.ros.refusals import Refusals
+from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
+from pa_ros.wire.diagnostics import Origin, encode_provenance
+from pa_ros.wire.learning import encode_weights
+from pa_ros.wire.program import ProgramStatus
 
 SNAPSHOT = load_policy(Path("shipped:3-D"))
 VOCABULARY = design_named("3-D").vocabulary
 TASK = ReachTask(preset_named("fast"), design_named("3-D"), 2)
 OBSERVATION, _ = TASK.reset(0, "train")
+HTML = "<img src=x onerror=alert(1)>"
 
 
 def test_p_is_the_programs_relevance_and_the_root_is_p_of_the_blocks():
     program = parse("NEAR(HAND, AND(RED, NOT(OR(SPHERE, CYLINDER))))", VOCABULARY)
-    look = Insight(SNAPSHOT).look(OBSERVATION, program)
+    found = Insight(SNAPSHOT).explain(OBSERVATION, program)
     hand = OBSERVATION.hand_index
-    expected = relevance(program, look.phi.tolist(), VOCABULARY.row, hand, MIN_MAX)
-    np.testing.assert_allclose(look.p, expected)
-    assert [(node.depth, node.text) for node in look.tree] == [
+    expected = relevance(program, found.phi.tolist(), VOCABULARY.row, hand, MIN_MAX)
+    np.testing.assert_allclose(found.p, expected)
+    assert [(node.depth, node.text) for node in found.tree] == [
         (0, "AND"), (1, "RED"), (1, "NOT"), (2, "OR"), (3, "SPHERE"), (3, "CYLINDER"),
     ]  # fmt: skip
-    blocks = np.arange(len(look.p)) != OBSERVATION.hand_index
-    np.testing.assert_allclose(look.tree[0].degrees[blocks], look.p[blocks], rtol=1e-6)
+    blocks = np.arange(len(found.p)) != OBSERVATION.hand_index
+    np.testing.assert_allclose(found.tree[0].degrees[blocks], found.p[blocks], rtol=1e-6)
     red = [i + 1 for i, b in enumerate(TASK.episode.blocks) if "RED" in b.kind.words]
-    assert all(look.tree[1].degrees[i] > 0.9 for i in red)
-    assert look.version == SNAPSHOT.version and look.words == VOCABULARY.words
+    assert all(found.tree[1].degrees[i] > 0.9 for i in red)
+    assert found.version == SNAPSHOT.version and found.words == VOCABULARY.words
 
 
-def test_without_a_program_there_is_phi_alone():
-    look = Insight(SNAPSHOT).look(OBSERVATION, None)
-    assert look.phi.shape == (len(VOCABULARY.words), 5) and not look.tree and not len(look.p)
-
-
-def test_networks_without_detectors_are_refused():
+def test_networks_without_detectors_are_rejected():
     network = LearningSettings().network.changed(family="canonical").for_world(TASK.world)
     tensors = initial_actor(network, np.random.default_rng(0))
     snapshot = PolicySnapshot(0, network.architecture, TASK.world.digest, tensors)
@@ -54,20 +60,20 @@ def test_networks_without_detectors_are_refused():
         Insight(snapshot)
 
 
-def test_what_cannot_be_looked_at_says_why():
-    assert (
-        looked(None, OBSERVATION, "NEAR(HAND, RED)", VOCABULARY)[1] == "no weights are known here"
-    )
+def test_a_moment_without_explanation_says_why():
+    said = "the agent's weights are not known here"
+    assert explained(None, OBSERVATION, "NEAR(HAND, RED)", VOCABULARY)[1] == said
     other = design_named("2-L").vocabulary
-    look, why = looked(Insight(SNAPSHOT), OBSERVATION, "NEAR(HAND, GREEN)", other)
-    assert look is None and "unknown word" in why
+    found, why = explained(Insight(SNAPSHOT), OBSERVATION, "NEAR(HAND, GREEN)", other)
+    assert found is None and "unknown word" in why
 
 
 @pytest.mark.parametrize("text", ["", "NEAR(HAND, RED)"])
 def test_tables_have_a_row_for_each_word_and_node(text):
     arena = describe(preset_named("fast"), design_named("3-D"), 2, (), "arena")
-    look, why = looked(Insight(SNAPSHOT), OBSERVATION, text, VOCABULARY)
-    moment = Moment(arena, OBSERVATION, False, text, -1.0, 0.5, False, look, why)
+    found, why = explained(Insight(SNAPSHOT), OBSERVATION, text, VOCABULARY)
+    assert found is not None and found.phi.shape == (len(VOCABULARY.words), 5)
+    moment = Moment(arena, OBSERVATION, False, text, -1.0, 0.5, False, found, why)
     names = ["one", "two", "<b>", "four"]
     shown = markup.words_by_objects(moment, names)
     assert shown.count("<tr>") == 1 + len(VOCABULARY.words) + bool(text) and "<b>" not in shown
@@ -75,3 +81,92 @@ def test_tables_have_a_row_for_each_word_and_node(text):
     assert ("no program is in force" in why) == (not text)
     assert ("most relevant: " in why) == bool(text)
     assert "not yet, 0.50 m away" in markup.state(moment)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "logic"),
+    [
+        ({"learning": True, "logic": "min_max"}, PRODUCT),
+        ({"learning": False, "logic": "min_max"}, MIN_MAX),
+        ({"learning": False, "logic": "product"}, PRODUCT),
+        ({}, PRODUCT),
+    ],
+)
+def test_an_agents_logic_follows_from_its_provenance(parameters, logic):
+    assert agent_logic(parameters) == logic
+
+
+def test_the_newest_weights_of_a_learner_are_shown_and_the_first_of_another() -> None:
+    callbacks: dict[str, Any] = {}
+    node = Mock()
+    node.create_subscription = lambda _, name, callback, *rest, **more: callbacks.update(
+        {name.rpartition("/")[2]: callback}
+    )
+    weights = AgentWeights(node, "", Refusals(print))
+    parameters = {"weights": "topic", "checkpoint": ""}
+    origin = Origin("/agent_node", "a", "1", "{}", 0, parameters)
+    callbacks[PROVENANCE.name](encode_provenance(origin))
+    weights.refresh()
+
+    def receive(policy: PublishedPolicy) -> Any:
+        callbacks[POLICY_WEIGHTS.name](encode_weights(policy))
+        return weights.insight
+
+    newest = receive(published(3000))
+    assert newest is not None and receive(published(2999)) is newest
+    other = again(LEARNER, 0)
+    first = receive(published(0, learner=other))
+    assert first is not newest and receive(published(0, learner=other)) is first
+    assert receive(published(1, learner=other)) is not first
+
+
+def test_html_is_shown_as_text():
+    history = History()
+    history.add("id", HTML)
+    history.add_status(ProgramStatus("id", HTML, True))
+    for shown in (history.html(), markup.reading(HTML, VOCABULARY), markup.quiet(HTML)):
+        assert "<img" not in shown
+    assert "&lt;img" in history.html()
+
+
+def test_a_megabyte_of_text_is_rejected_in_a_line():
+    shown = markup.reading("A" * 1_000_000, VOCABULARY)
+    assert "program too long" in shown and len(shown) < 2000
+
+
+def test_the_caret_is_under_the_wrong_word():
+    shown = markup.reading("NEAR(HAND, AND(RDE, CUBE))", VOCABULARY)
+    text, caret = shown.rpartition("<pre")[2].partition(">")[2].splitlines()
+    assert text.index("RDE") == caret.index("^") and "did you mean RED?" in shown
+
+
+def test_words_are_completed():
+    text = "NEAR(HAND, AND(RED, CY"
+    assert markup.completions(text, VOCABULARY) == ("CYLINDER",)
+    assert markup.completed(text, "CYLINDER") == "NEAR(HAND, AND(RED, CYLINDER"
+    assert set(markup.completions("C", VOCABULARY)) == {"CUBE", "CYLINDER"}
+    assert not markup.completions("NEAR(HAND, ", VOCABULARY)
+
+
+def verdict(step: int, satisfied: bool) -> Verdict:
+    return Verdict(0, step, step * 10**8, "id", 1.0, satisfied, 0.1 if satisfied else 1.0, False)
+
+
+def test_a_program_is_followed_until_it_is_satisfied():
+    history = History()
+    history.add("other", "NEAR(HAND, BLUE)", note="unknown word")
+    history.add("id", "NEAR(HAND, RED)")
+    assert "not answered yet" in history.html() and not history.pending
+    history.add_status(ProgramStatus("id", "/sim_node", True))
+    assert "accepted by /sim_node" in history.html() and history.pending
+    history.observe([verdict(step, step >= 15) for step in range(40)])
+    assert "satisfied after 1.5 s" in history.html() and not history.pending
+    assert "rejected: unknown word" in history.html()
+
+
+def test_a_rejection_is_final():
+    history = History()
+    history.add("id", "NEAR(HAND, GREEN)")
+    history.add_status(ProgramStatus("id", "/agent_node", True))
+    history.add_status(ProgramStatus("id", "/sim_node", False, code="x", reason="no\nsuch"))
+    assert "rejected: no<" in history.html() and not history.pending

@@ -1,36 +1,42 @@
-"""Which arena the page shows when none was named, and what pages ask for in vain."""
+"""A running graph on the page: which arena it shows, and what its controls ask of the arena."""
 
 from __future__ import annotations
 
 from unittest.mock import MagicMock
 
+import numpy as np
 import pytest
 
 from helpers.graph import graph
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
+from pa_ros.arena.rearranging import bodies
 from pa_ros.console import live, serve
 from pa_ros.console.controls import Controls
 from pa_ros.console.live import LiveConsole
-from pa_ros.console.sampler import within
-from pa_ros.console.server import ConsoleSettings
 from pa_ros.console.services import ArenaServices
+from pa_ros.console.settings import ConsoleSettings
+from pa_ros.console.sources import in_namespace
 from pa_ros.ros import topics
 from pa_ros.ros.refusals import Refusals
+from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
+
+
+def sends_to(namespace: str) -> str:
+    return in_namespace(topics.PROGRAM, namespace).name
 
 
 @pytest.mark.parametrize(
     ("seen", "shown"),
     [
         ([("/other",), ("/", "/other")], ""),  # the one asked for is discovered last
-        ([("/other",), ("/other",)], "other"),  # it isn't there
-        ([("/a",), ("/a", "/b"), ("/a", "/b")], "a"),
+        ([("/other",), ("/other",)], "other"),  # the one asked for is not running
     ],
 )
-def test_another_namespaces_arena_is_turned_to_once_it_was_seen_twice(monkeypatch, seen, shown):
+def test_another_arena_is_shown_once_it_was_seen_twice(monkeypatch, seen, shown):
     monkeypatch.setattr(live, "SURVEY_S", 0.0)
     with graph() as probe:
         console = LiveConsole(probe, MagicMock(), MagicMock(), "")
@@ -38,16 +44,14 @@ def test_another_namespaces_arena_is_turned_to_once_it_was_seen_twice(monkeypatc
         monkeypatch.setattr(live, "namespaces_of_arenas", lambda _: next(surveys))
         for _ in seen:
             console.tick(pages=0)
-        program = within(shown, topics.PROGRAM)  # where what is typed would go
-        assert probe.until(lambda: probe.count_publishers(program) == 1)
+        assert probe.until(lambda: probe.count_publishers(sends_to(shown)) == 1)
 
 
-def test_what_a_page_asks_for_in_vain_ends_nothing(monkeypatch):
-    """An arena that was not offered, values that no service takes, controls that can't be drawn."""
-    said = list[str]()
+def test_a_wrong_request_of_a_page_is_logged_and_ends_nothing(monkeypatch):
+    said: list[str] = []
     refusals = Refusals(said.append, period_s=0.0)
-    monkeypatch.setattr(live, "Refusals", lambda _: refusals)
-    monkeypatch.setattr(serve, "Refusals", lambda _: refusals)
+    for module in (live, serve):
+        monkeypatch.setattr(module, "Refusals", lambda _: refusals)
     monkeypatch.setattr(serve, "REFRESH_S", 0.0)
     broken = MagicMock(spec=Controls)
     broken.refresh.side_effect = ValueError("no such block")
@@ -55,22 +59,35 @@ def test_what_a_page_asks_for_in_vain_ends_nothing(monkeypatch):
     with graph() as probe:
         console = LiveConsole(probe, MagicMock(), MagicMock(), "")
         console.choose("a b")
-        console.ask("reset", float("inf"))
-        console.ask("fly", 1.0)
+        console.do(lambda: console.services.set_speed(-1.0))
         console.tick(pages=0)
-        assert probe.until(lambda: probe.count_publishers(within("", topics.PROGRAM)) == 1)
-        assert any("got 'a b'" in line for line in said) and any("'fly'" in line for line in said)
+        assert probe.until(lambda: probe.count_publishers(sends_to("")) == 1)
+        assert any("got 'a b'" in line for line in said)
         with serve.beside(probe, ConsoleSettings(port=0, rate_hz=30.0)):
             assert probe.until(lambda: any("no such block" in line for line in said))
-    assert set(refusals.counts) == {"console.page"}
 
 
-def test_an_answer_that_cannot_be_read_is_said():
+def test_a_block_is_moved_by_its_number():
+    with graph(SimNode, sim_node__design="3-D", sim_node__seed=2) as probe:
+        services, task = ArenaServices(probe, ""), probe.nodes[0].session.task
+        services.move(1, 0.45, -0.3)
+        assert probe.until(lambda: ": done" in services.html())
+        assert bodies(task)[2].position[:2] == pytest.approx([0.45, -0.3])
+        before = np.array([body.position for body in bodies(task)])
+        services.move(0, 0.45, -0.3)  # where the other is
+        assert probe.until(
+            lambda: "move" in services.html() and "every other block" in services.html()
+        )
+        services.move(99, 0.0, 0.3)
+        assert probe.until(lambda: "blocks, got number 99" in services.html())
+        assert np.array([body.position for body in bodies(task)]) == pytest.approx(before)
+
+
+def test_an_answer_that_cannot_be_read_is_shown():
     node, future = MagicMock(), MagicMock()
     services = ArenaServices(node, "")
     asked = node.create_client.return_value.call_async.return_value
-    for ask in (lambda: services.ask("pause", 1.0), lambda: services.move(0, 0.3, 0.3)):
-        ask()
-        future.result.side_effect = RuntimeError("the arena is gone")
-        asked.add_done_callback.call_args[0][0](future)
-        assert "the arena is gone" in services.html()
+    services.pause(True)
+    future.result.side_effect = RuntimeError("the arena has ended")
+    asked.add_done_callback.call_args[0][0](future)
+    assert "pause: RuntimeError: the arena has ended" in services.html()

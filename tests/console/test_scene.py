@@ -1,10 +1,11 @@
-"""The scene holds what it shows, and nothing of what it has shown."""
+"""The scene frees what it no longer shows, and its labels don't overlap."""
 
 from __future__ import annotations
 
 import gc
 import weakref
 
+import numpy as np
 import pytest
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
@@ -12,9 +13,10 @@ pytest.importorskip("viser", reason="the extra `console` is not installed")
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.bags.film import Stage
 from pa_ros.console import scene
-from pa_ros.console.moment import Moment
-from pa_ros.console.scene import ArenaScene
-from pa_ros.console.server import ConsoleServer, ConsoleSettings
+from pa_ros.console.insight import Moment
+from pa_ros.console.scene import ArenaScene, label_heights
+from pa_ros.console.server import ConsoleServer
+from pa_ros.console.settings import ConsoleSettings
 from pa_ros.provenance.origins import describe
 
 ARENA, DESIGN = preset_named("fast"), design_named("3-D")
@@ -22,22 +24,22 @@ ARENA, DESIGN = preset_named("fast"), design_named("3-D")
 
 @pytest.fixture
 def no_collector():
-    """What is in a circle stays."""
+    """Reference cycles are not freed in this test."""
     gc.disable()
     yield
     gc.enable()
 
 
 def moments(count: int):
-    """The beginnings of episodes, each with blocks of its own."""
+    """The beginnings of episodes, each with other blocks."""
     task, about = ReachTask(ARENA, DESIGN, 2), describe(ARENA, DESIGN, 2, (), "arena")
     for episode in range(count):
         observation, _ = task.reset(episode)
         yield Moment(about, observation, False, "")
 
 
-def test_scenes_that_are_gone_leave_at_once(no_collector, monkeypatch):
-    """A page that stays open while an arena learns sees another scene every second."""
+def test_old_scenes_are_freed_at_once(no_collector, monkeypatch):
+    """A page that is open while an arena learns shows another scene every second."""
     made: list[weakref.ref] = []
 
     class Remembered(Stage):
@@ -51,3 +53,9 @@ def test_scenes_that_are_gone_leave_at_once(no_collector, monkeypatch):
         shown = ArenaScene(server.viser)
         assert all([shown.show(moment) for moment in moments(8)])
         assert len(made) == 16 and [ref() is None for ref in made] == [True] * 14 + [False] * 2
+
+
+def test_labels_of_close_blocks_have_different_heights():
+    places = [np.array(place) for place in ((0, 0, 0), (0.3, 0, 0), (0.6, 0, 0), (1, 1, 0))]
+    first, second, third, alone = label_heights(places)
+    assert second > first == third == alone

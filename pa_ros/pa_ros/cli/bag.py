@@ -72,7 +72,7 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
 
 
 def _export_rerun(bag: Bag, options: argparse.Namespace) -> int:
-    from pa_ros.console.recorded import Replay
+    from pa_ros.console.replay import Replay
     from pa_ros.console.rerun_file import check_rerun, write_rerun
 
     check_rerun(options.rerun)

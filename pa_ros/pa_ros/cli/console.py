@@ -4,40 +4,41 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pa_ros.cli.options import add_settings, settings_from
+from pa_ros.console.settings import ConsoleSettings
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import signals_noted
 from pa_ros.ros.environment import check_namespace
 from pa_ros.ros.node_main import die_with_parent
 
 if TYPE_CHECKING:
-    from pa_ros.console.server import ConsoleSettings
     from pa_ros.tools.client import Node
 
-POLITE = 5  # beside arena, agents and learner, whose machine it is
+NICE = 5  # arena, agents and learner come first
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros console`."""
-    settings = _installed()[0]
-    add_settings(parser, settings, "port", "rate_hz", "token", "light")
+    add_settings(parser, ConsoleSettings, "port", "rate_hz", "token", "light")
     parser.add_argument("--namespace", default="", help="of the arena to begin with")
     parser.add_argument("--bag", type=Path, metavar="BAG", help="show a recording instead")
-    parser.epilog = "Ctrl-C stops it. Pages without the token may look, and nothing else."
+    parser.epilog = "Ctrl-C stops it. Pages without the token are for viewing only."
 
 
 def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal comes."""
     die_with_parent()
-    kind, serve_graph, serve_bag = _installed()
-    settings = settings_from(options, kind)
+    _check_installed()
+    from pa_ros.console.serve import serve_bag, serve_graph
+
+    settings = settings_from(options, ConsoleSettings)
     check_namespace(options.namespace)
-    os.nice(POLITE)
+    os.nice(NICE)
     with signals_noted() as interrupted:
         if options.bag is not None:
             serve_bag(options.bag, settings, options.namespace or None, interrupted, _announce)
@@ -48,24 +49,24 @@ def run(options: argparse.Namespace) -> int:
 
 @contextmanager
 def page_beside(node: Node, options: argparse.Namespace) -> Iterator[None]:
-    """With the option `console` a page on a free port, renewed whenever the node is spun."""
+    """With the option `console`, serve a page on a free port while the node is spun."""
     if not options.console:
         yield
         return
-    kind = _installed()[0]
+    _check_installed()
     from pa_ros.console.serve import beside
 
-    with beside(node, kind(port=0), options.namespace) as server:
-        _announce(server.address, server.watching)
+    with beside(node, ConsoleSettings(port=0), options.namespace) as server:
+        _announce(server.control_address, server.view_address)
         yield
 
 
-def _announce(address: str, watching: str) -> None:
-    print(f"console: {address}\n  (to look only: {watching})", flush=True)
+def _announce(control_address: str, view_address: str) -> None:
+    print(f"console: {control_address}\n  (for viewing only: {view_address})", flush=True)
 
 
-def _installed() -> tuple[type[ConsoleSettings], Callable[..., None], Callable[..., None]]:
-    """What the extra `console` brings."""
+def _check_installed() -> None:
+    """Raise ConfigError without the extra `console`."""
     try:
         import mjviser  # noqa: F401
         import viser  # noqa: F401
@@ -74,7 +75,3 @@ def _installed() -> tuple[type[ConsoleSettings], Callable[..., None], Callable[.
             "console: expected the extra console (`make install-console`, or pip install "
             f'"programmable-agents[console]"), got: {error}'
         ) from error
-    from pa_ros.console.serve import serve_bag, serve_graph
-    from pa_ros.console.server import ConsoleSettings
-
-    return ConsoleSettings, serve_graph, serve_bag

@@ -18,7 +18,7 @@ from pydantic import Field
 from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs
 from pa_ros.cli.options import add_settings, folder_to_write, settings_from
-from pa_ros.console.address import TOKEN, free_port, sending
+from pa_ros.console.settings import TOKEN, control_address, free_port
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
 from pa_ros.evaluation.drawing import draw_detectors, learning_curve
@@ -234,7 +234,7 @@ def _page(wanted: bool, folder: Path) -> Iterator[None]:
         with Supervisor(folder / "log", {TOKEN: token}) as supervisor:
             command = [sys.executable, "-m", "pa_ros", "console", "--port", f"{port}"]
             supervisor.start("console", command)
-            print(f"Page in the browser: {sending(port, token)}\n", flush=True)
+            print(f"Page in the browser: {control_address(port, token)}\n", flush=True)
             yield
         return
     if wanted:

@@ -20,22 +20,29 @@ class Entry:
 
     program_id: str
     text: str
-    judgements: dict[str, ProgramStatus] = field(default_factory=dict)  # by node
+    watch: ExecutionWatch
+    note: str = ""  # why it was not sent
+    statuses: dict[str, ProgramStatus] = field(default_factory=dict)  # by node
     execution: Execution | None = None
-    watch: ExecutionWatch | None = None
-    note: str = ""  # why it wasn't sent
+
+    @property
+    def rejected(self) -> str:
+        """Why the page or a node rejected the program; empty if none did."""
+        reasons = [s.reason or s.code for s in self.statuses.values() if not s.accepted]
+        return (self.note or next(iter(reasons), "")).partition("\n")[0]
 
     @property
     def outcome(self) -> str:
-        """One line: refused, accepted, satisfied, and after how long."""
-        refused = [j for j in self.judgements.values() if not j.accepted]
-        if self.note or refused:
-            return f"refused: {self.note or _line(refused[0])}"
-        if self.execution is not None:
-            return _became(self.execution)
-        if self.judgements:
-            return f"accepted by {', '.join(sorted(self.judgements))}"
-        return "sent; nobody has answered yet"
+        """What became of the program, in one line."""
+        if self.rejected:
+            return f"rejected: {self.rejected}"
+        done = self.execution
+        if done is None:
+            nodes = ", ".join(sorted(self.statuses))
+            return f"accepted by {nodes}" if nodes else "sent, not answered yet"
+        if done.satisfied and done.reached_s is not None:
+            return f"satisfied after {done.reached_s:.1f} s, at {done.distance:.2f} m"
+        return f"not satisfied: {done.ended} after {done.watched_s:.1f} s, at {done.distance:.2f} m"
 
 
 class History:
@@ -45,46 +52,32 @@ class History:
         self.entries: deque[Entry] = deque(maxlen=KEPT)
 
     def add(self, program_id: str, text: str, note: str = "") -> None:
-        """A program is sent now; with a note, it is not."""
-        self.entries.appendleft(
-            Entry(program_id, text, watch=ExecutionWatch(program_id), note=note)
-        )
+        """Add a program that is sent now, or with a note why it is not."""
+        self.entries.appendleft(Entry(program_id, text, ExecutionWatch(program_id), note))
 
     @property
     def pending(self) -> bool:
-        """Whether something is still to become of one."""
+        """Whether an accepted program is still being executed."""
         return any(
-            entry.execution is None and entry.judgements and not entry.outcome.startswith("refused")
+            entry.statuses and entry.execution is None and not entry.rejected
             for entry in self.entries
         )
 
-    def judge(self, judgement: ProgramStatus) -> None:
-        """A node has answered."""
+    def add_status(self, status: ProgramStatus) -> None:
+        """Add a node's answer."""
         for entry in self.entries:
-            if entry.program_id == judgement.program_id:
-                entry.judgements[judgement.node] = judgement
+            if entry.program_id == status.program_id:
+                entry.statuses[status.node] = status
 
     def observe(self, verdicts: Iterable[Verdict]) -> None:
-        """The arena's word on steps, in their order."""
+        """Follow the executions by the arena's verdicts, in the order of their steps."""
         for verdict in verdicts:
             for entry in self.entries:
-                if entry.execution is None and entry.watch is not None:
+                if entry.execution is None:
                     entry.execution = entry.watch.observe(verdict)
 
     def html(self) -> str:
-        """A row for each."""
+        """Return a table with a row for each program."""
         if not self.entries:
-            return markup.quiet("no program was sent from here yet")
+            return markup.quiet("no program was sent from this page yet")
         return markup.pairs(((entry.text, entry.outcome) for entry in self.entries), "History")
-
-
-def _became(execution: Execution) -> str:
-    if execution.satisfied and execution.reached_s is not None:
-        return f"satisfied after {execution.reached_s:.1f} s, at {execution.distance:.2f} m"
-    return f"not satisfied: {execution.ended} after {execution.watched_s:.1f} s, at " + (
-        f"{execution.distance:.2f} m"
-    )
-
-
-def _line(judgement: ProgramStatus) -> str:
-    return judgement.reason.partition("\n")[0] or judgement.code

@@ -1,14 +1,16 @@
-"""What an actor's networks make of a program at one moment: Φ, p, and the degrees in between."""
+"""What the networks make of a program at one moment: Φ, p, and the degrees of its parts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 import numpy as np
 
-from pa_ros.core.errors import ConfigError
+from pa_ros.bags.episodes import Row
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
 from pa_ros.language import (
     MIN_MAX,
@@ -19,20 +21,23 @@ from pa_ros.language import (
     Not,
     Or,
     Program,
+    Vocabulary,
     Word,
     degree,
     logic_named,
+    parse,
     relevance,
 )
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
+from pa_ros.wire.arena import ArenaDescription
 
 
 @dataclass(frozen=True)
 class Node:
-    """One node of a program's tree, and how far it describes each object."""
+    """One node of a program's tree, and to what degree it describes each object."""
 
     depth: int  # 0: the target expression itself
     text: str  # AND, OR, NOT or a word
@@ -40,31 +45,56 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Look:
+class Explanation:
     """Φ and p of all objects at one moment, hand included."""
 
     version: int  # of the weights
     words: tuple[str, ...]
     phi: Float32  # [V, N]
     p: Float64  # [N]; the hand's is 1; empty without a program
-    tree: tuple[Node, ...]  # outer before inner, left to right
+    tree: tuple[Node, ...]  # parents before children, left to right
 
 
-def logic_of(parameters: Mapping[str, Any]) -> Logic:
-    """By which an agent acts that says these parameters of itself: who learns by products, and so
-    did who had no choice yet. ConfigError for an unknown one."""
-    if parameters.get("learning", True):
-        return PRODUCT
-    return logic_named(str(parameters.get("logic", PRODUCT.name)))
+@dataclass(frozen=True)
+class Moment:
+    """One control step as the page shows it, from a running graph or from a bag."""
+
+    arena: ArenaDescription
+    observation: Observation
+    evaluation: bool
+    program: str  # canonical text in force; empty: none, or not known
+    reward: float = nan
+    distance: float = nan  # m; for other relations than NEAR, their own measure
+    satisfied: bool | None = None  # None: not recorded
+    explanation: Explanation | None = None  # None: no weights, or none that fit
+    unexplained: str = ""  # why there is no explanation
+
+    @property
+    def row(self) -> Row:
+        """The same as a row of a recording."""
+        seen = self.observation
+        return Row(
+            seen.step,
+            seen.stamp_ns,
+            seen.objects,
+            seen.hand_index,
+            self.program,
+            joint_position=seen.joint_position,
+            joint_velocity=seen.joint_velocity,
+        )
+
+    @property
+    def blocks(self) -> list[int]:
+        """Rows of the observation's objects that are blocks."""
+        seen = self.observation
+        return [i for i in range(len(seen.objects)) if i != seen.hand_index]
 
 
 class Insight:
-    """The detectors of one set of weights, their degrees taken and joined by `logic`.
-
-    ConfigError if these have none, or don't fit.
-    """
+    """Explains programs by one set of weights; degrees are joined by `logic`."""
 
     def __init__(self, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> None:
+        """Raises ConfigError if the weights have no detectors, or don't fit their description."""
         network = actor_config(snapshot.architecture)
         if not family_of(network).evaluates_programs:
             raise ConfigError(f"the networks {network.family!r} evaluate no programs")
@@ -75,28 +105,46 @@ class Insight:
         self._world, self._version, self._logic = network.world, snapshot.version, logic
         self._vocabulary = network.vocabulary
 
-    def look(self, observation: Observation, program: Program | None) -> Look:
+    def explain(self, observation: Observation, program: Program | None) -> Explanation:
         """Raises ProgramError if the program is of another vocabulary."""
         phi = self._inference.properties(observation.objects, self._world.arm(observation))
         words, row = self._vocabulary.words, self._vocabulary.row
         if program is None:
-            return Look(self._version, words, phi, np.zeros(0), ())
+            return Explanation(self._version, words, phi, np.zeros(0), ())
         p = relevance(program, phi.tolist(), row, observation.hand_index, self._logic)
         values = {word: phi[row[word]].astype(np.float64) for word in program.words}
         tree = tuple(_nodes(program.target, values.__getitem__, self._logic))
-        return Look(self._version, words, phi, np.array(p), tree)
+        return Explanation(self._version, words, phi, np.array(p), tree)
+
+
+def agent_logic(parameters: Mapping[str, Any]) -> Logic:
+    """Return the logic that an agent acts by, from the parameters in its provenance.
+
+    An agent that learns uses products, whose gradients reach every operand.
+    """
+    learns = parameters.get("learning", True)
+    return PRODUCT if learns else logic_named(str(parameters["logic"]))
+
+
+def explained(
+    insight: Insight | None, observation: Observation, text: str, vocabulary: Vocabulary
+) -> tuple[Explanation | None, str]:
+    """Return the explanation of a program's text, or why there is none."""
+    if insight is None:
+        return None, "the agent's weights are not known here"
+    try:
+        program = parse(text, vocabulary) if text else None
+        return insight.explain(observation, program), ""
+    except (PaError, RuntimeError) as error:  # torch: features of another world
+        return None, str(error).partition("\n")[0]
 
 
 def _nodes(expression: Expression, value: Any, logic: Logic, depth: int = 0) -> Iterator[Node]:
-    yield Node(depth, name_of(expression), np.asarray(degree(expression, value, logic)))
+    name = expression.name if isinstance(expression, Word) else type(expression).__name__.upper()
+    yield Node(depth, name, np.asarray(degree(expression, value, logic)))
     match expression:
         case Not(operand):
             yield from _nodes(operand, value, logic, depth + 1)
         case And(operands) | Or(operands):
             for operand in operands:
                 yield from _nodes(operand, value, logic, depth + 1)
-
-
-def name_of(expression: Expression) -> str:
-    """A node without what is below it: `AND`, `RED`."""
-    return expression.name if isinstance(expression, Word) else type(expression).__name__.upper()

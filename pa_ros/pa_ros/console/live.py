@@ -1,4 +1,4 @@
-"""A running graph on the page: it is listened to, sent programs, and asked through services."""
+"""A running graph on the page: draws its steps, sends programs, and calls the arena's services."""
 
 from __future__ import annotations
 
@@ -6,21 +6,19 @@ import os
 import queue
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from itertools import count
 from typing import Any
 
 from rclpy.node import Node
 
 from pa_ros.console import markup
-from pa_ros.console.asked import PageError, attempt
 from pa_ros.console.history import History
-from pa_ros.console.moment import Moment, looked
+from pa_ros.console.insight import Moment, explained
 from pa_ros.console.page import Page
-from pa_ros.console.sampler import DEPTH, PARTS, Sampler, within
+from pa_ros.console.server import ConsoleError, attempt
 from pa_ros.console.services import ArenaServices
-from pa_ros.console.weights import AgentWeights
+from pa_ros.console.sources import DEPTH, PARTS, AgentWeights, Sampler, in_namespace
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
 from pa_ros.ros.refusals import Refusals
@@ -35,205 +33,177 @@ from pa_ros.wire.step import decode_context, decode_observation, decode_verdict
 
 REMEMBERED = 256  # programs by id
 SURVEY_S = 2.0  # how often arenas are looked for
-FIGURES_S = 1.0
-LOCKSTEP_S = 0.5  # learning takes every core: the arena's own samples are looked at
+FIGURES_S = 1.0  # how often curves and alarms are updated
+LOCKSTEP_S = 0.5  # in lockstep, learning needs every core: the page is drawn twice a second
 LOCKSTEP_DEPTH = 4
 
 
 class LiveConsole:
-    """`Desk` of the pages, and what draws them: `tick` in the thread that serves `node`."""
+    """What controls use, on any thread, and what draws the pages, in the thread of `node`."""
 
     def __init__(self, node: Node, sampled: Node, page: Page, namespace: str) -> None:
-        """`sampled` is served by no executor (see Sampler)."""
+        """`sampled` is a node that nobody spins (see Sampler)."""
         self._node, self._sampled, self._page = node, sampled, page
         self._todo: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._refusals = Refusals(node.get_logger().warning)
-        self.figures, self.history = GraphFigures(), History()
-        watch_diagnostics(node, self.figures)
+        self._figures, self._history = GraphFigures(), History()
+        watch_diagnostics(node, self._figures)
         self._serial, self._began = count(), time.monotonic()
-        self._surveyed = self._plotted = self._looked = -SURVEY_S
-        self._arenas: tuple[str, ...] = ()
+        self._surveyed = self._plotted = self._drawn = -SURVEY_S
         self._sampler: Sampler | None = None
-        self._examples: tuple[str, ...] = ()
-        self._open: list[Any] = []
-        self._attend(namespace)
+        self._open: list[Any] = []  # subscriptions in the arena's namespace
+        self._publisher: Any = None
+        self._weights: AgentWeights
+        self.services: ArenaServices
+        self.vocabulary: Vocabulary | None = None  # the arena's words; None: no arena is known
+        self.examples: tuple[str, ...] = ()  # programs that name something in the scene
+        self.arenas: tuple[str, ...] = ()  # namespaces of the arenas that are running
+        self._follow(namespace)
 
-    # What controls ask for, on any thread
-
-    def do(self, act: Callable[[], object]) -> None:
-        self._todo.put(act)
-
-    def vocabulary(self) -> Vocabulary | None:
-        return self._vocabulary
-
-    def examples(self) -> Sequence[str]:
-        return self._examples
-
-    def arenas(self) -> Sequence[str]:
-        return self._arenas
-
-    def send(self, text: str) -> None:
-        self._todo.put(lambda: self._send(text))
-
-    def choose(self, namespace: str) -> None:
-        self._todo.put(lambda: self._choose(namespace))
-
-    def ask(self, service: str, value: float = 0.0) -> None:
-        self._todo.put(lambda: self._services.ask(service, value))
-
-    def blocks(self) -> Sequence[tuple[str, tuple[float, float, float]]]:
+    @property
+    def blocks(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+        """The blocks' names, and where each is (m)."""
         return self._page.scene.places
 
-    def move(self, block: int, x: float, y: float) -> None:
-        self._todo.put(lambda: self._services.move(block, x, y))
+    def do(self, act: Callable[[], object]) -> None:
+        """Have something done in the thread of the node; errors are counted and logged."""
+        self._todo.put(act)
 
-    # In the thread of the node
+    def send(self, text: str) -> None:
+        """Have a program executed."""
+        self.do(lambda: self._send(text))
+
+    def choose(self, namespace: str) -> None:
+        """Show another arena on all pages."""
+        self.do(lambda: self._choose(namespace))
 
     def tick(self, pages: int) -> None:
-        """Do what was asked; renew the page if one is open, else rest."""
+        """Do what controls asked for, then draw the newest step if a page is open."""
         while not self._todo.empty():
             attempt(self._refusals, "page", self._todo.get())
         now = time.monotonic()
         if now - self._surveyed > SURVEY_S:
-            before, self._arenas = self._arenas, namespaces_of_arenas(self._node)
             self._surveyed = now
-            lacks = self._arena is None and f"/{self._namespace}" not in self._arenas
-            if lacks and self._arenas and self._arenas == before:  # the one asked for isn't to come
-                self._attend(self._arenas[0])
-        if not pages and not self.history.pending:
+            self._survey()
+        if not pages and not self._history.pending:
             self._rest()
             return
         lockstep = self._arena is not None and self._arena.mode is Mode.LOCKSTEP
-        if lockstep and now - self._looked < LOCKSTEP_S:
+        if lockstep and now - self._drawn < LOCKSTEP_S:
             return
-        self._looked = now
-        if self._sampler is None:
-            name = within(self._namespace, SAMPLES["features"])
-            thin = lockstep and self._node.count_publishers(name) > 0
-            taken = (LOCKSTEP_DEPTH, SAMPLES) if thin else (DEPTH, PARTS)
-            self._sampler = Sampler(self._sampled, self._namespace, *taken)
-        self._weights.attend()
-        self._look(self._sampler.take())
-        self._page.say("History", self.history.html() + self._services.html())
+        self._drawn = now
+        self._weights.refresh()
+        self._draw((self._sampler or self._subscribe(lockstep)).take())
+        self._page.set_panel("History", self._history.html() + self.services.html())
         if now - self._plotted > FIGURES_S:
             self._plotted = now
-            self._page.plot(now - self._began, self.figures.value)
-            self._page.say("Alarms", _alarms(self.figures))
+            self._page.plot(now - self._began, self._figures.value)
+            self._page.set_panel("Alarms", markup.pairs(self._figures.rows()[-2:], "Alarms"))
+
+    def _survey(self) -> None:
+        """Look for arenas; follow another one if the one asked for is not there."""
+        before, self.arenas = self.arenas, namespaces_of_arenas(self._node)
+        missing = self._arena is None and f"/{self._namespace}" not in self.arenas
+        # An arena must be seen twice, because the one asked for may be discovered last.
+        if missing and self.arenas and self.arenas == before:
+            self._follow(self.arenas[0])
+
+    def _subscribe(self, lockstep: bool) -> Sampler:
+        """Subscribe to steps; in lockstep to the few that the arena samples, if it does."""
+        samples = in_namespace(SAMPLES["features"], self._namespace).name
+        sampled = lockstep and self._node.count_publishers(samples) > 0
+        parts = (LOCKSTEP_DEPTH, SAMPLES) if sampled else (DEPTH, PARTS)
+        self._sampler = Sampler(self._sampled, self._namespace, *parts)
+        return self._sampler
 
     def _rest(self) -> None:
-        self._listen_no_more()
-        self._weights.rest()
-
-    def _listen_no_more(self) -> None:
+        """Unsubscribe from everything that is large or frequent."""
         if self._sampler is not None:
             self._sampler.close()
             self._sampler = None
+        self._weights.rest()
 
     def _choose(self, namespace: str) -> None:
-        if namespace not in self._arenas:
-            raise PageError(f"expected an arena of {list(self._arenas)}, got {namespace!r}")
-        self._attend(namespace)
+        if namespace not in self.arenas:
+            raise ConsoleError(f"expected an arena of {list(self.arenas)}, got {namespace!r}")
+        self._follow(namespace)
 
-    def _attend(self, namespace: str) -> None:
-        """Turn to the arena of a namespace."""
-        self._leave()
+    def _follow(self, namespace: str) -> None:
+        """Show the arena of a namespace from now on."""
+        if self._open:
+            self._rest()
+            for subscription in self._open:
+                self._node.destroy_subscription(subscription)
+            self._node.destroy_publisher(self._publisher)
+            self.services.close()
+            self._weights.close()
         self._namespace = namespace.strip("/")
         self._arena: ArenaDescription | None = None
-        self._vocabulary: Vocabulary | None = None
-        self._texts: OrderedDict[str, str] = OrderedDict()
-        self._examples = ()
-        self._services = ArenaServices(self._node, self._namespace)
+        self.vocabulary, self.examples = None, ()
+        self._texts: OrderedDict[str, str] = OrderedDict()  # of accepted programs, by id
+        self.services = ArenaServices(self._node, self._namespace)
         self._weights = AgentWeights(self._node, self._namespace, self._refusals)
-        self._publisher = _named(PROGRAM, self._namespace).publisher(self._node)
+        self._publisher = in_namespace(PROGRAM, self._namespace).publisher(self._node)
         self._open = [
-            _named(topic, self._namespace).subscribe(
+            in_namespace(topic, self._namespace).subscribe(
                 self._node, self._refusals.guard(topic.name, callback)
             )
             for topic, callback in ((ARENA_INFO, self._on_arena), (PROGRAM_STATUS, self._on_status))
         ]
-        self._page.say("State", "")
-
-    def _leave(self) -> None:
-        """Hold nothing of the arena that was attended to."""
-        self._listen_no_more()
-        if not self._open:
-            return
-        for entity in self._open:
-            self._node.destroy_subscription(entity)
-        self._node.destroy_publisher(self._publisher)
-        self._services.close()
-        self._weights.close()
+        self._page.set_panel("State", "")
 
     def _on_arena(self, message: Message) -> None:
         arena = decode_arena_info(message)
         if self._arena is None or self._arena.mode is not arena.mode:
-            self._rest()
-        self._vocabulary, self._arena = arena.world.vocabulary, arena
+            self._rest()  # steps are subscribed to again, as the mode requires
+        self.vocabulary, self._arena = arena.world.vocabulary, arena
 
     def _on_status(self, message: Message) -> None:
-        judgement = decode_program_status(message)
-        self.history.judge(judgement)
-        if judgement.accepted:
-            self._texts[judgement.program_id] = judgement.canonical
+        status = decode_program_status(message)
+        self._history.add_status(status)
+        if status.accepted:
+            self._texts[status.program_id] = status.canonical
             while len(self._texts) > REMEMBERED:
                 self._texts.popitem(last=False)
 
     def _send(self, text: str) -> None:
-        """A text that is no program goes nowhere; whether it names something, the arena says."""
+        """Publish a program; a text that is none is only noted in the history."""
         program_id = f"console-{os.getpid()}-{next(self._serial)}"
         try:
-            if self._vocabulary is None:
-                raise PaError("no arena is known yet")
-            request = ProgramRequest(program_id, str(parse(text, self._vocabulary)))
+            if self.vocabulary is None:
+                raise ConsoleError("no arena is known yet")
+            request = ProgramRequest(program_id, str(parse(text, self.vocabulary)))
         except PaError as error:
-            self.history.add(program_id, text, note=str(error).partition("\n")[0])
+            self._history.add(program_id, text, note=str(error).partition("\n")[0])
             return
-        self.history.add(program_id, request.text)
+        self._history.add(program_id, request.text)
         self._publisher.publish(encode_program(request))
 
-    def _look(self, steps: list[dict[str, Message]]) -> None:
-        """Take in all steps that came, and show the newest."""
-        arena = self._arena
-        if arena is None or self._vocabulary is None:
+    def _draw(self, steps: list[dict[str, Message]]) -> None:
+        """Follow executions through all steps, and draw the newest."""
+        arena, vocabulary = self._arena, self.vocabulary
+        if arena is None or vocabulary is None:
             where = self._namespace or "/"
-            self._page.say("State", markup.quiet(f"waits for an arena in the namespace {where}"))
+            self._page.set_panel("State", markup.quiet(f"no arena in the namespace {where} yet"))
+            return
+        if not steps:
             return
         try:
-            self.history.observe([decode_verdict(step["verdict"]) for step in steps])
-            if not steps:
-                return
-            newest = steps[-1]
+            verdicts = [decode_verdict(step["verdict"]) for step in steps]
+            newest, verdict = steps[-1], verdicts[-1]
             seen = decode_observation(newest["features"], len(arena.joint_names))
-            verdict = decode_verdict(newest["verdict"])
             context = decode_context(newest["features"])
         except PaError as error:
             self._refusals.refuse("step", error)
             return
+        self._history.observe(verdicts)
         text = context.program or self._texts.get(seen.program_id, "")
-        look, why = looked(self._weights.insight, seen, text, self._vocabulary)
+        explanation, why = explained(self._weights.insight, seen, text, vocabulary)
         moment = Moment(
             arena, seen, context.evaluation, text, verdict.reward,
-            verdict.distance, verdict.satisfied, look, self._weights.why or why,
+            verdict.distance, verdict.satisfied, explanation, self._weights.why or why,
         )  # fmt: skip
-        self._page.show(moment, self._speed())
-        self._examples = self._sensible(arena)
-
-    def _speed(self) -> str:
-        factor = self.figures.value("sim_node", "real_time_factor")
-        return "" if factor is None else f", {factor:.1f} times real time"
-
-    def _sensible(self, arena: ArenaDescription) -> tuple[str, ...]:
-        """Programs that name something in this scene: trained ones, and some that are not."""
-        if self._vocabulary is None:
-            return ()
-        return suggested_programs(
-            arena, self._vocabulary, [set(n.split()) for n in self._page.scene.names]
-        )
-
-
-def _named(topic: Any, namespace: str) -> Any:
-    return replace(topic, name=within(namespace, topic))
-
-
-def _alarms(figures: GraphFigures) -> str:
-    return markup.pairs(figures.rows()[-2:], "Alarms")
+        factor = self._figures.value("sim_node", "real_time_factor")
+        self._page.show(moment, "" if factor is None else f", {factor:.1f} times real time")
+        words = [set(name.split()) for name in self._page.scene.names]
+        self.examples = suggested_programs(arena, vocabulary, words)

@@ -1,12 +1,11 @@
-"""What the page's tables say, as HTML; every text from outside is escaped."""
+"""The page's tables as HTML. Every text from outside is escaped."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from pa_ros.console.insight import Look
-from pa_ros.console.moment import Moment
+from pa_ros.console.insight import Explanation, Moment
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
 
@@ -16,98 +15,98 @@ _LEFT = "padding:1px 5px;text-align:left;white-space:pre;"
 
 
 def text_of(text: str) -> str:
-    """Any text, shortened and harmless."""
+    """Return any text as HTML, shortened."""
     return escape(text if len(text) <= SHOWN else text[: SHOWN - 1] + "…")
 
 
 def quiet(text: str) -> str:
-    """A remark."""
+    """Return a remark."""
     return f'<div style="padding:0 1em .5em;opacity:.7;font-size:.85em">{text_of(text)}</div>'
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], marks: str = "") -> str:
-    """Cells are HTML already; `marks` names the table for tests and assistive technology."""
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], label: str = "") -> str:
+    """Return a table of HTML cells; `label` names it for tests and assistive technology."""
     top = "".join(f'<th scope="col" style="{_CELL}">{cell}</th>' for cell in head)
     body = "".join(f"<tr>{''.join(cells)}</tr>" for cells in rows)
     return (
-        f'<div style="padding:0 .8em .5em;overflow-x:auto"><table aria-label="{escape(marks)}" '
+        f'<div style="padding:0 .8em .5em;overflow-x:auto"><table aria-label="{escape(label)}" '
         f'style="font-size:.8em;border-collapse:collapse"><tr>{top}</tr>{body}</table></div>'
     )
 
 
 def name(text: str, depth: int = 0) -> str:
-    """First cell of a row."""
+    """Return the first cell of a row."""
     return f'<th scope="row" style="{_LEFT}font-weight:normal">{"  " * depth}{text_of(text)}</th>'
 
 
 def share(value: float) -> str:
-    """A degree in [0, 1], the fuller the cell the higher."""
+    """Return a cell for a degree in [0, 1], filled to that degree."""
     percent = round(100 * min(max(value, 0.0), 1.0))
     fill = f"background:linear-gradient(90deg,rgba(230,160,0,.45) {percent}%,transparent 0)"
     return f'<td style="{_CELL}{fill}">{value:.2f}</td>'
 
 
 def words_by_objects(moment: Moment, names: Sequence[str]) -> str:
-    """Φ and p: a row for each word, a column for each block."""
-    look = moment.look
-    if look is None:
-        return quiet(f"Φ and p: {moment.why_blind}")
-    shown = _blocks(moment)
+    """Return Φ and p: a row for each word, a column for each block."""
+    found, shown = moment.explanation, moment.blocks
+    if found is None:
+        return quiet(f"Φ and p: {moment.unexplained}")
     rows = []
-    if look.tree:
-        rows.append([name("p (relevant)"), *(share(float(look.p[i])) for i in shown)])
+    if found.tree:
+        rows.append([name("p (relevant)"), *(share(float(found.p[i])) for i in shown)])
     rows += [
-        [name(word), *(share(float(look.phi[v, i])) for i in shown)]
-        for v, word in enumerate(look.words)
+        [name(word), *(share(float(found.phi[v, i])) for i in shown)]
+        for v, word in enumerate(found.words)
     ]
     head = ["", *map(text_of, names)]
-    return table(head, rows, "Φ and p") + quiet(f"by weights of version {look.version}")
+    return table(head, rows, "Φ and p") + quiet(f"by weights of version {found.version}")
 
 
 def tree(moment: Moment, names: Sequence[str]) -> str:
-    """The program's tree with the degree of each node for each block."""
-    look = moment.look
-    if look is None or not look.tree:
-        return quiet(f"Why: {moment.why_blind or 'no program is in force'}")
+    """Return the program's tree with the degree of each node for each block."""
+    found = moment.explanation
+    if found is None or not found.tree:
+        return quiet(f"Why: {moment.unexplained or 'no program is in force'}")
     rows = [
-        [name(node.text, node.depth), *(share(float(node.degrees[i])) for i in _blocks(moment))]
-        for node in look.tree
+        [name(node.text, node.depth), *(share(float(node.degrees[i])) for i in moment.blocks)]
+        for node in found.tree
     ]
-    return table(["", *map(text_of, names)], rows, "Why") + quiet(best(look, moment, names))
+    return table(["", *map(text_of, names)], rows, "Why") + quiet(
+        _most_relevant(found, moment, names)
+    )
 
 
-def best(look: Look, moment: Moment, names: Sequence[str]) -> str:
-    """Which block the agent thinks is meant most."""
-    shown = _blocks(moment)
-    chosen = max(range(len(shown)), key=lambda i: float(look.p[shown[i]]))
-    return f"most relevant: {names[chosen]}, p {look.p[shown[chosen]]:.2f}"
+def _most_relevant(found: Explanation, moment: Moment, names: Sequence[str]) -> str:
+    degrees = [float(found.p[i]) for i in moment.blocks]
+    chosen = max(range(len(degrees)), key=degrees.__getitem__)
+    return f"most relevant: {names[chosen]}, p {degrees[chosen]:.2f}"
 
 
 def state(moment: Moment, speed: str = "") -> str:
-    """What is being executed, and how it stands."""
+    """Return what is being executed, and with what success."""
     seen = moment.observation
     kind = "evaluation episode" if moment.evaluation else "episode"
-    held = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
+    holds = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
     rows = [
         ("program", moment.program or "none in force"),
-        ("verdict", f"{held}, {moment.distance:.2f} m away"),
+        ("verdict", f"{holds}, {moment.distance:.2f} m away"),
         ("reward", f"{moment.reward:+.2f}"),
-        ("at", f"{kind} {seen.episode}, step {seen.step}, {seen.stamp_ns / 1e9:.1f} s{speed}"),
+        ("time", f"{kind} {seen.episode}, step {seen.step}, {seen.stamp_ns / 1e9:.1f} s{speed}"),
     ]
     return pairs(rows, "State")
 
 
-def pairs(rows: Iterable[tuple[str, str]], marks: str) -> str:
-    """Label and text, row by row."""
+def pairs(rows: Iterable[tuple[str, str]], label: str) -> str:
+    """Return a table with a name and a text in each row."""
     cells = (
-        [name(label), f'<td style="{_LEFT}white-space:normal">{text_of(text)}</td>']
-        for label, text in rows
+        [name(first), f'<td style="{_LEFT}white-space:normal">{text_of(text)}</td>']
+        for first, text in rows
     )
-    return table((), cells, marks)
+    return table((), cells, label)
 
 
 def reading(text: str, vocabulary: Vocabulary) -> str:
-    """What a text means as far as it is typed: its canonical form, or where it is wrong."""
+    """Return the canonical form of a typed program, or where it is wrong."""
     if not text.strip():
         return quiet("type a program, or choose an example")
     try:
@@ -115,31 +114,30 @@ def reading(text: str, vocabulary: Vocabulary) -> str:
     except PaError as error:
         message, _, excerpt = str(error).partition("\n")
         below = _block(escape(excerpt), "#c33", "Where") if len(text) <= SHOWN else ""
-        return _block(text_of(message), "#c33", "Refused", "pre-wrap") + below
+        return _block(text_of(message), "#c33", "Rejected", "pre-wrap") + below
     return _block(text_of(f"✓ {canonical}"), "#282", "A program")
 
 
 def completions(text: str, vocabulary: Vocabulary) -> tuple[str, ...]:
-    """Words that the last one may become."""
-    stem = text[len(text.rstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789")) :]
+    """Return the words that begin with the text's last, unfinished word."""
+    stem = _last_word(text)
     relations = [f"{relation}(HAND, " for relation in vocabulary.relations]
     words = (*relations, "AND(", "OR(", "NOT(", *vocabulary.words)
     return tuple(word for word in words if stem and word.startswith(stem) and word != stem)
 
 
 def completed(text: str, word: str) -> str:
-    """The text with its last word made whole."""
-    stem = text[len(text.rstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789")) :]
+    """Return the text with its last word completed."""
+    stem = _last_word(text)
     return (text[: len(text) - len(stem)] if word.startswith(stem) else text) + word
 
 
-def _block(text: str, color: str, marks: str, wrap: str = "pre") -> str:
+def _last_word(text: str) -> str:
+    return text[len(text.rstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789")) :]
+
+
+def _block(text: str, color: str, label: str, wrap: str = "pre") -> str:
     return (
-        f'<pre aria-label="{marks}" style="margin:0;padding:0 1em .4em;font-size:.75em;'
+        f'<pre aria-label="{label}" style="margin:0;padding:0 1em .4em;font-size:.75em;'
         f'white-space:{wrap};overflow-x:auto;color:{color}">{text}</pre>'
     )
-
-
-def _blocks(moment: Moment) -> list[int]:
-    seen = moment.observation
-    return [i for i in range(len(seen.objects)) if i != seen.hand_index]

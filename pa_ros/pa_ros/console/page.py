@@ -1,4 +1,4 @@
-"""What every page shows: the scene, and the panels that nobody can change."""
+"""What every page shows: the scene and the panels, which take no input."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from pa_ros.console import markup
-from pa_ros.console.moment import Moment
+from pa_ros.console.insight import Moment
 from pa_ros.console.scene import ArenaScene
 from pa_ros.console.server import ConsoleServer
 from pa_ros.core.errors import PaError
@@ -21,17 +21,18 @@ CURVES = {
     "losses": (("critic loss", "#06c"), ("mean Q", "#c60")),
     "learner": (("updates/s", "#06c"), ("weights version", "#c60")),
 }
-ORDER = {"Program": 1, "Arena": 2, "State": 3, "History": 4, "Why": 5, "Φ and p": 6, "Learning": 7,
-         "Alarms": 8}  # fmt: skip
+# Alarms come first: a person must not have to scroll to see them.
+ORDER = {"Alarms": 1, "Program": 2, "Arena": 3, "State": 4, "History": 5, "Why": 6, "Φ and p": 7,
+         "Learning": 8}  # fmt: skip
 
 
 class Page:
-    """Shared by all who look: nothing on it takes input."""
+    """The part that all open pages share."""
 
     def __init__(self, served: ConsoleServer, learning: bool = True) -> None:
         server = served.viser
         self.scene = ArenaScene(server, served.reflections)
-        self._sent = dict[str, str]()
+        self._shown: dict[str, str] = {}  # HTML by panel
         self._html = {
             name: _panel(server, name, name in ("State", "History", "Why", "Alarms"))
             for name in ("State", "History", "Why", "Φ and p", *["Alarms"] * learning)
@@ -39,29 +40,29 @@ class Page:
         self._curves = _Curves(server) if learning else None
 
     def show(self, moment: Moment, remark: str = "") -> None:
-        """Draw a moment; where it can't be drawn in 3D, the state says why."""
+        """Draw a moment. If the scene cannot show it, the state says why."""
         try:
             drawn, why = self.scene.show(moment), ""
         except PaError as error:
             drawn, why = False, str(error)
-        self.say("State", markup.state(moment, remark) + (markup.quiet(why) if why else ""))
+        self.set_panel("State", markup.state(moment, remark) + (markup.quiet(why) if why else ""))
         if drawn:
-            self.say("Why", markup.tree(moment, self.scene.names))
-            self.say("Φ and p", markup.words_by_objects(moment, self.scene.names))
+            self.set_panel("Why", markup.tree(moment, self.scene.names))
+            self.set_panel("Φ and p", markup.words_by_objects(moment, self.scene.names))
 
-    def say(self, panel: str, html: str) -> None:
-        """Put HTML into a panel, unless it is there."""
-        if self._sent.get(panel) != html:
-            self._sent[panel] = self._html[panel].content = html
+    def set_panel(self, panel: str, html: str) -> None:
+        """Put HTML into a panel; nothing is sent if it is there already."""
+        if panel in self._html and self._shown.get(panel) != html:
+            self._shown[panel] = self._html[panel].content = html
 
     def plot(self, at_s: float, value: Callable[[str, str], float | None]) -> None:
-        """Add a point to each curve; `value(node, key)` is what a node reports."""
+        """Add a point to each curve; `value(node, key)` returns what a node reports."""
         if self._curves is not None:
             self._curves.add(at_s, value)
 
 
 class _Curves:
-    """Three plots over time; a value that nobody reports is a gap."""
+    """Three plots over time. A value that no node reports leaves a gap."""
 
     SOURCES = (
         ("sim_node", "train.reward_per_step"), ("sim_node", "eval.reward_per_step"),
@@ -85,7 +86,7 @@ class _Curves:
 
     def _plot(self, server: viser.ViserServer, title: str, curves: Any) -> Any:
         empty = np.zeros(0)
-        # The two of a plot have nothing in common but time: each has an axis of its own.
+        # The two curves of a plot have different units, so each has its own axis.
         series = [
             {"label": label, "stroke": color, "scale": side, "width": 2}
             for (label, color), side in zip(curves, ("y", "right"), strict=True)

@@ -1,44 +1,147 @@
-"""A recorded run on the page: episode by episode, step by step, with the weights of each moment."""
+"""A recorded run on the page: step by step, explained by the weights of each moment."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import viser
 
-from pa_ros.bags.episodes import RecordedEpisode
+from pa_ros.bags.episodes import RecordedEpisode, Row, episodes
+from pa_ros.bags.errors import ProvenanceError
+from pa_ros.bags.experience import PROVENANCE, WEIGHTS, arenas_of
+from pa_ros.bags.reader import Bag
 from pa_ros.console import markup
+from pa_ros.console.insight import Insight, Moment, agent_logic, explained
 from pa_ros.console.page import Page
-from pa_ros.console.recorded import Replay
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Observation
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.diagnostics import decode_provenance
+from pa_ros.wire.learning import decode_weights
+
+LISTED = 200  # episodes in the table of contents
+
+
+class Replay:
+    """The moments of a bag."""
+
+    def __init__(self, bag: Bag, namespace: str | None = None) -> None:
+        """Raises ProvenanceError if the bag has no arena's description, or no control steps."""
+        self._bag, self._namespace = bag, namespace
+        arenas = arenas_of(bag, namespace)
+        if not arenas:
+            raise ProvenanceError(f"bag: {bag.path}: expected an arena's description, got none")
+        self.arena = arenas[0]
+        self.episodes = [episode for episode in episodes(bag, namespace) if episode.rows]
+        if not self.episodes:
+            raise ProvenanceError(f"bag: {bag.path}: expected control steps, got none")
+        self._stamps: dict[int, int] = {}  # when each version of the weights was recorded
+        if WEIGHTS in bag.types.values():
+            for recorded in bag.messages([bag.topic_of(WEIGHTS, namespace)]):
+                version = decode_weights(bag.deserialize(recorded)).snapshot.version
+                self._stamps[version] = recorded.stamp_ns
+        self._insight = lru_cache(maxsize=8)(self._load)
+
+    def moment(self, episode: int, step: int) -> Moment:
+        """Return a row of an episode, both by their places in the recording."""
+        recorded = self.episodes[episode]
+        row = recorded.rows[step]
+        seen = _observation(recorded, row)
+        insight, missing = self._insight(_acting_version(recorded, step))
+        vocabulary = self.arena.world.vocabulary
+        explanation, why = explained(insight, seen, row.program, vocabulary)
+        return Moment(
+            self.arena, seen, recorded.evaluation, row.program, row.reward, row.distance,
+            _satisfied(self.arena, row), explanation, missing or why,
+        )  # fmt: skip
+
+    def _load(self, version: int) -> tuple[Insight | None, str]:
+        """Return the newest recorded weights up to a version, or why there are none."""
+        earlier = [known for known in self._stamps if known <= version]
+        try:
+            agent = self._agent()
+            if earlier:
+                return Insight(self._recorded(max(earlier)), agent_logic(agent)), ""
+            if agent.get("weights") != "checkpoint":
+                return None, ""
+            return Insight(load_policy(Path(str(agent["checkpoint"]))), agent_logic(agent)), ""
+        except PaError as error:
+            return None, str(error)
+
+    def _recorded(self, version: int) -> Any:
+        stamp_ns = self._stamps[version]
+        topic = self._bag.topic_of(WEIGHTS, self._namespace)
+        (recorded,) = self._bag.messages([topic], stamp_ns, stamp_ns + 1)
+        return decode_weights(self._bag.deserialize(recorded)).snapshot
+
+    def _agent(self) -> Mapping[str, Any]:
+        """Return the agent's parameters; empty if it ran in the learner's process."""
+        topics = self._bag.topics_of(PROVENANCE, self._namespace)
+        for origin in self._bag.decoded(topics, decode_provenance):
+            if "checkpoint" in origin.parameters:
+                return origin.parameters
+        return {}
+
+
+def _acting_version(episode: RecordedEpisode, step: int) -> int:
+    """Return the version of the weights that acted at a row, or last before it."""
+    known = [row.policy_version for row in episode.rows[step::-1] if row.policy_version >= 0]
+    return known[0] if known else max(row.policy_version for row in episode.rows)
+
+
+def _observation(episode: RecordedEpisode, row: Row) -> Observation:
+    """Return the row as an observation; values that were not recorded are zero."""
+    return Observation(
+        episode.number,
+        row.step,
+        max(row.stamp_ns, 0),
+        row.objects,
+        row.joint_position,
+        np.nan_to_num(row.joint_velocity),
+        row.hand_index,
+        "",
+        np.nan_to_num(row.hand_pose),
+    )
+
+
+def _satisfied(arena: ArenaDescription, row: Row) -> bool | None:
+    """Return whether the program held, by the arena's threshold; None if that is not recorded."""
+    thresholds = dict(zip(arena.world.relations, arena.thresholds, strict=True))
+    threshold = thresholds.get(row.program.partition("(")[0])
+    return None if threshold is None or np.isnan(row.distance) else row.distance <= threshold
 
 
 class Timeline:
-    """Where the page stands in a recording, and the controls that move it."""
+    """The moment of a recording that the page shows, and the controls that change it."""
 
     def __init__(self, replay: Replay, page: Page) -> None:
         self._replay, self._page = replay, page
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # viser calls controls on its own threads
         self._place, self._shown, self._playing = (0, 0), (-1, -1), False
-        self._sliders: list[tuple[Any, Any]] = []
-        page.say("History", self._contents())
+        contents = (_summary(episode) for episode in replay.episodes[:LISTED])
+        page.set_panel("History", markup.pairs(
+            ((str(place), summary) for place, summary in enumerate(contents)), "History"
+        ))  # fmt: skip
 
     def tick(self, pages: int) -> None:
-        """Draw where the timeline stands; a step further if it plays."""
+        """Draw the current moment, one step later if it plays and a page is open."""
         with self._lock:
             episode, step = self._place
             if self._playing and pages:
                 step = (step + 1) % len(self._replay.episodes[episode].rows)
                 self._place = episode, step
-        if not pages or (episode, step) == self._shown:
-            return
-        self._shown = episode, step
-        self._page.show(self._replay.moment(episode, step))
+        if pages and (episode, step) != self._shown:
+            self._shown = episode, step
+            self._page.show(self._replay.moment(episode, step))
 
-    def controls(self, client: viser.ClientHandle) -> object:
-        """A timeline of its own for a page; all move the same."""
+    def add_controls(self, client: viser.ClientHandle) -> None:
+        """Add a timeline to a page; the timelines of all pages move the same recording."""
         gui, recorded = client.gui, self._replay.episodes
         with gui.add_folder("Timeline", order=0):
             episode = gui.add_slider("Episode", 0, max(len(recorded) - 1, 1), 1, 0,
@@ -47,42 +150,31 @@ class Timeline:
             play = gui.add_button_group("Play", ("Play", "Stop"))
 
         def chosen(_: Any) -> None:
-            step.max = max(len(recorded[_place(episode.value, recorded)].rows) - 1, 1)
+            step.max = max(len(recorded[_index(episode.value, recorded)].rows) - 1, 1)
             step.value = 0
             self._go(episode.value, 0)
 
+        def pressed(_: Any) -> None:
+            with self._lock:
+                self._playing = play.value == "Play"
+
         episode.on_update(chosen)
         step.on_update(lambda _: self._go(episode.value, step.value))
-        play.on_click(lambda _: self._play(play.value == "Play"))
-        return episode
+        play.on_click(pressed)
 
     def _go(self, episode: float, step: float) -> None:
-        place = _place(episode, self._replay.episodes)
+        place = _index(episode, self._replay.episodes)
         with self._lock:
-            self._place = place, _place(step, self._replay.episodes[place].rows)
-
-    def _play(self, playing: bool) -> None:
-        with self._lock:
-            self._playing = playing
-
-    def _contents(self) -> str:
-        """Which episodes there are."""
-        return markup.pairs(
-            (
-                (str(place), _summary(episode))
-                for place, episode in enumerate(self._replay.episodes[:200])
-            ),
-            "History",
-        )
+            self._place = place, _index(step, self._replay.episodes[place].rows)
 
 
-def _place(wish: float, among: Sequence[object]) -> int:
-    """The place nearest to a number, which a page may have sent without its slider."""
-    return int(min(max(0, wish), len(among) - 1))  # 0 for NaN: `max` keeps its first
+def _index(value: float, among: Sequence[object]) -> int:
+    """Return the index nearest to a slider's value, which may be left over from a longer list."""
+    return int(min(max(0, value), len(among) - 1))
 
 
 def _summary(episode: RecordedEpisode) -> str:
     rewards = episode.rewards
-    mean = f", {np.mean(rewards):+.2f} a step" if len(rewards) else ""
+    mean = f", reward per step {np.mean(rewards):+.2f}" if len(rewards) else ""
     kind = "evaluation episode" if episode.evaluation else "episode"
     return f"{kind} {episode.number}{mean}: {episode.rows[-1].program}"

@@ -1,4 +1,4 @@
-"""A recording as one file for Rerun's viewer: what stands where, p, programs and rewards."""
+"""Writes a recording as one file for Rerun's viewer: poses, p, programs and rewards."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.film import Stage
-from pa_ros.console.moment import Moment
-from pa_ros.console.recorded import Replay
+from pa_ros.console.insight import Moment
+from pa_ros.console.replay import Replay
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.tools.scenes import name_of
@@ -28,23 +28,23 @@ _CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 
 
 def check_rerun(path: Path) -> None:
-    """BagError if there is something at `path`; ConfigError without the extra."""
+    """Raise BagError if `path` is taken, ConfigError if it is not .rrd or the extra is missing."""
     _rerun()
     if path.suffix != ".rrd":
         raise ConfigError(f"export: expected a file that ends in .rrd, got {path}")
     if path.exists():
-        raise BagError(f"export: {path} exists already, not overwriting")
+        raise BagError(f"export: {path} already exists and is not overwritten: name another file")
 
 
 def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = None) -> int:
-    """Write episodes, all or those of some numbers, onto one simulation time; how many.
+    """Write episodes, all or those of some numbers, on one time line; return how many.
 
-    Raises BagError if the file can't be written, the bag has not all of `numbers`, or the joints'
-    positions aren't recorded.
+    Raises BagError if the file cannot be written, the bag lacks some of `numbers`, or joint
+    positions are not recorded.
     """
     rerun = _rerun()
     if missing := sorted(set(numbers or ()) - {episode.number for episode in replay.episodes}):
-        raise BagError(f"export: {path}: expected episodes that the bag has, got {missing}, too")
+        raise BagError(f"export: the bag does not contain episodes {missing}")
     try:
         path.open("xb").close()
     except OSError as error:
@@ -58,49 +58,52 @@ def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = No
         with rerun.RecordingStream("pa_ros", recording_id=path.stem) as stream:
             stream.save(str(path))
             stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            teller = _Teller(rerun, stream, replay.arena)
+            writer = _EpisodeWriter(rerun, stream, replay.arena)
             for place, episode in chosen:
                 moments = [replay.moment(place, step) for step in range(len(episode.rows))]
-                teller.tell(episode, moments)
+                writer.write(episode, moments)
             stream.flush()
     except BaseException:
-        path.unlink(missing_ok=True)  # of what is half there nobody knows how much
+        path.unlink(missing_ok=True)  # nothing tells how much of a file is missing
         raise
     return len(chosen)
 
 
-class _Teller:
-    """Writes episode after episode, each entity's steps as columns."""
+class _EpisodeWriter:
+    """Writes episode after episode; the steps of each entity are columns."""
 
     def __init__(self, rerun: Any, stream: Any, arena: ArenaDescription) -> None:
         self._rerun, self._stream, self._arena = rerun, stream, arena
-        self._said: dict[str, str] = {}  # texts, by entity
-        self._blocks: list[str] = []  # that are there, by name
-        self._until_s = -arena.control_period  # where the simulation's time is not recorded
+        self._texts: dict[str, str] = {}  # the newest of each entity
+        self._blocks: list[str] = []  # names of those on the table
+        self._until_s = -arena.control_period  # simulation time written so far
 
-    def tell(self, episode: RecordedEpisode, moments: Sequence[Moment]) -> None:
-        """One episode, from its first step to its last; anew where its blocks are others."""
+    def write(self, episode: RecordedEpisode, moments: Sequence[Moment]) -> None:
+        """Write one episode, in a new part wherever its blocks change."""
         stage = Stage(episode, self._arena)
         for _, part in groupby(moments, lambda moment: moment.row.looks):
-            self._part(stage, list(part))
+            self._write_part(stage, list(part))
 
-    def _part(self, stage: Stage, moments: Sequence[Moment]) -> None:
-        """Steps in a row with the same blocks."""
+    def _write_part(self, stage: Stage, moments: Sequence[Moment]) -> None:
+        """Write consecutive steps with the same blocks."""
         stage.show(moments[0].row)
         self._times = self._timelines(moments)
         row = self._arena.world.vocabulary.row
         kinds = [name_of(block.kind.words, row) for block in stage.task.episode.blocks]
         shown = _shown(stage.task.simulation.model, self._begin(kinds))
-        self._furnish(stage, shown, kinds, _relevance(moments))
-        self._poses(stage, shown, moments)
-        self._columns("reward", [moment.reward for moment in moments])
-        self._columns("distance", [moment.distance for moment in moments])
+        self._write_shapes(stage, shown, kinds, _relevance(moments))
+        self._write_poses(stage, shown, moments)
+        self._write_numbers("reward", [moment.reward for moment in moments])
+        self._write_numbers("distance", [moment.distance for moment in moments])
         for i, moment in enumerate(moments):
-            self._text(i, "program", moment.program or "none in force")
-            self._text(i, "verdict", VERDICTS[moment.satisfied])
+            self._write_text(i, "program", moment.program or "none in force")
+            self._write_text(i, "verdict", VERDICTS[moment.satisfied])
 
     def _timelines(self, moments: Sequence[Moment]) -> dict[str, dict[str, NDArray[Any]]]:
-        """Simulation time, step and episode; time goes on where it is not recorded."""
+        """Return simulation time, step and episode of each step.
+
+        If the time is not recorded, the steps follow each other at the control period.
+        """
         seen, period_s = [moment.observation for moment in moments], self._arena.control_period
         stamps: Float64 = np.array([one.stamp_ns / 1e9 for one in seen], dtype=np.float64)
         if not stamps[-1] > 0:
@@ -114,7 +117,7 @@ class _Teller:
         }
 
     def _begin(self, kinds: Sequence[str]) -> list[str]:
-        """Names of the blocks; what was there before, and is not now, is gone."""
+        """Return names for the blocks, and clear the entities of blocks that are gone."""
         before, self._blocks = self._blocks, []
         for kind in kinds:
             name = kind.lower().replace(" ", "_")
@@ -126,10 +129,10 @@ class _Teller:
             self._stream.log(f"p/{gone}", self._rerun.Clear(recursive=False))
         return self._blocks
 
-    def _furnish(
+    def _write_shapes(
         self, stage: Stage, shown: Shown, kinds: Sequence[str], relevance: Float64
     ) -> None:
-        """Solids, as they are from the first step on; labels of blocks change with p."""
+        """Write the solids at the first step, and the labels of blocks, which change with p."""
         self._at(0)
         for number, entity in shown:
             shape = _shape(self._rerun, stage.task.simulation.model, number)
@@ -140,9 +143,9 @@ class _Teller:
                 labels = [f"{kinds[block]}{_degree(p)}" for p in relevance[:, block]]
                 columns = type(shape).columns(labels=labels, show_labels=[True] * len(labels))
                 self._stream.send_columns(entity, self._indexes(), columns)
-                self._columns(f"p/{name}", relevance[:, block])
+                self._write_numbers(f"p/{name}", relevance[:, block])
 
-    def _poses(self, stage: Stage, shown: Shown, moments: Sequence[Moment]) -> None:
+    def _write_poses(self, stage: Stage, shown: Shown, moments: Sequence[Moment]) -> None:
         data = stage.task.simulation.data
         places = np.zeros((len(shown), len(moments), 3))
         turns = np.zeros((len(shown), len(moments), 4))  # wxyz
@@ -156,17 +159,17 @@ class _Teller:
             columns = self._rerun.Transform3D.columns(translation=places[i], quaternion=quaternions)
             self._stream.send_columns(entity, self._indexes(), columns)
 
-    def _columns(self, entity: str, values: Any) -> None:
-        """A number for each step; steps without one are left out."""
+    def _write_numbers(self, entity: str, values: Any) -> None:
+        """Write a number for each step; steps without one are left out."""
         numbers = np.array(values, dtype=np.float64)
         known = np.isfinite(numbers)
         if known.any():
             columns = self._rerun.Scalars.columns(scalars=numbers[known])
             self._stream.send_columns(entity, self._indexes(known), columns)
 
-    def _text(self, step: int, entity: str, text: str) -> None:
-        if self._said.get(entity) != text:
-            self._said[entity] = text
+    def _write_text(self, step: int, entity: str, text: str) -> None:
+        if self._texts.get(entity) != text:
+            self._texts[entity] = text
             self._at(step)
             self._stream.log(entity, self._rerun.TextDocument(text))
 
@@ -182,12 +185,10 @@ class _Teller:
 
 
 def _relevance(moments: Sequence[Moment]) -> Float64:
-    """p of each block at each step, [T, N - 1]; NaN where it is not known."""
+    """Return p of each block at each step, [T, N - 1]; NaN where it is not known."""
     hand, count = moments[0].observation.hand_index, len(moments[0].observation.objects)
-    known = [
-        moment.look.p if moment.look is not None and len(moment.look.p) else np.full(count, np.nan)
-        for moment in moments
-    ]
+    found = [one.explanation for one in moments]
+    known = [np.full(count, np.nan) if e is None or not len(e.p) else e.p for e in found]
     return np.delete(np.array(known, dtype=np.float64), hand, axis=1)
 
 
@@ -196,7 +197,7 @@ def _degree(p: float) -> str:
 
 
 def _shown(model: mujoco.MjModel, blocks: Sequence[str]) -> Shown:
-    """Geoms that are shown, and what their entities are called."""
+    """Return the geoms that are shown, with the names of their entities."""
     found = []
     for number in range(model.ngeom):
         name = model.geom(number).name
@@ -209,14 +210,14 @@ def _shown(model: mujoco.MjModel, blocks: Sequence[str]) -> Shown:
 
 
 def _shape(rerun: Any, model: mujoco.MjModel, number: int) -> Any:
-    """A geom in its own frame, in its color."""
+    """Return a geom in its own frame, in its color."""
     size, kind = model.geom_size[number], int(model.geom_type[number])
     look: dict[str, Any] = {"colors": [model.geom_rgba[number]], "fill_mode": "solid"}
     if kind == _BOX:
         return rerun.Boxes3D(half_sizes=[size], **look)
     if kind == _SPHERE:
         return rerun.Ellipsoids3D(half_sizes=[[size[0]] * 3], **look)
-    if kind == _CAPSULE:  # Rerun's begins at its frame's origin
+    if kind == _CAPSULE:  # in Rerun a capsule begins at the origin of its frame
         ends = {"lengths": [2 * size[1]], "translations": [[0.0, 0.0, -size[1]]]}
         return rerun.Capsules3D(radii=[size[0]], **ends, **look)
     return rerun.Cylinders3D(radii=[size[0]], lengths=[2 * size[1]], **look)

@@ -1,4 +1,4 @@
-"""Arm and blocks in 3D: the arm by mjviser, blocks as shapes with an outline and p."""
+"""Arm and blocks in 3D: the arm drawn by mjviser, blocks with an outline and a label."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from mjviser import ViserMujocoScene
 
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.film import Stage
-from pa_ros.console.moment import Moment
+from pa_ros.console.insight import Moment
 from pa_ros.tools.scenes import name_of
 from pa_ros.world.relations import RELATIONS
 
-REBUILD_S = 1.0  # at most so often other blocks are put on the table
-HIDDEN_GROUP = 5  # of geoms that mjviser leaves out
+REBUILD_S = 1.0  # least time between two changes of the blocks
+HIDDEN_GROUP = 5  # mjviser does not draw geoms of this group
 OUTLINE = (255, 170, 0)
-LINE_HEIGHT_M = 0.004  # of lines on the table
+LINE_HEIGHT_M = 0.004  # of lines above the table
+LABEL_M, LABEL_STEP_M = 0.06, 0.06  # height of labels above blocks, and between two labels
+CROWDED_M = 0.35  # blocks so close have their labels at different heights
 _KINDS = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")): kind for kind in (
     "BOX", "SPHERE", "CYLINDER", "CAPSULE", "ELLIPSOID")}  # fmt: skip
 
@@ -39,14 +41,14 @@ class _Block:
 
 
 class ArenaScene:
-    """One arena's scene; `names` are its blocks, in the order of Ω without the hand."""
+    """The scene of one arena."""
 
     def __init__(self, server: viser.ViserServer, reflections: bool = True) -> None:
         self._server, self._reflections = server, reflections
         self._stage: Stage | None = None
         self._arm: ViserMujocoScene | None = None
         self._blocks: list[_Block] = []
-        self._of: tuple[str, bytes] | None = None  # arena and looks of the blocks that are shown
+        self._of: tuple[str, bytes] | None = None  # arena, and looks of the blocks that are shown
         self._made_at = -REBUILD_S
         server.scene.set_up_direction("+z")
         server.initial_camera.position = (1.15, -1.15, 1.05)
@@ -54,17 +56,17 @@ class ArenaScene:
 
     @property
     def names(self) -> list[str]:
-        """What the blocks are called: their true words."""
+        """The blocks' true words, in the order of Ω without the hand."""
         return [block.name for block in self._blocks]
 
     @property
     def places(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
-        """Each block's name, and where it is (m); on any thread."""
+        """Each block's name, and where it is (m). May be read on any thread."""
         found = ((one.name, one.solid.position) for one in self._blocks)
         return tuple((name, (float(p[0]), float(p[1]), float(p[2]))) for name, p in found)
 
     def show(self, moment: Moment) -> bool:
-        """Draw a moment; False if its blocks are others, and these were changed just now.
+        """Draw a moment; return False if its blocks are new and others were new just before.
 
         Raises BagError if its joints are not known.
         """
@@ -87,7 +89,7 @@ class ArenaScene:
             self._server.scene.reset()
             self._server.scene.set_up_direction("+z")
             self._blocks = []
-            with self._server.atomic():  # else a page begins to compute what is taken back
+            with self._server.atomic():  # a page must not begin with reflections that are removed
                 self._arm = ViserMujocoScene(self._server, _without_blocks(model), num_envs=1)
                 if not self._reflections:
                     self._server.scene.configure_environment_map(None)
@@ -110,7 +112,7 @@ class ArenaScene:
         return _Block(
             name,
             scene.add_mesh_simple(f"{path}/solid", mesh.vertices, mesh.faces, color=color),
-            # Seen from within: only what stands out behind the block is drawn, as an outline.
+            # Only the inside of a slightly larger block is drawn, which shows as an outline.
             scene.add_mesh_simple(
                 f"{path}/outline", outline.vertices, outline.faces, color=OUTLINE, side="back",
                 opacity=0.0, cast_shadow=False, receive_shadow=False,
@@ -123,9 +125,8 @@ class ArenaScene:
         )  # fmt: skip
 
     def _place(self, moment: Moment, stage: Stage) -> None:
-        data, look = stage.task.simulation.data, moment.look
-        objects = [i for i in range(len(moment.observation.objects))
-                   if i != moment.observation.hand_index]  # fmt: skip
+        data, found, objects = stage.task.simulation.data, moment.explanation, moment.blocks
+        heights = label_heights([data.geom(f"block{i}").xpos for i in range(len(self._blocks))])
         with self._server.atomic():
             for i, block in enumerate(self._blocks):
                 geom = data.geom(f"block{i}")
@@ -133,9 +134,9 @@ class ArenaScene:
                 mujoco.mju_mat2Quat(quaternion, geom.xmat)
                 for handle in (block.solid, block.outline):
                     handle.position, handle.wxyz = geom.xpos, quaternion
-                p = float(look.p[objects[i]]) if look is not None and len(look.p) else None
+                p = float(found.p[objects[i]]) if found is not None and len(found.p) else None
                 block.outline.opacity = p or 0.0
-                block.label.position = geom.xpos + np.array((0.0, 0.0, 0.06))
+                block.label.position = geom.xpos + np.array((0.0, 0.0, heights[i]))
                 block.label.text = block.name if p is None else f"{block.name}  p {p:.2f}"
                 named = objects[i] in stage.task.verifier.targets
                 block.circle.visible = named and bool(moment.program)
@@ -144,8 +145,18 @@ class ArenaScene:
         self._server.flush()
 
 
+def label_heights(places: list[Any]) -> list[float]:
+    """Return the height of each block's label, so that labels of close blocks don't overlap."""
+    levels: list[int] = []
+    for i, place in enumerate(places):
+        close = [j for j in range(i) if np.linalg.norm(place[:2] - places[j][:2]) < CROWDED_M]
+        taken = {levels[j] for j in close}
+        levels.append(next(level for level in range(len(places)) if level not in taken))
+    return [LABEL_M + LABEL_STEP_M * level for level in levels]
+
+
 def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
-    """For the arm's scene: bodies keep their numbers, blocks are not drawn."""
+    """Return a copy of the model whose blocks are not drawn; bodies keep their numbers."""
     model = copy.copy(model)
     for index in range(model.ngeom):
         if model.geom(index).name.startswith("block"):
@@ -154,7 +165,7 @@ def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _mesh(geom: Any, factor: float) -> Any:
-    """A geom's shape in its own frame, larger by a factor."""
+    """Return a geom's shape in its own frame, larger by a factor."""
     size, kind = geom.size * factor, _KINDS.get(int(geom.type[0]), "SPHERE")
     if kind == "BOX":
         return trimesh.creation.box(extents=2 * size)
@@ -169,7 +180,7 @@ def _mesh(geom: Any, factor: float) -> Any:
 
 
 def _outline(stage: Stage, block: Any) -> Any:
-    """Where the program's relation to a block holds, as line segments [S, 2, 3] on the table."""
+    """Return where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
     program = stage.task.program
     threshold = stage.task.scoring.threshold(program.relation)
     hand = stage.task.simulation.positions[0]

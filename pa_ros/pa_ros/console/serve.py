@@ -1,4 +1,4 @@
-"""Serving the page: beside a node that is spun, or of a bag."""
+"""Serves the page, of a running graph or of a bag."""
 
 from __future__ import annotations
 
@@ -10,65 +10,66 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+import rclpy
 import viser
 from rclpy.node import Node
 
 from pa_ros.bags.reader import Bag
 from pa_ros.console import markup
-from pa_ros.console.asked import attempt
 from pa_ros.console.controls import Controls
 from pa_ros.console.live import LiveConsole
 from pa_ros.console.page import Page
-from pa_ros.console.recorded import Replay
-from pa_ros.console.replay import Timeline
-from pa_ros.console.server import ConsoleServer, ConsoleSettings
+from pa_ros.console.replay import Replay, Timeline
+from pa_ros.console.server import ConsoleServer, attempt
+from pa_ros.console.settings import ConsoleSettings
 from pa_ros.ros.executor import spin_until, steady_timer
 from pa_ros.ros.refusals import Refusals
 from pa_ros.tools.client import client_node
 
 Announce = Callable[[str, str], None]
-"""Told the address of who may send, and that of who may look."""
-REFRESH_S = 1.0  # of what controls offer
+"""Receives the address for sending programs, and the one for viewing only."""
+REFRESH_S = 1.0  # how often the offered examples, arenas and blocks are updated
+VIEW_ONLY = (
+    "This page is for viewing. To send programs, open the address with the token that was printed "
+    "at the start."
+)
 
 
 class Visitors:
-    """Pages that came with the token have controls; the others are told that they may look."""
+    """Gives controls to pages that were opened with the token."""
 
     def __init__(self, server: ConsoleServer, make: Callable[[viser.ClientHandle], object]) -> None:
+        """`make` adds the controls to a page."""
         self._server, self._make = server, make
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # viser calls on its own threads
         self._controls: dict[int, object] = {}
-        server.viser.on_client_connect(self._come)
-        server.viser.on_client_disconnect(self._go)
+        server.viser.on_client_connect(self._add)
+        server.viser.on_client_disconnect(self._remove)
 
     @property
     def controls(self) -> list[object]:
-        """Of all pages that have some."""
+        """The controls of all pages that have some."""
         with self._lock:
             return list(self._controls.values())
 
-    def _come(self, client: viser.ClientHandle) -> None:
+    def _add(self, client: viser.ClientHandle) -> None:
         if not self._server.may_send(client):
-            client.gui.add_html(
-                markup.quiet("This page may look. To send programs, open the address that was "
-                             "printed at the start, with its token."), order=0,
-            )  # fmt: skip
+            client.gui.add_html(markup.quiet(VIEW_ONLY), order=0)
             return
         made = self._make(client)
         with self._lock:
             self._controls[client.client_id] = made
 
-    def _go(self, client: viser.ClientHandle) -> None:
+    def _remove(self, client: viser.ClientHandle) -> None:
         with self._lock:
             self._controls.pop(client.client_id, None)
 
 
 @contextmanager
 def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterator[ConsoleServer]:
-    """A page for as long as the context lasts, renewed whenever somebody spins the node."""
-    import rclpy
-
+    """Serve a page as long as the context lasts; it is updated while the node is spun."""
     with ConsoleServer(settings) as server:
+        # Nobody spins this node: the steps of an arena are taken only when they are drawn.
         sampled = rclpy.create_node(
             f"{node.get_name()}_sampler", enable_rosout=False, start_parameter_services=False
         )
@@ -97,7 +98,7 @@ def serve_graph(
 ) -> None:
     """Show a running graph until `finished`."""
     with client_node("console") as node, beside(node, settings, namespace) as server:
-        announce(server.address, server.watching)
+        announce(server.control_address, server.view_address)
         spin_until(node, finished, None)
 
 
@@ -108,15 +109,12 @@ def serve_bag(
     finished: Callable[[], bool],
     announce: Announce,
 ) -> None:
-    """Show a recording until `finished`. Raises what `Bag` and `Replay` do."""
-    with Bag(path) as bag:
-        replay = Replay(bag, namespace)
-        with ConsoleServer(settings) as server:
-            page = Page(server, learning=False)
-            timeline = Timeline(replay, page)
-            Visitors(server, timeline.controls)
-            refusals = Refusals(partial(print, "pa_ros console:", file=sys.stderr, flush=True))
-            announce(server.address, server.watching)
-            while not finished():
-                attempt(refusals, "timeline", lambda: timeline.tick(server.pages))
-                time.sleep(1.0 / settings.rate_hz)
+    """Show a recording until `finished`. Raises BagError if it cannot be shown."""
+    with Bag(path) as bag, ConsoleServer(settings) as server:
+        timeline = Timeline(Replay(bag, namespace), Page(server, learning=False))
+        Visitors(server, timeline.add_controls)
+        refusals = Refusals(partial(print, "pa_ros console:", file=sys.stderr, flush=True))
+        announce(server.control_address, server.view_address)
+        while not finished():
+            attempt(refusals, "timeline", lambda: timeline.tick(server.pages))
+            time.sleep(1.0 / settings.rate_hz)

@@ -1,79 +1,66 @@
-"""The web server: on this machine alone, nothing from outside, and who may send."""
+"""The web server: on this machine only, with a token for those who may send programs."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-import os
 import secrets
 import socket
-from typing import Literal
+from collections.abc import Callable
 
 import viser
-from pydantic import Field
 
-from pa_ros.console.address import HOST, TOKEN, looking, sending
-from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.settings import Settings
-
-
-class ConsoleSettings(Settings):
-    """How the page is served."""
-
-    port: int = Field(8765, ge=0, le=65535, description="on 127.0.0.1; 0: one that is free")
-    rate_hz: float = Field(10.0, ge=0.5, le=30, description="how often an open page is renewed")
-    token: str = Field("", description="in the address of who may send; empty: a new one")
-    light: Literal["full", "plain"] = Field(
-        "full",
-        description="plain: no reflections, which a browser without a graphics card needs ten "
-        "seconds for",
-    )
+from pa_ros.console.settings import (
+    HOST,
+    ConsoleSettings,
+    control_address,
+    new_token,
+    view_address,
+)
+from pa_ros.core.errors import PaError
+from pa_ros.ros.refusals import Refusals
 
 
-class PortError(PaError):
-    """Somebody has the port."""
+class ConsoleError(PaError):
+    """A page that cannot be served (console.port), or a request that cannot be carried out."""
 
-    code = "console.port"
+    code = "console"
 
 
 class ConsoleServer:
     """A viser server with a token. A context manager."""
 
     def __init__(self, settings: ConsoleSettings) -> None:
-        """Raises PortError if the port is taken, ConfigError for a token that no address holds."""
-        self.token = settings.token or os.environ.get(TOKEN) or secrets.token_urlsafe(16)
-        if not (self.token.isascii() and self.token.replace("-", "").replace("_", "").isalnum()):
-            raise ConfigError(f"token: expected ASCII letters, digits, - and _, got {self.token!r}")
+        """Raises ConsoleError if the port is taken, ConfigError for a token that is not valid."""
+        self.token = new_token(settings)
         self.reflections = settings.light == "full"
         _check_free(settings.port)
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner has no token in its address
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner shows an address without token
             self.viser = viser.ViserServer(HOST, settings.port, "pa_ros console", verbose=False)
-        if settings.port and self.viser.get_port() != settings.port:
-            self.viser.stop()
-            raise PortError(_taken(settings.port))
-        # A page could ask for a tunnel to viser's own host: nothing leaves this machine.
+        # viser could open a tunnel to a public host for a page. Nothing may leave this machine.
         self.viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
         gui = self.viser.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
 
     @property
-    def watching(self) -> str:
-        """Address of a page that may look."""
-        return looking(self.viser.get_port())
+    def view_address(self) -> str:
+        """Address of a page that takes no input."""
+        return view_address(self.viser.get_port())
 
     @property
-    def address(self) -> str:
-        """Address of a page that may send, too."""
-        return sending(self.viser.get_port(), self.token)
+    def control_address(self) -> str:
+        """Address of a page that can send programs."""
+        return control_address(self.viser.get_port(), self.token)
 
     @property
     def pages(self) -> int:
-        """How many are open."""
+        """How many pages are open."""
         return len(self.viser.get_clients())
 
     def may_send(self, client: viser.ClientHandle) -> bool:
-        """Whether a page came with the token: viser hands on no path, its connection has it."""
+        """Return whether a page was opened with the token."""
+        # viser does not pass on the address, but its connection has it.
         live = self.viser._websock_server._live_connections  # noqa: SLF001
         connection = live.get(client.client_id)
         path = "" if connection is None or connection.request is None else connection.request.path
@@ -87,15 +74,27 @@ class ConsoleServer:
             self.viser.stop()
 
 
+def attempt(refusals: Refusals, what: str, act: Callable[[], object]) -> None:
+    """Do what a page asked for; count and log any error, so that the other pages continue.
+
+    viser passes on whatever a page sends, so a value may be none of those it was offered.
+    """
+    try:
+        act()
+    except PaError as error:
+        refusals.refuse(what, error)
+    except Exception as error:
+        refusals.refuse(what, ConsoleError(f"{type(error).__name__}: {error}"))
+
+
 def _check_free(port: int) -> None:
-    """viser would take the next free port in silence."""
+    """Raise ConsoleError if a port is taken; viser would silently take the next one."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((HOST, port))
         except OSError as error:
-            raise PortError(_taken(port)) from error
-
-
-def _taken(port: int) -> str:
-    return f"port {port} of {HOST} is in use: choose another with --port (0: one that is free)"
+            raise ConsoleError(
+                f"port {port} of {HOST} is in use: choose another with --port (0: any free port)",
+                code="console.port",
+            ) from error

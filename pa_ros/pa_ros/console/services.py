@@ -1,4 +1,4 @@
-"""The arena's services, asked without waiting; what became of the last request."""
+"""Requests to an arena's services without waiting, and what became of the last one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from rclpy.node import Node
 
 from pa_ros.console import markup
 from pa_ros.core.body import Body
-from pa_ros.core.errors import PaError
 from pa_ros.ros.topics import (
     GET_ENTITIES,
     RESET,
@@ -19,104 +18,87 @@ from pa_ros.ros.topics import (
     SPEED,
     STEP_SIMULATION,
 )
-from pa_ros.wire.services import (
-    ResetRequest,
-    decode_outcome,
-    encode_reset,
-    encode_speed,
-)
+from pa_ros.wire.services import ResetRequest, decode_outcome, encode_reset, encode_speed
 from pa_ros.wire.simulator import (
-    ResultCode,
     SimState,
     decode_names,
-    decode_result,
     encode_state_change,
     encode_state_request,
     encode_steps_request,
 )
 
-REQUESTS: dict[str, tuple[tuple[str, Any], Callable[[float], Any]]] = {
-    "pause": (SET_SIMULATION_STATE, lambda value: encode_state_request(
-        SimState.PAUSED if value else SimState.PLAYING)),
-    "step": (STEP_SIMULATION, lambda value: encode_steps_request(int(value))),
-    "speed": (SPEED, encode_speed),
-    "reset": (RESET, lambda value: encode_reset(
-        ResetRequest(None if value < 0 else int(value)))),
-}  # fmt: skip
+Answered = Callable[[Any], str]
+"""Returns what a service's response says, in a few words."""
 
 
 class ArenaServices:
-    """Services of the arena in a namespace; clients are made when they are first needed."""
+    """The services of the arena in a namespace. Clients are created when they are first needed."""
 
     def __init__(self, node: Node, namespace: str) -> None:
         self._node, self._namespace = node, namespace
         self._clients: dict[str, Any] = {}
-        self._said = ""
+        self._status = ""
 
     def close(self) -> None:
-        """Another arena is looked at; what is under way goes unanswered."""
+        """Destroy the clients; requests that are not answered yet are dropped."""
         for client in self._clients.values():
             self._node.destroy_client(client)
         self._clients.clear()
 
-    def ask(self, name: str, value: float) -> None:
-        """Send a request; what becomes of it is in `html`."""
-        service, encode = REQUESTS[name]
-        client = self._client(service)
-        try:
-            request = encode(value)
-        except (PaError, ValueError, AssertionError, OverflowError) as error:
-            self._said = f"{name}: {error}"
-            return
-        self._said = f"{name}: asked, no answer yet"
-        answered = self._told(name, lambda future: self._answered(name, future))
-        client.call_async(request).add_done_callback(answered)
+    def pause(self, paused: bool) -> None:
+        """Pause the arena, or let it resume."""
+        name, state = ("pause", SimState.PAUSED) if paused else ("resume", SimState.PLAYING)
+        self._call(name, SET_SIMULATION_STATE, encode_state_request(state), _outcome)
+
+    def step(self) -> None:
+        """Let a paused arena make one control step."""
+        self._call("step", STEP_SIMULATION, encode_steps_request(1), _outcome)
+
+    def set_speed(self, times: float) -> None:
+        """Set the speed, in multiples of real time."""
+        self._call("speed", SPEED, encode_speed(times), _outcome)
+
+    def reset(self, episode: int | None) -> None:
+        """Begin an episode by its number, or the next one."""
+        self._call("reset", RESET, encode_reset(ResetRequest(episode)), _outcome)
 
     def move(self, block: int, x: float, y: float) -> None:
-        """Put a block, by its number in Ω without the hand, elsewhere on the table (m)."""
+        """Move a block, by its row in Ω without the hand, to a place on the table (m)."""
         place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
 
-        def named(future: Any) -> None:
-            names = decode_names(future.result())[1:]
-            if not 0 <= block < len(names):
-                self._said = f"move: expected one of {len(names)} blocks, got number {block}"
-                return
+        def find_block(response: Any) -> str:
+            names = decode_names(response)[1:]  # the first is the arm
+            if block >= len(names):
+                return f"expected one of {len(names)} blocks, got number {block}"
             request = encode_state_change(names[block], place)
-            moving = self._client(SET_ENTITY_STATE).call_async(request)
-            moving.add_done_callback(self._told("move", lambda done: moved(names[block], done)))
+            self._call(f"move {names[block]}", SET_ENTITY_STATE, request, _outcome)
+            return ""
 
-        def moved(name: str, future: Any) -> None:
-            code, reason = decode_result(future.result())
-            self._said = f"move {name}: " + ("done" if code == ResultCode.OK else reason)
-
-        self._said = "move: asked, no answer yet"
-        asked = self._client(GET_ENTITIES).call_async(GET_ENTITIES[1].Request())
-        asked.add_done_callback(self._told("move", named))
-
-    def _told(self, name: str, answered: Callable[[Any], None]) -> Callable[[Any], None]:
-        """The callback of an answer; what it raises is said."""
-
-        def told(future: Any) -> None:
-            try:
-                answered(future)
-            except Exception as error:
-                self._said = f"{name}: {type(error).__name__}: {error}"
-
-        return told
-
-    def _client(self, service: tuple[str, Any]) -> Any:
-        """Made when it is first needed."""
-        name, kind = service
-        if name not in self._clients:
-            where = f"/{self._namespace}/{name}".replace("//", "/")
-            self._clients[name] = self._node.create_client(kind, where)
-        return self._clients[name]
+        self._call("move", GET_ENTITIES, GET_ENTITIES[1].Request(), find_block)
 
     def html(self) -> str:
         """The last request, and its answer."""
-        return markup.quiet(self._said) if self._said else ""
+        return markup.quiet(self._status) if self._status else ""
 
-    def _answered(self, name: str, future: Any) -> None:
-        outcome = decode_outcome(future.result())
-        refused = f"refused: {outcome.code} {outcome.reason}"
-        self._said = f"{name}: done" if outcome.success else f"{name}: {refused}"
+    def _call(self, name: str, service: tuple[str, Any], request: Any, answered: Answered) -> None:
+        """Send a request; `answered` gives the status once a response has arrived."""
+        path, kind = service
+        if path not in self._clients:
+            where = f"/{self._namespace}/{path}".replace("//", "/")
+            self._clients[path] = self._node.create_client(kind, where)
+
+        def respond(future: Any) -> None:
+            try:
+                said = answered(future.result())
+            except Exception as error:  # nobody else would report it
+                said = f"{type(error).__name__}: {error}"
+            if said:
+                self._status = f"{name}: {said}"
+
+        self._status = f"{name}: not answered yet"
+        self._clients[path].call_async(request).add_done_callback(respond)
+
+
+def _outcome(response: Any) -> str:
+    outcome = decode_outcome(response)
+    return "done" if outcome.success else f"rejected: {outcome.code} {outcome.reason}"
