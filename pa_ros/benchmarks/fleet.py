@@ -46,6 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=3, help="of each size (%(default)s)")
     parser.add_argument("--arenas", type=int, nargs="+", default=[1, 2, 4, 8], metavar="N",
                         help="sizes of the fleet (%(default)s)")  # fmt: skip
+    parser.add_argument("--compose", action="store_true",
+                        help="each arena and its agent in one process")  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> Report:
@@ -58,7 +60,7 @@ def run(options: argparse.Namespace) -> Report:
     score = HeldOutScore()
     report: dict[str, float] = {}
     for arenas in options.arenas:
-        runs = [_run(arenas, seed, score) for seed in range(options.seeds)]
+        runs = [_run(arenas, seed, score, options.compose) for seed in range(options.seeds)]
         reached = [seconds for _, seconds in runs if seconds is not None]
         report[f"fleet.frames_per_s_{arenas}"] = statistics.median(rate for rate, _ in runs)
         report[f"fleet.reached_{arenas}"] = len(reached)
@@ -108,7 +110,7 @@ def _parameters(arenas: int, seed: int) -> Parameters:
     return in_step(fleet(one, arenas), "free")
 
 
-def _run(arenas: int, seed: int, score: HeldOutScore) -> tuple[float, float | None]:
+def _run(arenas: int, seed: int, score: HeldOutScore, compose: bool) -> tuple[float, float | None]:
     """Frames per second of one run, and seconds until GOAL (None: not within FRAMES)."""
     figures = GraphFigures()
     policies: dict[int, tuple[float, PolicySnapshot]] = {}
@@ -132,7 +134,7 @@ def _run(arenas: int, seed: int, score: HeldOutScore) -> tuple[float, float | No
         with client_node("bench") as node:
             watch_diagnostics(node, figures)
             POLICY_WEIGHTS.subscribe(node, keep)
-            start_nodes(supervisor, _parameters(arenas, seed), Path(name))
+            start_nodes(supervisor, _parameters(arenas, seed), Path(name), compose=compose)
             if not watch(node, supervisor, sample, finished, TIMEOUT_S):
                 raise PaError(f"fleet: expected {FRAMES} frames in {TIMEOUT_S:g} s, got {marks}")
     rate = (marks[-1][1] - marks[0][1]) / (marks[-1][0] - marks[0][0])

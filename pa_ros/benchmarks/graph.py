@@ -42,13 +42,14 @@ def run(options: argparse.Namespace) -> Report:
     `graph.step_us`, the time of a step, is made up of `arena_us` and `policy_us`, by the nodes' own
     clocks; `transport_us`, a bare round trip; `waking_us`, what a round trip costs more when as
     much is computed in it (colder caches, sleeping threads and cores); and `nodes_us`, the rest:
-    encoding, matching, bookkeeping. `with_key_of_without` is the rate with signed messages as a
-    share of the rate without.
+    encoding, matching, bookkeeping. `composed_steps_per_s` is the rate of both nodes in one
+    process; `with_key_of_without` the rate with signed messages as a share of the rate without.
     """
     use_domain(None)
     figures: dict[str, list[float]] = {}
     for _ in range(options.rounds):
         found = lockstep(PARAMETERS)
+        found["graph.composed_steps_per_s"] = lockstep(PARAMETERS, compose=True)[RATE]
         with tempfile.TemporaryDirectory() as folder:
             key = Path(folder) / "key"
             key.touch(mode=0o600)
@@ -76,7 +77,7 @@ def run(options: argparse.Namespace) -> Report:
     }
 
 
-def lockstep(parameters: Parameters) -> dict[str, float]:
+def lockstep(parameters: Parameters, compose: bool = False) -> dict[str, float]:
     """Steps per second, and the arena's and the policy's time in a step, of one fresh graph."""
     samples: list[dict[str, float]] = []
     figures = GraphFigures()
@@ -90,7 +91,7 @@ def lockstep(parameters: Parameters) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
         with client_node("bench") as node:
             watch_diagnostics(node, figures)
-            start_nodes(supervisor, parameters, Path(folder))
+            start_nodes(supervisor, parameters, Path(folder), compose=compose)
             if not watch(node, supervisor, sample, lambda: len(samples) >= wanted, TIMEOUT_S):
                 raise PaError(f"graph: expected steps within {TIMEOUT_S:g} s, got too few")
     return {name: statistics.median(s[name] for s in samples[2:]) for name in SOURCES}

@@ -27,8 +27,7 @@ from pa_ros.evaluation.scores import rewards
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros.topics import VERDICT
-from pa_ros.tools.arena_client import ArenaClient
-from pa_ros.tools.client import client_node
+from pa_ros.tools.client import ArenaClient, client_node
 from pa_ros.tools.domain import use_domain
 from pa_ros.tools.film import FEWER, FULL, demo_programs, find_scene
 from pa_ros.tools.graph import start_nodes, watch

@@ -17,15 +17,20 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import printable, printable_lines
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import OBJECT_FEATURES
-from pa_ros.tools.arena_client import ArenaClient, ArenaSilentError
-from pa_ros.tools.client import Node, client_node, elsewhere, spin_with_notice
+from pa_ros.tools.client import (
+    ArenaClient,
+    NoAnswerError,
+    Node,
+    client_node,
+    elsewhere,
+    spin_with_notice,
+)
 from pa_ros.tools.scenes import Scene
 from pa_ros.tools.send import (
     Answers,
     GoalClient,
     ProgramSender,
     SendOptions,
-    SendTimeoutError,
     sendable,
 )
 from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
@@ -85,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
             if status == EXIT_REFUSED and spin_until(node, lambda: scene.known, SUGGEST_S):
                 print(_suggested(scene), file=sys.stderr)
             return status
-        except (SendTimeoutError, ArenaSilentError) as error:
+        except NoAnswerError as error:
             print(f"timed out: {error}{elsewhere(node)}", file=sys.stderr)
             return EXIT_TIMED_OUT
 
@@ -100,18 +105,18 @@ def _scene(text: str) -> ResetRequest:
 
 
 def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
-    """Say what stands there. SendTimeoutError if no arena shows itself, or its table, in time."""
+    """Say what stands there. NoAnswerError if no arena shows itself, or its table, in time."""
     if not spin_with_notice(node, lambda: scene.known, timeout_s):
         if scene.arena is not None:
-            raise SendTimeoutError(
+            raise NoAnswerError(
                 f"arena {printable(scene.arena.arena_id)} describes itself, but no "
                 f"{OBJECT_FEATURES.name} that fit came within {timeout_s:g} s"
             )
         if scene.unreadable:
-            raise SendTimeoutError(
+            raise NoAnswerError(
                 f"the arena here describes itself in a way that is not read: {scene.unreadable}"
             )
-        raise SendTimeoutError(
+        raise NoAnswerError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )
     for label, text in scene.rows():

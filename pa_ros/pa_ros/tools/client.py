@@ -1,4 +1,4 @@
-"""A node of a command-line tool: it watches or asks, and is gone when the command ends."""
+"""A command-line tool on the graph: its node, and the services of an arena that it calls."""
 
 from __future__ import annotations
 
@@ -6,28 +6,42 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 from rclpy.node import Node
 
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.environment import prepare_environment, start_ros
+from pa_ros.ros.executor import release, spin_until
+from pa_ros.ros.topics import ARENA_INFO, RESET, SET_SIMULATION_STATE
+from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset
+from pa_ros.wire.simulator import SimState, encode_state_request
 
-__all__ = ["Node", "client_node", "elsewhere", "namespaces_of_arenas", "spin_with_notice"]
+__all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node", "elsewhere", "spin_with_notice"]
 
 NOTICE_S = 3.0
+
+Spin = Callable[[Callable[[], bool], float], bool]
+"""Spins until a condition is true or a time in seconds is over; whether it became true."""
+
+
+class NoAnswerError(PaError):
+    """Nobody on the graph answered in time."""
+
+    code = "send.timeout"
 
 
 @contextmanager
 def client_node(name: str, namespace: str = "") -> Iterator[Node]:
-    """A node named `<name>_<pid>`, ROS being up for as long as it lives; signals are left alone.
+    """Start ROS and make a node named `<name>_<pid>`; end both afterwards.
 
-    One at a time in a process. Raises ConfigError for what ROS refuses.
+    A process can have one at a time. Signals keep their handlers. Raises ConfigError for what ROS
+    rejects.
     """
     prepare_environment()
     import rclpy
     from rclpy.exceptions import InvalidNamespaceException
-
-    from pa_ros.ros.executor import release
 
     start_ros([])
     try:
@@ -50,14 +64,11 @@ def client_node(name: str, namespace: str = "") -> Iterator[Node]:
 
 
 def spin_with_notice(node: Node, condition: Callable[[], bool], timeout_s: float) -> bool:
-    """`spin_until`, but says so once on standard error where there is no arena at all to answer."""
-    from pa_ros.ros.executor import spin_until
-    from pa_ros.ros.topics import ARENA_INFO
-
-    at_once = min(NOTICE_S, timeout_s)
-    if spin_until(node, condition, at_once):
+    """Like `spin_until`; says on standard error after NOTICE_S that there is no arena to answer."""
+    before_notice_s = min(NOTICE_S, timeout_s)
+    if spin_until(node, condition, before_notice_s):
         return True
-    if timeout_s > at_once and not node.get_publishers_info_by_topic(ARENA_INFO.name):
+    if timeout_s > before_notice_s and not node.get_publishers_info_by_topic(ARENA_INFO.name):
         domain = node.context.get_domain_id()
         print(
             f"no arena yet in ROS domain {domain}, namespace {node.get_namespace()}: "
@@ -65,13 +76,11 @@ def spin_with_notice(node: Node, condition: Callable[[], bool], timeout_s: float
             file=sys.stderr,
             flush=True,
         )
-    return spin_until(node, condition, timeout_s - at_once)
+    return spin_until(node, condition, timeout_s - before_notice_s)
 
 
 def namespaces_of_arenas(node: Node) -> tuple[str, ...]:
     """Namespaces in which an arena describes itself; `/` is the root."""
-    from pa_ros.ros.topics import ARENA_INFO
-
     name = f"/{ARENA_INFO.name}"
     return tuple(sorted(
         topic.removesuffix(name) or "/"
@@ -81,8 +90,42 @@ def namespaces_of_arenas(node: Node) -> tuple[str, ...]:
 
 
 def elsewhere(node: Node) -> str:
-    """Where arenas are, behind a line that says that none is here; empty: here, or nowhere."""
+    """The end of a line that says that no arena is here: where there are others; else empty."""
     found = namespaces_of_arenas(node)
     if not found or node.get_namespace() in found:
         return ""
     return f"; an arena describes itself in {', '.join(found)}: --namespace chooses it"
+
+
+class ArenaClient:
+    """The services of the arena in a node's namespace, or in one below it."""
+
+    def __init__(self, node: Node, spin: Spin | None = None, namespace: str = "") -> None:
+        self._spin = spin or partial(spin_until, node)
+        below = f"{namespace}/" if namespace else ""
+        self._reset = node.create_client(RESET[1], below + RESET[0])
+        self._state = node.create_client(SET_SIMULATION_STATE[1], below + SET_SIMULATION_STATE[0])
+
+    def reset(self, request: ResetRequest, timeout_s: float) -> Outcome:
+        """Begin an episode; episode and step then. Raises NoAnswerError, PaError if rejected."""
+        return self._call("reset", self._reset, encode_reset(request), timeout_s)
+
+    def pause(self, paused: bool, timeout_s: float) -> Outcome:
+        """Stop or resume simulation time. Raises NoAnswerError, PaError if rejected."""
+        state = SimState.PAUSED if paused else SimState.PLAYING
+        request = encode_state_request(state)
+        return self._call(SET_SIMULATION_STATE[0], self._state, request, timeout_s)
+
+    def _call(self, name: str, client: Any, request: Any, timeout_s: float) -> Outcome:
+        if not self._spin(client.service_is_ready, timeout_s):
+            raise NoAnswerError(
+                f"{name}: no arena offers it within {timeout_s:g} s", code="arena.silent"
+            )
+        answer = client.call_async(request)
+        if not self._spin(answer.done, timeout_s):
+            raise NoAnswerError(f"{name}: no answer within {timeout_s:g} s", code="arena.silent")
+        outcome = decode_outcome(answer.result())
+        if not outcome.success:
+            text = f"{name}: rejected: [{outcome.code}] {outcome.reason}"
+            raise PaError(text, code="arena.service")
+        return outcome

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from pa_ros.bags.errors import BagError
 from pa_ros.ros import topics
-from pa_ros.tools.arena_client import ArenaClient
+from pa_ros.tools.client import ArenaClient
 from pa_ros.tools.graph import DISCOVERY_S, present, start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, merged
 from pa_ros.tools.launcher import Supervisor

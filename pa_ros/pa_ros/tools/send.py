@@ -14,12 +14,13 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
-from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
+from pa_ros.tools.client import NoAnswerError, Spin
 from pa_ros.wire import Message
 from pa_ros.wire.program import (
     LONGEST_S,
@@ -46,9 +47,6 @@ NO_GOALS = (
     "the agent takes no goals now: is it configured and active? (ros2 lifecycle get, with its name)"
 )
 
-Spin = Callable[[Callable[[], bool], float], bool]
-"""Spins until a condition is true or a time in seconds is over; whether it became true."""
-
 
 class SendOptions(Settings):
     """How to send."""
@@ -69,12 +67,6 @@ class SendOptions(Settings):
         le=LONGEST_S,
         description="simulation time for which a goal must stay satisfied",
     )
-
-
-class SendTimeoutError(PaError):
-    """Not every node answered in time, or no verdict was published."""
-
-    code = "send.timeout"
 
 
 @dataclass
@@ -115,7 +107,7 @@ class ProgramSender:
     def send(self, text: str, timeout_s: float) -> Answers:
         """Publish a program and wait until an arena, an agent and all others have answered.
 
-        Returns at the first refusal. Raises SendTimeoutError if a node doesn't answer, ConfigError
+        Returns at the first refusal. Raises NoAnswerError if a node doesn't answer, ConfigError
         for text that can't be sent at all.
         """
         self._program_id = f"send-{uuid.uuid4().hex[:16]}"
@@ -127,14 +119,14 @@ class ProgramSender:
             missing = ", ".join(sorted(self.answers.silent | self.answers.absent))
             absent = self.answers.absent
             hint = ": does the graph run, in this ROS domain and namespace?" if absent else ""
-            raise SendTimeoutError(f"no answer within {timeout_s:g} s from {missing}{hint}")
+            raise NoAnswerError(f"no answer within {timeout_s:g} s from {missing}{hint}")
         return self.answers
 
     def wait(self, timeout_s: float) -> Execution:
-        """Wait for the outcome of the program sent last. Raises SendTimeoutError."""
+        """Wait for the outcome of the program sent last. Raises NoAnswerError."""
         if not self._spin(lambda: self._execution is not None, timeout_s):
             begun = "it is still being executed" if self._watch.begun else "no verdict on it came"
-            raise SendTimeoutError(f"{begun} after {timeout_s:g} s")
+            raise NoAnswerError(f"{begun} after {timeout_s:g} s")
         assert self._execution is not None
         return self._execution
 
@@ -197,7 +189,7 @@ class GoalClient:
         """Have an agent pursue a goal to its end. An exception meanwhile cancels the goal.
 
         An agent that knows no arena or weights yet is asked again. If the agent takes no goals,
-        the result has the code REJECTED. Raises SendTimeoutError.
+        the result has the code REJECTED. Raises NoAnswerError.
         """
         until = time.monotonic() + timeout_s
         while True:
@@ -214,14 +206,14 @@ class GoalClient:
             feedback_callback=lambda m: progress(decode_goal_feedback(m.feedback)),
         )
         if not self._spin(sent.done, timeout_s):
-            raise SendTimeoutError(f"no agent accepted the goal within {timeout_s:g} s")
+            raise NoAnswerError(f"no agent accepted the goal within {timeout_s:g} s")
         handle: Any = sent.result()
         if not handle.accepted:
             return GoalResult(False, code=REJECTED, reason=NO_GOALS)
         result = handle.get_result_async()
         try:
             if not self._spin(result.done, timeout_s):
-                raise SendTimeoutError(f"it is still being executed after {timeout_s:g} s")
+                raise NoAnswerError(f"it is still being executed after {timeout_s:g} s")
         finally:
             if not result.done():
                 self._spin(handle.cancel_goal_async().done, CANCEL_S)
