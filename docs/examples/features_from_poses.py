@@ -57,16 +57,14 @@ class FeaturesFromPoses(Node):
         self.frame, self.poses[name] = frame, (time.monotonic(), pose)
 
     def on_joints(self, message) -> None:
-        since = time.monotonic() - OLDEST_S
-        known = [self.poses[name] for name in self.names if name in self.poses]
-        fresh = [pose for at, pose in known if at > since]
+        fresh = [pose for at, pose in self.poses.values() if at > time.monotonic() - OLDEST_S]
         if self.arena is None or len(fresh) < len(self.names):
             return
-        seen = np.array(fresh)  # [1 + n, 7]
+        seen = np.array([self.poses[name][1] for name in self.names])  # [1 + n, 7]
         objects = objects_from_poses(self.arena.world.schema, [*self.labels.values()], seen)
-        (program_id, text), names = self.program, self.arena.joint_names
+        (program_id, text), when = self.program, header_stamp(message)
+        joints = decode_joints(message, self.arena.joint_names)
         self.step += 1
-        when, joints = header_stamp(message), decode_joints(message, names)
         step = Observation(0, self.step, when, objects, *joints, 0, program_id, seen[0])
         context = StepContext(self.arena.arena_id, program=text)
         self.features.publish(encode_observation(step, context))

@@ -30,21 +30,17 @@ class Driver(Node):
         self.words, self.program, self.command = self.robot.design.vocabulary, None, None
         speeds = self.robot.config.joint_speed_limits
         self.speeds = {f"joint_{i}": speed for i, speed in enumerate(speeds, start=1)}
-        self.about = describe_robot(
-            world_of(arm, self.robot.design), self.speeds, control_period_s=0.1
-        )
-        out = topics.ARENA_INFO, topics.OBJECT_FEATURES, topics.JOINT_STATES
-        self.info, self.features, self.joints = (topic.publisher(self) for topic in out)
-        self.verdicts, self.status = (
-            topic.publisher(self) for topic in (topics.VERDICT, topics.PROGRAM_STATUS)
-        )
+        world = world_of(arm, self.robot.design)
+        self.about = describe_robot(world, self.speeds, control_period_s=0.1)
+        self.info = topics.ARENA_INFO.publisher(self)
+        self.features = topics.OBJECT_FEATURES.publisher(self)
+        self.joints = topics.JOINT_STATES.publisher(self)
+        self.verdicts = topics.VERDICT.publisher(self)
+        self.status = topics.PROGRAM_STATUS.publisher(self)
         self.info.publish(encode_arena_info(self.about))
         self.refusals = Refusals(self.get_logger().warning)
-        for topic, react in (
-            (topics.JOINT_COMMANDS, self.on_command),
-            (topics.PROGRAM, self.on_program),
-        ):
-            topic.subscribe(self, self.refusals.guard(topic.name, react))
+        topics.JOINT_COMMANDS.subscribe(self, self.refusals.guard("command", self.on_command))
+        topics.PROGRAM.subscribe(self, self.refusals.guard("program", self.on_program))
         steady_timer(self, 0.1, self.step)
 
     def on_program(self, message) -> None:
