@@ -1,7 +1,7 @@
-"""Programs and descriptions in JSON, led by coverage: `python tests/fuzz/guided.py [OPTIONS]`.
+"""Fuzz programs and JSON descriptions, guided by coverage: `python tests/fuzz/guided.py [OPTIONS]`.
 
-Atheris hears which branches of the parser and of the readers of descriptions a text takes, and
-bends it to those not taken yet; options are libFuzzer's. It says so where atheris isn't installed.
+Atheris observes which branches a text takes and changes the text to reach others. The options are
+libFuzzer's. Without atheris it prints a note and does nothing.
 """
 
 from __future__ import annotations

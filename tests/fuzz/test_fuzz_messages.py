@@ -1,4 +1,4 @@
-"""Any message that travels is understood or refused by type, and what is understood is usable."""
+"""A message with changed fields is rejected by a PaError, or decoded and then usable."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ SETTINGS = DPGConfig().changed(
 )
 WORLD = World(PAPER, PAPER.vocabulary, joints=6)
 ORIGIN = Origin("/sim_node", "a", "0.2", "numpy 2", 0, {"a": 1}, "2-L", "jaco", "fast", WORLD)
-JUDGEMENT = ProgramStatus("p", "/sim_node", True, "NEAR(HAND, RED)")
+STATUS = ProgramStatus("p", "/sim_node", True, "NEAR(HAND, RED)")
 
 
 def arena(message: Any) -> None:
@@ -111,7 +111,7 @@ def learner(message: Any) -> None:
 
 
 def weights(message: Any) -> None:
-    """By an agent that has none yet, and by one that follows a learner."""
+    """An agent without weights, and one that follows a learner, may load these."""
     policy = decode_weights(message)
     _acts(Agent(ME), policy)
     follower = LearningAgent(ME, 0)
@@ -126,9 +126,9 @@ def _acts(agent: Agent, policy: Any) -> None:
 
 
 def trajectory(message: Any) -> None:
-    """By a learner, which then still learns from what is good, and from finite numbers."""
+    """A learner that inserts it keeps finite weights; one that rejects it is unchanged."""
     received = decode_trajectory(message, learners.WORLD)
-    network = replace_words(NETWORK)
+    network = NETWORK.changed(world=learners.WORLD)
     run = LearningRun(Learner(network, SETTINGS, learners.ARENA.training_programs, 0), 0.1)
     before = run.learner.counters.version
     try:
@@ -139,17 +139,13 @@ def trajectory(message: Any) -> None:
     assert all(np.isfinite(t).all() for t in run.policy().snapshot.tensors.values())
 
 
-def replace_words(network: NetworkConfig) -> NetworkConfig:
-    return network.changed(world=learners.WORLD)
-
-
 def program(message: Any) -> None:
     request = decode_program(message)
     assert request.program_id
     parse(request.text, learners.DESIGN.vocabulary)
 
 
-DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
+RECEIVERS: dict[str, tuple[Any, Callable[[Any], object]]] = {
     "arena_info": (encode_arena_info(learners.ARENA), arena),
     "object_features": (FEATURES, features),
     "joint_states": (encode_joints(OBSERVATION, JOINT_NAMES), joints),
@@ -162,7 +158,7 @@ DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
     ),
     "trajectory": (encode_trajectory(learners.trajectory(0)), trajectory),
     "program": (encode_program(ProgramRequest("p", "NEAR(HAND, RED)")), program),
-    "program_status": (encode_program_status(JUDGEMENT), decode_program_status),
+    "program_status": (encode_program_status(STATUS), decode_program_status),
     "provenance": (encode_provenance(ORIGIN), decode_provenance),
     "diagnostics": (
         encode_diagnostics([Health("/a", 1, "x", {"k": "v"})], 5),
@@ -173,20 +169,24 @@ DOORS: dict[str, tuple[Any, Callable[[Any], object]]] = {
 }
 
 
-def judge(name: str, message: Any) -> None:
+def check(name: str, message: Any) -> None:
     try:
-        DOORS[name][1](message)
+        RECEIVERS[name][1](message)
     except PaError as error:
         assert error.code and str(error)
 
 
 @pytest.mark.timeout(0)
-@pytest.mark.parametrize("name", DOORS)
+@pytest.mark.parametrize("name", RECEIVERS)
 def test_messages(name: str):
-    explore(damaged(DOORS[name][0]), lambda message: judge(name, message), MESSAGES // len(DOORS))
+    explore(
+        damaged(RECEIVERS[name][0]),
+        lambda message: check(name, message),
+        MESSAGES // len(RECEIVERS),
+    )
 
 
-@pytest.mark.parametrize("name", DOORS)
-def test_what_is_not_damaged_is_understood(name: str):
-    message, door = DOORS[name]
-    door(message)
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_an_unchanged_message_is_decoded(name: str):
+    message, receive = RECEIVERS[name]
+    receive(message)

@@ -1,4 +1,4 @@
-"""Any text is a program or a refusal, whatever a million of them say."""
+"""Any text is parsed, or rejected by a ProgramError within the text."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ texts = st.one_of(
 )
 
 
-def judge(text: str) -> object:
-    """Parsed and compiled, and the same when printed; or refused within its text."""
+def check(text: str) -> object:
+    """A parsed program compiles, and prints to a text that parses to itself."""
     try:
         program = parse(text, WORDS)
     except ProgramError as error:
@@ -46,10 +46,10 @@ def judge(text: str) -> object:
 
 @pytest.mark.parametrize("text", KEPT)
 def test_cases_found_before(text: str):
-    judge(text)
+    check(text)
 
 
 @pytest.mark.timeout(0)
 def test_programs():
     cases = st.lists(texts, min_size=AT_ONCE, max_size=AT_ONCE)
-    explore(cases, lambda several: list(map(judge, several)), PROGRAMS // AT_ONCE)
+    explore(cases, lambda several: list(map(check, several)), PROGRAMS // AT_ONCE)
