@@ -6,7 +6,7 @@ import pydoc
 import subprocess
 import sys
 from pathlib import Path
-from textwrap import dedent
+from textwrap import indent
 
 import pytest
 
@@ -28,7 +28,7 @@ def test_the_example_of_the_readme_and_the_docstring_succeeds(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     example = README.partition("```python\n")[2].partition("```")[0]
-    assert example in dedent((pa_ros.__doc__ or "").partition("\n\n")[2])
+    assert indent(example, "    ") in (pa_ros.__doc__ or "")
     exec(example, {})
     assert capsys.readouterr().out.startswith("True 0.0")
 
