@@ -1,7 +1,7 @@
-"""An algorithm of one's own: critic-regularized regression (Wang et al. 2020).
+"""A custom algorithm: critic-regularized regression (Wang et al. 2020).
 
-The critic learns as DPG's. The actor doesn't ascend it: it imitates the stored actions, those more
-that the critic prefers to the actor's own.
+The critic learns like DPG's. The actor imitates stored actions, with more weight on those that the
+critic prefers to the actor's own.
 """
 
 from __future__ import annotations
@@ -25,16 +25,18 @@ from pa_ros.world.programs import ProgramTable
 
 
 class CRRConfig(LearnerConfig):
-    """What it has beside the settings that all algorithms share."""
+    """The settings of this algorithm, besides those that all algorithms share."""
 
     ALGORITHM: ClassVar[str] = "crr"
 
-    temperature: float = Field(0.1, gt=0, description="of Q: how sharply better is preferred")
+    temperature: float = Field(
+        0.1, gt=0, description="of Q; a lower one prefers better actions more sharply"
+    )
     largest_weight: float = Field(20.0, gt=0, description="of one transition")
 
 
 class TorchCRR(TorchEngine):
-    """One update. Targets are copied at each episode's end, as DPG's."""
+    """One update; targets are copied at the end of each episode, like DPG's."""
 
     def __init__(
         self,
@@ -65,10 +67,10 @@ class TorchCRR(TorchEngine):
 def make_engine(
     network: NetworkConfig, config: CRRConfig, table: ProgramTable, rng: np.random.Generator
 ) -> Engine:
-    """With random initial weights."""
+    """An engine with random initial weights."""
     return TorchCRR(network, config, table, initial_networks(network, rng))
 
 
-# Under the protocol `ours` actions are noisier: good ones are preferred less sharply.
+# The protocol `ours` has more exploration noise, so better actions are preferred less sharply.
 VALUES = {"ours": {"learner.temperature": 0.2}}
 ALGORITHMS.register("crr", Algorithm(CRRConfig, make_engine, VALUES))

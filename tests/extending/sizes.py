@@ -1,4 +1,4 @@
-"""An extension: blocks are small or large, too; a property group that is a number, in metres."""
+"""A custom property group: blocks are small or large, seen as a number in metres."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 
 EDGE_M = {"SMALL": 0.04, "LARGE": 0.08}
 
-# What an object is seen as, after shape and color: one number, its edge in m. Words are true
-# within a centimetre; networks read 25 units per metre.
+# One more feature of an object, after shape and color: its edge in m. A word is true within 1 cm of
+# its value; networks get 25 units per metre.
 SIZE = PropertyGroup(
     "size",
     ("SMALL", "LARGE"),
@@ -19,13 +19,13 @@ SIZE = PropertyGroup(
 )
 SCHEMA = ObjectSchema((*PAPER.groups, SIZE))
 
-# What it is on the table: our blocks' edge is twice BLOCK_HALF_SIZE_M.
+# How it looks on the table: the edge of a block of scale 1 is twice BLOCK_HALF_SIZE_M.
 APPEARANCES.register(
     "size", lambda look, value: replace(look, scale=EDGE_M[value] / (2 * BLOCK_HALF_SIZE_M))
 )
 
-# Which blocks there are, in the order in which programs name their properties; large blue ones are
-# never a target in training.
+# The blocks of the design, with properties in the order in which programs name them. Large blue
+# blocks are never a target in training.
 VALUES = {"size": ("SMALL", "LARGE"), "color": ("RED", "BLUE"), "shape": ("CUBE",)}
 HELD_OUT = Kind(size="LARGE", color="BLUE", shape="CUBE")
 register(
