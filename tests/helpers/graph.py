@@ -39,6 +39,15 @@ from pa_ros.wire.simulator import SimState, encode_state_request
 from pa_ros.world import Trajectory
 from sim_node.session import Session
 
+# Settings of a learner whose updates take little time, and the same as parameters of `graph`.
+SMALL: dict[str, Any] = {
+    "learner.replay.warmup_frames": 20,
+    "learner.replay.batch_size": 8,
+    "learner.schedule.trajectory_steps": 10,
+    "network.hidden": 16,
+}
+SMALL_LEARNER = {f"learner_node__{name}": value for name, value in SMALL.items()}
+
 
 class Probe(Node):
     """A node that subscribes to every topic, publishes on any, and calls services."""

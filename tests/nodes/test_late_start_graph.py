@@ -48,11 +48,8 @@ def test_a_program_outlives_its_sender() -> None:
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 4)
 
 
-@pytest.mark.parametrize("mode", ["lockstep", "real_time"])
-def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go(mode) -> None:
-    with graph(
-        SimNode, AgentNode, agent_node__weights="random", sim_node__mode=mode, sim_node__paused=True
-    ) as probe:
+def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go() -> None:
+    with graph(SimNode, AgentNode, agent_node__weights="random", sim_node__paused=True) as probe:
         assert probe.until(lambda: probe.message("sim_node") != "")
         assert probe.until(lambda: probe.value("agent_node", "refused") != "")
         assert probe.count(topics.ARENA_INFO) == 1 and probe.count(topics.OBJECT_FEATURES) == 0

@@ -9,7 +9,17 @@ import pytest
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
-from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Probe, User, graph
+from helpers.graph import (
+    ACTIVATE,
+    CLEANUP,
+    CONFIGURE,
+    DEACTIVATE,
+    SMALL,
+    SMALL_LEARNER,
+    Probe,
+    User,
+    graph,
+)
 from helpers.learners import ARENA, trajectory
 from learner_node.node import LearnerNode
 from learner_node.worker import LearnerWorker
@@ -29,16 +39,13 @@ from sim_node.node import SimNode
 pytestmark = pytest.mark.graph
 SCENE = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
 TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
-STEPS = 10
+STEPS = SMALL["learner.schedule.trajectory_steps"]
 LEARNING = {
     "sim_node__resend_period_s": 0.2,
     "agent_node__learning": True,
     "agent_node__agent_id": "a",
     "agent_node__resend_period_s": 0.2,
-    "learner_node__learner.replay.warmup_frames": 20,
-    "learner_node__learner.replay.batch_size": 8,
-    "learner_node__network.hidden": 16,
-    "learner_node__learner.schedule.trajectory_steps": STEPS,
+    **SMALL_LEARNER,
 }
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agent_node.node import AgentNode
-from helpers.graph import Witness, graph
+from helpers.graph import SMALL_LEARNER, Witness, graph
 from helpers.learners import ARENA, WORLD, trajectory
 from learner_node.node import LearnerNode
 from pa_ros.ros import topics
@@ -22,7 +22,7 @@ from pa_ros.wire.learning import decode_trajectory, encode_trajectory
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-LEARNING = {"agent_node__learning": True, "agent_node__agent_id": "real"}
+LEARNING = {"agent_node__learning": True, "agent_node__agent_id": "real", **SMALL_LEARNER}
 
 
 @contextmanager
@@ -37,8 +37,8 @@ def process(node: str, *parameters: str) -> Iterator[None]:
 
 
 def test_the_commands_of_a_second_agent_move_nothing() -> None:
-    with graph(SimNode, AgentNode, **LEARNING | {"agent_node__learning": False},
-               agent_node__weights="random") as probe:  # fmt: skip
+    given = {"agent_node__agent_id": "real", "agent_node__weights": "random"}
+    with graph(SimNode, AgentNode, **given) as probe:
         assert probe.until(lambda: probe.message("sim_node") == "running")
         with process("agent_node", "weights:=random", "agent_id:=second"):
             said = "a second agent is ignored (second/"
@@ -99,14 +99,3 @@ def test_a_strangers_arena_and_experience_do_not_bind_a_learner_against_the_real
         assert probe.until(lambda: probe.message("learner_node") == "learning")
         assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 300)
         assert probe.until(lambda: probe.message("agent_node") == "acting")
-
-
-def test_an_agent_of_a_fixed_name_that_starts_again_is_learned_from() -> None:
-    with graph(SimNode, LearnerNode) as probe:
-        frames = lambda: float(probe.value("learner_node", "frames") or 0)  # noqa: E731
-        for _ in range(2):
-            before = frames()
-            with process("agent_node", "learning:=true", "agent_id:=fixed"):
-                assert probe.until(lambda: frames() > before + 300)  # noqa: B023
-            assert probe.until(lambda: "no trajectory for" in probe.message("learner_node"))
-        assert probe.value("learner_node", "duplicate_trajectories") == "0"

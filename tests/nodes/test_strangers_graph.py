@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from agent_node.node import AgentNode
-from helpers.graph import Probe, Witness, graph
+from helpers.graph import SMALL_LEARNER, Probe, Witness, graph
 from helpers.learners import ARENA, WORLD, snapshot, trajectory
 from learner_node.node import LearnerNode
 from pa_ros.core.published import PublishedPolicy
@@ -32,7 +32,7 @@ from pa_ros.wire.step import Command, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-LEARNING = {"agent_node__learning": True, "agent_node__agent_id": "real"}
+LEARNING = {"agent_node__learning": True, "agent_node__agent_id": "real", **SMALL_LEARNER}
 
 
 @pytest.fixture(scope="module")
