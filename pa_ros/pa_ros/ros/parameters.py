@@ -58,8 +58,8 @@ class NodeParameters(Generic[Kind]):
         Raises ConfigError for an unknown parameter, or for a value that the settings reject.
         """
         given = self._values()
+        self._given = set(given)  # also kept if they are rejected, so that one can be corrected
         settings = self._kind(**given)
-        self._given = set(given)
         leaves = {leaf.path: leaf for leaf in settings.own_leaves()}
         # Another algorithm than the default one may lack some of the settings declared so far.
         for path in {leaf.path: leaf for leaf in self._kind.leaves()} | leaves:
