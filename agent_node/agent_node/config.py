@@ -54,12 +54,6 @@ class AgentConfig(NodeSettings):
     max_acceleration: float = Field(
         0.0, ge=0, le=1e3, description="rad/s², of what controllers are sent; 0: no limit"
     )
-    output_timeout_s: float = Field(
-        0.3,
-        gt=0,
-        le=LONGEST_S,
-        description="wall time; without commands for so long controllers are sent to rest",
-    )
 
     @model_validator(mode="after")
     def _goes_together(self) -> Self:

@@ -19,6 +19,9 @@ from pa_ros.wire.views import encode_outlines, encode_point, encode_velocities
 if TYPE_CHECKING:
     from agent_node.node import AgentNode
 
+# Wall time without commands after which controllers are sent to rest: three control periods, as the
+# arena's own `command_timeout_s`.
+OUTPUT_TIMEOUT_S = 0.3
 WATCHDOG_S = 0.05  # wall time between two checks whether commands have stopped
 LOOK_S = 0.5  # wall time until a new viewer is noticed
 
@@ -32,7 +35,7 @@ class ControllerOutput:
 
     def __init__(self, node: AgentNode) -> None:
         config = node.config
-        self._acceleration, self._timeout_s = config.max_acceleration, config.output_timeout_s
+        self._acceleration = config.max_acceleration
         self._trajectory = config.controller == "joint_trajectory"
         topic = topics.JOINT_TRAJECTORY if self._trajectory else topics.VELOCITY_COMMANDS
         self._out = topic.publisher(node)
@@ -68,7 +71,7 @@ class ControllerOutput:
             self._publish(np.zeros(len(self._arena.speed_limits), np.float32))
 
     def _stop_if_late(self) -> None:
-        late = time.monotonic() - self._sent_at > self._timeout_s
+        late = time.monotonic() - self._sent_at > OUTPUT_TIMEOUT_S
         if late and self._ramp.moving:
             self._publish(np.zeros(len(self._ramp.velocity), np.float32))
 

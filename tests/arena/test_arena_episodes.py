@@ -4,6 +4,7 @@ import hashlib
 import json
 from itertools import combinations
 from math import hypot
+from typing import ClassVar
 
 import pytest
 
@@ -189,9 +190,13 @@ def test_custom_vocabulary_and_number_of_blocks() -> None:
     assert condition_named("train", design, n_blocks=2).n_blocks == 2
 
 
+class Crowded(ArenaConfig):
+    block_separation_m: ClassVar[float] = 0.9
+
+
 def test_too_many_blocks_for_the_ring_are_refused() -> None:
     design = design_named("3-C")
-    crowded = CONFIG.changed(block_separation_m=0.9)
+    crowded = Crowded(**CONFIG.fields())
     with pytest.raises(ArenaError, match="4 blocks"):
         generate(crowded, design, condition_named("train", design), 0, 0)
     with pytest.raises(ConfigError, match="got 10"):

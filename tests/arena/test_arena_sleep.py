@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helpers.scripts import sleep_difference
+from helpers.scripts import AwakeConfig, sleep_difference
 from pa_ros.arena import ArenaConfig, Design, Kind, ReachTask, design_named, preset_named
 from pa_ros.arena.appearance import RESTING_DEPTH_M
 from pa_ros.language import Vocabulary
@@ -26,13 +26,13 @@ def test_all_blocks_sleep_until_touched() -> None:
     np.testing.assert_array_equal(task.simulation.data.tree_awake, [1, 0, 0, 0, 0])
 
 
-@pytest.mark.parametrize("config", [preset_named("paper"), ArenaConfig(block_mass_kg=0.2)])
+@pytest.mark.parametrize("config", [preset_named("paper")])
 def test_awake_blocks_rest_where_sleeping_ones_lie(config: ArenaConfig) -> None:
     """The resting depths in the constants are MuJoCo's own."""
     values = {"shape": SHAPES, "color": ("RED",)}
     target = Kind(color="RED", shape="CUBE")
     design = Design("all", values, Vocabulary.of(**values), (target,))
-    task = ReachTask(config.changed(sleep=False), design, 0)
+    task = ReachTask(AwakeConfig(**config.fields()), design, 0)
     task.reset(0)
     start = task.simulation.positions
     for _ in range(50):

@@ -191,7 +191,7 @@ class StraightforwardEngine:
         action = actor(network, nets["actor"], now)
         given = action.detach().requires_grad_()
         (slope,) = torch.autograd.grad(critic(network, nets["critic"], now, given).sum(), given)
-        clip = self._config.actor.gradient_clip
+        clip = self._config.gradient_clip
         ascent = slope.clamp(-clip, clip)
         self.loss = float(loss.detach())
         gradients = {

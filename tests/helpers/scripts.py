@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from pa_ros.arena import ArenaConfig, ReachTask, design_named, scripted_action
@@ -16,6 +18,12 @@ def clumsy_action(task: ReachTask) -> Float64:
     return toward(task, nearest_target(task))
 
 
+class AwakeConfig(ArenaConfig):
+    """An arena whose blocks never sleep."""
+
+    sleep: ClassVar[bool] = False
+
+
 def sleep_difference(
     config: ArenaConfig, episodes: int, policy: Policy = scripted_action
 ) -> tuple[float, int]:
@@ -24,8 +32,8 @@ def sleep_difference(
     Returns the largest difference of any feature, and the number of rewards that differ.
     """
     awake, asleep = (
-        ReachTask(config.changed(sleep=sleep), design_named(DESIGN), seed=0)
-        for sleep in (False, True)
+        ReachTask(one, design_named(DESIGN), seed=0)
+        for one in (AwakeConfig(**config.fields()), config)
     )
     largest, rewards = 0.0, 0
     for episode in range(episodes):

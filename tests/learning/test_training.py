@@ -112,10 +112,11 @@ def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> N
 
 
 @pytest.mark.parametrize("lag", [1, 2])
-def test_overlap_changes_nothing(tmp_path, lag) -> None:
+def test_overlap_changes_nothing(tmp_path, monkeypatch, lag) -> None:
     settings = dpg(SETTINGS, schedule__policy_lag=lag, schedule__trajectory_steps=7)
-    one = run(tmp_path / "a", 200, settings, overlap=True)
-    assert_same(one, run(tmp_path / "b", 200, settings, overlap=False))
+    one = run(tmp_path / "a", 200, settings)
+    monkeypatch.setattr(TrainConfig, "overlap", False)
+    assert_same(one, run(tmp_path / "b", 200, settings))
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -14,10 +15,7 @@ class ExplorationConfig(Settings):
     """Exploration noise: an Ornstein–Uhlenbeck process (paper, appendix)."""
 
     sigma: float = Field(0.3, ge=0, description="σ, a share of full speed (paper)")
-    damping: float = Field(1.0, ge=0, description="θ, per second (paper)")
-    scale: Literal["stationary", "diffusion"] = Field(
-        "stationary", description="what σ is: the deviation of the noise, or of its increments"
-    )
+    damping: ClassVar[float] = 1.0  # θ, per second (paper)
 
 
 class Schedule(Settings):
@@ -60,12 +58,10 @@ class Schedule(Settings):
         return self.policy_lag + 1
 
 
-class ActingConfig(Settings):
+@dataclass(frozen=True)
+class ActingConfig:
     """All that an agent needs of its learner's settings to act as it expects."""
 
     schedule: Schedule = Schedule()
     exploration: ExplorationConfig = ExplorationConfig()
-    inference: Literal["auto", "torch"] = Field(
-        "auto",
-        description="what computes actions: auto is the fused code where it applies, else torch",
-    )
+    inference: Literal["auto", "torch"] = "auto"  # auto: the fused code where it applies

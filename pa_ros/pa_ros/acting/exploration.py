@@ -15,10 +15,9 @@ NOISE_STREAM = 1  # of default_rng([seed, stream, episode])
 class OrnsteinUhlenbeck:
     """dx = −θ x dt + noise, sampled exactly once per control step; one process per episode.
 
-    The paper gives σ = 0.3 and θ = 1.0 without units. `scale` says how σ is read:
-    "stationary" makes it the standard deviation of x itself, "diffusion" that of the noise per
-    √s, so that x has σ/√(2θ). x starts in its stationary distribution (0 if there is none). The
-    stream is made anew for each episode, so resuming needs no hidden value.
+    The paper gives σ = 0.3 and θ = 1.0 without units. σ is read as the standard deviation of x
+    itself, in shares of full speed, and θ as a rate per second. x starts in its stationary
+    distribution. The stream is made anew for each episode, so resuming needs no hidden value.
     """
 
     def __init__(
@@ -31,14 +30,9 @@ class OrnsteinUhlenbeck:
     ) -> None:
         self.episode, self._actions = episode, actions
         self._rng = np.random.default_rng([seed, NOISE_STREAM, episode])
-        theta, sigma, dt = config.damping, config.sigma, control_period_s
-        self._decay = math.exp(-theta * dt)
-        if theta == 0:
-            start, self._scale = 0.0, sigma * math.sqrt(dt)
-        else:
-            start = sigma if config.scale == "stationary" else sigma / math.sqrt(2 * theta)
-            self._scale = start * math.sqrt(1 - self._decay**2)
-        self._x = start * self._rng.standard_normal(actions)
+        self._decay = math.exp(-config.damping * control_period_s)
+        self._scale = config.sigma * math.sqrt(1 - self._decay**2)
+        self._x = config.sigma * self._rng.standard_normal(actions)
 
     def sample(self) -> Float64:
         """Return x now, [J], and let one control step pass."""

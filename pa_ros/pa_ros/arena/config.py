@@ -16,8 +16,6 @@ from pa_ros.core.settings import OneOf, Settings
 from pa_ros.world.relations import RELATIONS
 
 Joints = tuple[float, ...]  # one number for each joint of the arm
-# `_use_arm_defaults` replaces these for other arms.
-_JACO: dict[str, Any] = ARMS["jaco"].settings
 
 
 class ArenaConfig(Settings):
@@ -30,7 +28,7 @@ class ArenaConfig(Settings):
         "jaco", description="its joints are what the other values, and all sizes, are of"
     )
     joint_speed_limits: tuple[PositiveFloat, ...] = Field(
-        _JACO["joint_speed_limits"],
+        next(iter(ARMS["jaco"].speeds.values())),
         description="rad/s of each joint; commands are clamped to ±these",
     )
     thresholds: tuple[PositiveFloat, ...] = Field(
@@ -41,34 +39,43 @@ class ArenaConfig(Settings):
     arm_touches_blocks: bool = Field(
         True, description="the arm touches the table in any case, itself never"
     )
-    start_pose: Joints = Field(
-        _JACO["start_pose"],
-        description="rad; the base angle is drawn from its range in each episode",
-    )
-    joint_lower: Joints = Field(
-        _JACO["joint_lower"], description="rad, working range of each joint"
-    )
-    joint_upper: Joints = Field(
-        _JACO["joint_upper"], description="rad, working range of each joint"
-    )
-    timestep_s: float = Field(0.01, gt=0, description="of the physics")
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
         100, ge=1, description="actions of an episode; then it is truncated (paper)"
     )
-    block_mass_kg: float = Field(1.0, gt=0, description="of each block")
-    block_friction: float = Field(1.0, gt=0, description="sliding")
-    block_radii_m: tuple[PositiveFloat, PositiveFloat] = Field(
-        _JACO["block_radii_m"],
-        description="least and greatest, from the base axis, where blocks start",
-    )
-    block_angles: tuple[float, float] = Field(
-        _JACO["block_angles"], description="rad, least and greatest, about the base axis"
-    )
-    block_separation_m: float = Field(
-        0.20, gt=0, description="least between two blocks' centers at the start"
-    )
-    sleep: bool = Field(True, description="MuJoCo's sleeping of resting blocks")
+    # Constants rather than settings: no study changes them, and stored results depend on them.
+    timestep_s: ClassVar[float] = 0.01  # of the physics, s
+    block_mass_kg: ClassVar[float] = 1.0  # of each block
+    block_friction: ClassVar[float] = 1.0  # sliding
+    block_separation_m: ClassVar[float] = 0.20  # least between two blocks' centers at the start
+    sleep: ClassVar[bool] = True  # MuJoCo skips resting blocks, which saves time
+
+    # The arm's own, in the order of its joints.
+
+    @property
+    def start_pose(self) -> Joints:
+        """Joint angles at the start, rad; the first is drawn from its range in each episode."""
+        return tuple(joint.start for joint in ARMS[self.arm].joints)
+
+    @property
+    def joint_lower(self) -> Joints:
+        """Lower ends of the joints' working ranges, rad."""
+        return tuple(joint.lower for joint in ARMS[self.arm].joints)
+
+    @property
+    def joint_upper(self) -> Joints:
+        """Upper ends of the joints' working ranges, rad."""
+        return tuple(joint.upper for joint in ARMS[self.arm].joints)
+
+    @property
+    def block_radii_m(self) -> tuple[float, float]:
+        """Least and greatest distance from the base axis at which blocks start."""
+        return ARMS[self.arm].block_radii_m
+
+    @property
+    def block_angles(self) -> tuple[float, float]:
+        """Least and greatest angle about the base axis at which blocks start, rad."""
+        return ARMS[self.arm].block_angles
 
     @property
     def substeps(self) -> int:
@@ -88,38 +95,18 @@ class ArenaConfig(Settings):
     @model_validator(mode="before")
     @classmethod
     def _use_arm_defaults(cls, values: Any) -> Any:
-        """Values that are not given are the defaults of the arm."""
-        known = isinstance(values, Mapping) and values.get("arm", "jaco") in ARMS
-        return {**ARMS[values.get("arm", "jaco")].settings, **values} if known else values
-
-    @model_validator(mode="after")
-    def _check_ranges(self) -> Self:
-        for name in ("block_radii_m", "block_angles"):
-            lower, upper = getattr(self, name)
-            if not lower < upper:
-                raise ValueError(f"{name}: expected the first below the second, got {lower, upper}")
-        return self
+        """Speeds that are not given are the arm's first."""
+        if isinstance(values, Mapping) and (arm := values.get("arm", "jaco")) in ARMS:
+            return {"joint_speed_limits": next(iter(ARMS[arm].speeds.values())), **values}
+        return values
 
     @model_validator(mode="after")
     def _check_joints(self) -> Self:
-        arm = ARMS[self.arm]
-        for name in ("joint_speed_limits", "start_pose", "joint_lower", "joint_upper"):
-            if len(values := getattr(self, name)) != len(arm.joints):
-                raise ValueError(
-                    f"{name}: expected {len(arm.joints)} numbers, the joints of {self.arm}, "
-                    f"got {len(values)}: {values}"
-                )
-        rows = zip(arm.joints, self.joint_lower, self.start_pose, self.joint_upper, strict=True)
-        for joint, low, start, high in rows:
-            if not low <= start <= high:
-                raise ValueError(
-                    f"start_pose: {joint.name}: expected {low} to {high} rad, got {start}"
-                )
-            if joint.limits and not joint.limits[0] <= low < high <= joint.limits[1]:
-                raise ValueError(
-                    f"joint_lower: {joint.name}: expected a range within {self.arm}'s "
-                    f"{joint.limits} rad, got {low} to {high}"
-                )
+        if len(self.joint_speed_limits) != self.joints:
+            raise ValueError(
+                f"joint_speed_limits: expected {self.joints} numbers, the joints of {self.arm}, "
+                f"got {len(self.joint_speed_limits)}: {self.joint_speed_limits}"
+            )
         return self
 
     @model_validator(mode="after")

@@ -37,9 +37,10 @@ class OptimizerConfig(Settings):
     critic_rate: float = Field(
         3e-4, gt=0, description="learning rate; 1e-3 lets the critic forget the action"
     )
-    beta1: float = Field(0.9, ge=0, lt=1, description="decay of the first moment")
-    beta2: float = Field(0.999, ge=0, lt=1, description="decay of the second moment")
-    epsilon: float = Field(1e-8, gt=0, description="added to the second moment's root")
+    # The defaults of Adam's paper (Kingma and Ba 2015), which nobody needed to change.
+    beta1: ClassVar[float] = 0.9  # decay of the first moment
+    beta2: ClassVar[float] = 0.999  # decay of the second moment
+    epsilon: ClassVar[float] = 1e-8  # added to the second moment's root
 
 
 class DetectorsConfig(Settings):
@@ -137,7 +138,7 @@ class TrainConfig(Settings):
         "sparse", description="of the environment: a name, or JSON of name and parameters"
     )
     condition: str = Field("train", description="that episodes are drawn from")
-    agent_id: str = Field("agent", description="of the one agent")
+    agent_id: ClassVar[str] = "agent"  # there is one agent
     evaluate_every_frames: int = Field(
         10_000, ge=0, description="frames between evaluations, rows of progress.csv; 0: never"
     )
@@ -147,6 +148,4 @@ class TrainConfig(Settings):
     checkpoint_every_frames: int = Field(
         50_000, ge=0, description="frames between checkpoints; 0: only at the end"
     )
-    overlap: bool = Field(
-        True, description="act while the learner updates, where policy_lag allows; same result"
-    )
+    overlap: ClassVar[bool] = True  # act while the learner updates, with the same result

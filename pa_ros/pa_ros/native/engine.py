@@ -90,7 +90,7 @@ class FusedEngine:
             beta1=config.optimizer.beta1,
             beta2=config.optimizer.beta2,
             epsilon=config.optimizer.epsilon,
-            clip=config.actor.gradient_clip,
+            clip=config.gradient_clip,
             detector_gain=config.detectors.gain,
             sparsity=config.detectors.sparsity,
             free_from=config.detectors.free_from,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import pi
+from math import inf, pi
 from typing import Protocol
 
 from pa_ros.core.errors import ConfigError
@@ -68,6 +68,20 @@ class Arm:
             )
         if not self.speeds:
             raise ConfigError(f"arm {self.name}: expected the speeds of a preset, got none")
+        for low, high in (self.block_radii_m, self.block_angles):
+            if not low < high:
+                raise ConfigError(
+                    f"arm {self.name}: expected block ranges with the first below the second, "
+                    f"got {low, high}"
+                )
+        for joint in self.joints:
+            low, high = joint.limits or (-inf, inf)
+            if not low <= joint.lower <= joint.start <= joint.upper <= high:
+                raise ConfigError(
+                    f"arm {self.name}: joint {joint.name}: expected a start within its working "
+                    f"range within {joint.limits} rad, got {joint.start} in "
+                    f"{joint.lower} to {joint.upper}"
+                )
         for preset, speeds in self.speeds.items():
             if len(speeds) != count:
                 raise ConfigError(
@@ -79,15 +93,3 @@ class Arm:
     def joint_names(self) -> tuple[str, ...]:
         """Joint names, in the order of commands and of the arm's features."""
         return tuple(joint.name for joint in self.joints)
-
-    @property
-    def settings(self) -> dict[str, tuple[float, ...]]:
-        """The defaults that this arm gives to `ArenaConfig`."""
-        return {
-            "joint_speed_limits": next(iter(self.speeds.values())),
-            "start_pose": tuple(joint.start for joint in self.joints),
-            "joint_lower": tuple(joint.lower for joint in self.joints),
-            "joint_upper": tuple(joint.upper for joint in self.joints),
-            "block_radii_m": self.block_radii_m,
-            "block_angles": self.block_angles,
-        }

@@ -4,16 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from pydantic import Field
-
-from pa_ros.core.settings import Settings
 from pa_ros.learning.config import LearnerConfig
-
-
-class AscentConfig(Settings):
-    """The actor's way up Q."""
-
-    gradient_clip: float = Field(1.0, gt=0, description="of each element of ∂Q/∂a (paper)")
 
 
 class DPGConfig(LearnerConfig):
@@ -24,4 +15,4 @@ class DPGConfig(LearnerConfig):
 
     ALGORITHM: ClassVar[str] = "dpg"
 
-    actor: AscentConfig = AscentConfig()
+    gradient_clip: ClassVar[float] = 1.0  # bound of each element of ∂Q/∂a (paper)

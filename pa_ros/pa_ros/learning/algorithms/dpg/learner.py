@@ -25,7 +25,7 @@ class TorchDPG(TorchEngine):
         critic: Tensors,
     ) -> None:
         super().__init__(network, config, table, {"actor": actor, "critic": critic})
-        self._clip = config.actor.gradient_clip
+        self._clip = config.gradient_clip
 
     def step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Update both networks, both gradients at the parameters before it."""
