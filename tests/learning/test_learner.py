@@ -217,7 +217,6 @@ def test_one_seed_one_result() -> None:
         ("relabeling.property_dropout", 1.5, "a number in [0, 1]"),
         ("schedule.trajectory_steps", 0, "an integer in [1, 10000]"),
         ("schedule.policy_lag", 2**62, "an integer in [0, 10000]"),
-        ("exploration.scale", "loud", "one of ['stationary', 'diffusion']"),
         ("engine.name", "abacus", "one of ['auto', 'fused', 'torch']"),
         ("engine.dtype", "float16", "one of ['float32', 'float64']"),
         ("engine.threads", True, "an integer in [1, 256]"),

@@ -28,7 +28,7 @@ WORDS = Vocabulary.of(
 WORLD = World(PAPER, WORDS, joints=6)
 TEXTS = ("NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, AND(SPHERE, BLUE))", "NEAR(HAND, AND(C, GREEN))")
 # some of ∂Q/∂a is clipped, some is not
-CONFIG = dpg(actor__gradient_clip=0.05)
+CONFIG = dpg(gradient_clip=0.05)
 
 
 def network(hidden: int = 40) -> NetworkConfig:

@@ -139,3 +139,4 @@ def test_an_algorithms_own_settings_are_parameters(node_with):
     settings = NodeParameters(node, LearnerNodeConfig).fix()
     assert settings.flat()["learner.targets.tau"] == 0.1
     assert node.get_parameter("learner.delay").value == 2
+    assert not node.has_parameter("learner.gradient_clip")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pydantic import Field
+
 from pa_ros.learning.config import LearnerConfig
 
 
@@ -15,4 +17,4 @@ class DPGConfig(LearnerConfig):
 
     ALGORITHM: ClassVar[str] = "dpg"
 
-    gradient_clip: ClassVar[float] = 1.0  # bound of each element of ∂Q/∂a (paper)
+    gradient_clip: float = Field(1.0, gt=0, description="bound of each element of ∂Q/∂a (paper)")
