@@ -108,14 +108,6 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     )
 
 
-def test_acts_by_torch_if_asked_to_and_says_so(caplog) -> None:
-    inference_for.cache_clear()
-    with caplog.at_level(logging.INFO):
-        Actor(NETWORK, "torch")
-    assert "actor inference: torch (chosen)" in caplog.text
-    assert inference_for(NETWORK, "torch") is TorchActor
-
-
 def test_the_graph_and_the_loop_choose_alike() -> None:
     """An agent on the graph knows the network by its architecture alone."""
     for kind in ("programmable", "distilled-critic", "true-properties", "canonical"):
@@ -139,15 +131,3 @@ def test_other_refusals() -> None:
         actor.explore(observation, PROGRAMS[0])
     with pytest.raises(ActingError, match="architecture"):
         Actor.of(replace(snapshot(), architecture="{}"))
-
-
-@pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
-def test_an_actor_of_a_snapshot_needs_nothing_else(kind) -> None:
-    network = NETWORK.changed(family=kind)
-    given = snapshot(network)
-    ours = Actor(network)
-    ours.load(given)
-    observation, _ = PointWorld().reset(0)
-    np.testing.assert_array_equal(
-        Actor.of(given).act(observation, PROGRAMS[0]), ours.act(observation, PROGRAMS[0])
-    )

@@ -1,4 +1,4 @@
-"""May this agent act, and with which weights? And experience joins only what belongs together."""
+"""Which weights an agent acts with, and which steps it joins to experience."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def arm() -> Arm:
     return Arm(following())
 
 
-def test_a_greedy_agent_says_which_weights_it_will_begin_with() -> None:
+def test_a_greedy_agent_knows_its_first_weights_before_its_first_step() -> None:
     """Who waits for it to be ready must see that it is, before there is a program to act on."""
     agent = Agent(ME)
     assert not agent.has_weights
@@ -95,7 +95,7 @@ NOT_MINE: dict[str, Says] = {
 
 
 @pytest.mark.parametrize("says", NOT_MINE.values(), ids=NOT_MINE)
-def test_what_another_command_did_is_not_experience(arm, says) -> None:
+def test_steps_after_anothers_command_are_no_experience(arm, says) -> None:
     arm.reset(0)
     arm.run(10)
     arm.run(3)
@@ -117,7 +117,7 @@ def test_commands_are_numbered_and_a_held_step_is_no_experience(arm) -> None:
     assert arm.spans == [(0, 0, 4), (1, 5, 10)]
 
 
-def test_a_program_that_the_networks_cannot_be_told_is_refused_before_it_is_acted_on() -> None:
+def test_a_program_that_the_networks_cannot_represent_is_rejected_early() -> None:
     network = NetworkConfig(world=WORLD, family="canonical", canonical_hidden=4)
     agent, either = Agent(ME), parse("NEAR(HAND, RED)", DESIGN.vocabulary)
     agent.check_program(either)  # before there are weights nothing can be said
@@ -127,7 +127,7 @@ def test_a_program_that_the_networks_cannot_be_told_is_refused_before_it_is_acte
         agent.check_program(either)
 
 
-def test_a_greedy_agent_takes_the_announced_learners_weights_whatever_came_first() -> None:
+def test_a_greedy_agent_uses_the_followed_learners_weights_whatever_arrived_first() -> None:
     other = NetworkConfig(world=WORLD, hidden=4, attention=2)
     agent = Agent(ME)
     agent.offer(PublishedPolicy(snapshot(9, other), "strange", "stranger"))
@@ -200,7 +200,7 @@ def test_each_trajectory_acts_with_the_version_the_protocol_names() -> None:
     assert [one.policy_version for one in arm.sent] == [0, 0, 1]
 
 
-def test_nothing_is_to_be_done_about_an_episodes_last_step(arm) -> None:
+def test_no_action_follows_an_episodes_last_step(arm) -> None:
     arm.reset(0)
     arm.run(ARENA.episode_steps - 1)
     assert arm.velocity.any()
@@ -208,7 +208,7 @@ def test_nothing_is_to_be_done_about_an_episodes_last_step(arm) -> None:
     assert not arm.agent.waiting and not arm.velocity.any()
 
 
-def test_a_step_that_came_before_the_learner_is_not_lost() -> None:
+def test_a_step_that_arrived_before_the_learner_is_not_lost() -> None:
     agent = LearningAgent(ME, seed=0)
     arm = Arm(agent)
     arm.reset(0)
@@ -221,7 +221,7 @@ def test_a_step_that_came_before_the_learner_is_not_lost() -> None:
     assert arm.spans == [(0, 0, 10)]
 
 
-def test_a_resumed_learner_gets_again_what_was_in_flight() -> None:
+def test_trajectories_in_flight_are_sent_again_to_a_resumed_learner() -> None:
     arm = Arm(following(LEARNER))
     arm.reset(0)
     arm.run(10)
@@ -241,7 +241,7 @@ def test_a_resumed_learner_gets_again_what_was_in_flight() -> None:
     assert arm.agent.interrupted == 0
 
 
-def test_another_run_gets_nothing_that_was_made_for_the_one_before(arm) -> None:
+def test_another_run_gets_no_trajectories_of_the_one_before(arm) -> None:
     arm.reset(0)
     arm.run(14)
     another = again(FAR_BEHIND, version=0, run_id="another")
@@ -251,26 +251,6 @@ def test_another_run_gets_nothing_that_was_made_for_the_one_before(arm) -> None:
     arm.run(12)
     assert arm.spans == [(0, 0, 10), (1, 15, 10)]  # numbers go on, and 14 was acted by the other
     assert [(o.run_id, o.held_from) for o in arm.sent] == [("run", 0), ("another", 1)]
-
-
-def test_an_agent_goes_on_with_another_learner_and_back_with_what_each_published_meanwhile() -> (
-    None
-):
-    arm = Arm(following(LEARNER))
-    other = replace(LEARNER, learner_id="other", run_id="other")
-    for version in range(12):
-        arm.agent.offer(published(version, mine=version, learner=other))  # kept, and not used
-    arm.reset(0)
-    arm.run(10)
-    assert {(one.run_id, one.policy_version) for one in arm.sent} == {("run", 0)}
-    arm.agent.follow(other, FACTS)
-    with pytest.raises(ActingError, match="'learner', which was before"):
-        arm.agent.offer(published(1, mine=1))
-    arm.run(1)
-    assert arm.agent.version == 8  # the first of those kept that accounts for all but policy_lag
-    arm.agent.follow(LEARNER, FACTS)
-    arm.run(1)
-    assert arm.agent.version == 1
 
 
 @pytest.mark.parametrize(
@@ -289,7 +269,7 @@ def test_an_agent_goes_on_with_another_learner_and_back_with_what_each_published
         ("exploration", '{"process":"white"}', "learner_info.exploration: .*process"),
     ],
 )
-def test_an_agent_that_cannot_comply_says_why_and_does_not_act(field, value, message) -> None:
+def test_an_agent_that_cannot_do_as_asked_says_why_and_does_not_act(field, value, message) -> None:
     agent = LearningAgent(ME, seed=0)
     with pytest.raises(ActingError, match=message):
         agent.follow(replace(LEARNER, **{field: value}), FACTS)
@@ -325,7 +305,7 @@ def test_a_newcomer_that_cannot_be_followed_changes_nothing(arm) -> None:
 
 
 @pytest.mark.parametrize("learning", [False, True])
-def test_weights_that_do_not_fit_are_refused_and_the_good_ones_go_on(learning) -> None:
+def test_weights_that_do_not_fit_are_rejected_and_the_good_ones_stay(learning) -> None:
     agent = following() if learning else Agent(ME)
     learner = FAR_BEHIND if learning else LEARNER
     agent.offer(published(0, learner=learner))
@@ -340,7 +320,7 @@ def test_weights_that_do_not_fit_are_refused_and_the_good_ones_go_on(learning) -
     assert arm.velocity.any() and agent.version == 0
 
 
-def test_an_agent_whose_name_someone_else_has_used_goes_on_under_another_incarnation(arm) -> None:
+def test_an_agent_whose_name_another_agent_used_restarts_as_a_new_incarnation(arm) -> None:
     arm.reset(0)
     arm.run(15)
     forged = published(1, mine=10**6, learner=FAR_BEHIND)  # the learner has a million from "me"

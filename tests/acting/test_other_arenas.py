@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import pytest
 
-from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.errors import ActingError
 from pa_ros.arena import (
@@ -106,17 +105,3 @@ def test_weights_of_each_world_act_in_the_arenas_of_others_or_refuse_them(family
             if family == "canonical" and program.relation not in one.relations:
                 assert isinstance(unknown, NetworkError)
                 assert "expected a relation of" in str(unknown) and str(program) in str(unknown)
-
-
-@pytest.mark.parametrize("inference", ["auto", "torch"])
-@pytest.mark.parametrize("family", FAMILIES)
-def test_objects_of_another_size_are_refused(family, inference) -> None:
-    network = Place().network(family)
-    tensors = initial_actor(network, np.random.default_rng(0))
-    actor = Actor(network, inference)
-    actor.load(PolicySnapshot(0, network.architecture, network.world.digest, tensors))
-    seen, program = scene(Place())
-    wider = replace(seen, objects=np.hstack([seen.objects, seen.objects[:, :1]]))
-    for ask in (actor.act, actor.relevance) if actor.relevance(seen, program) else (actor.act,):
-        with pytest.raises(ActingError, match="expected 16 features of an object .* got 17 and"):
-            ask(wider, program)

@@ -52,7 +52,7 @@ def test_of_one_agent_trajectory_m_is_acted_by_version_m_minus_lag(lag) -> None:
         window.receive(published(m + 1, mine=m + 1))
 
 
-def test_weights_that_do_not_account_for_enough_are_waited_past() -> None:
+def test_an_agent_waits_for_weights_that_account_for_enough() -> None:
     window = window_of()
     window.receive(published(0))
     assert [version(window, m) for m in range(4)] == [0, 0, None, None]
@@ -62,14 +62,14 @@ def test_weights_that_do_not_account_for_enough_are_waited_past() -> None:
     assert version(window, 0) == 0
 
 
-def test_with_other_agents_versions_grow_faster_and_nobody_waits_for_ever() -> None:
+def test_with_other_agents_versions_grow_faster() -> None:
     window = window_of()
     for number, yours, mine in ((0, 0, 0), (1, 1, 0), (2, 2, 0), (3, 2, 1)):
         window.receive(published(number, mine, yours))
     assert [version(window, m) for m in (1, 2, 3)] == [0, 3, None]
 
 
-def test_an_agent_that_stands_beside_others_that_learn_keeps_few_of_their_versions() -> None:
+def test_a_paused_agent_beside_others_keeps_few_of_their_versions() -> None:
     window, seen = window_of(), list[weakref.ref[PublishedPolicy]]()
     for number in range(50):
         policy = published(number, mine=number // 25, yours=number)
@@ -100,7 +100,7 @@ def test_older_weights_never_act_again() -> None:
     assert version(window, 0) == 2
 
 
-def test_what_is_not_accounted_for_is_kept_and_says_from_where_on() -> None:
+def test_trajectories_are_kept_until_accounted_for_and_say_from_where_on() -> None:
     window = window_of(replace(LEARNER, policy_lag=3))
     sent = [window.add(trajectory(m)) for m in range(3)]
     assert [(one.sequence, one.held_from) for one in sent] == [(0, 0), (1, 0), (2, 0)]
@@ -109,7 +109,7 @@ def test_what_is_not_accounted_for_is_kept_and_says_from_where_on() -> None:
     assert window.lost == 0
 
 
-def test_after_a_clean_stop_what_was_in_flight_is_sent_again() -> None:
+def test_after_a_clean_stop_trajectories_in_flight_are_sent_again() -> None:
     """The resumed learner publishes the version before its newest, too: it has not gone back."""
     window = window_of()
     for m in range(8):
@@ -129,7 +129,7 @@ def test_after_a_clean_stop_what_was_in_flight_is_sent_again() -> None:
     assert window.lost == 0
 
 
-def test_what_a_killed_learner_lost_is_given_up_and_the_rest_sent_again() -> None:
+def test_trajectories_that_a_killed_learner_lost_are_given_up() -> None:
     window = window_of()
     for m in range(9):
         window.receive(published(m, mine=m))
@@ -145,7 +145,7 @@ def test_what_a_killed_learner_lost_is_given_up_and_the_rest_sent_again() -> Non
     assert version(window, 10) == 5 and window.lost == 4
 
 
-def test_a_resumed_run_goes_on_for_a_new_agent_as_if_unbroken() -> None:
+def test_a_new_agent_in_a_resumed_run_waits_as_in_an_unbroken_one() -> None:
     for lag, expected in ((0, [7, None]), (1, [6, 7, None]), (2, [5, 6, 7, None])):
         window = window_of(replace(LEARNER, policy_lag=lag, first_version=7))
         for number in range(7 - lag, 8):
@@ -188,7 +188,7 @@ def test_a_free_agent_acts_with_the_newest_weights_and_never_waits_for_its_learn
     assert version(window, 10) == 7 and held(window)[0] == (3, 3)
 
 
-def test_a_free_agent_follows_a_learner_that_goes_on_from_before() -> None:
+def test_a_free_agent_follows_a_resumed_learner() -> None:
     window, resumed = free(version=9), again(LEARNER, version=4)
     window.resume(resumed)
     assert version(window, 0) == 9  # it acts on meanwhile
@@ -196,7 +196,7 @@ def test_a_free_agent_follows_a_learner_that_goes_on_from_before() -> None:
     assert version(window, 0) == 4
 
 
-def test_what_a_free_agents_learner_does_not_take_in_is_sent_again_and_in_the_end_lost() -> None:
+def test_trajectories_that_a_free_agents_learner_ignores_are_sent_again_then_lost() -> None:
     window = free()
     for m in range(FREE_WINDOW):
         window.add(trajectory(m))

@@ -119,14 +119,6 @@ def test_no_transition_joins_what_did_not_follow(events) -> None:
     assert [s.sequence for s in trajectories] == list(range(len(trajectories)))
 
 
-def test_a_restart_ends_the_episode_and_a_new_program_does_not() -> None:
-    builder = TrajectoryBuilder(*AGENT)
-    cut = feed(builder, [(0, 0, P, False), (0, 1, P, False), (1, 0, P, False)])
-    assert [(s.ends_episode, len(s)) for s in cut] == [(True, 1)]
-    cut = feed(builder, [(1, 1, P, False), (1, 2, Q, False)])
-    assert [(s.ends_episode, len(s), s.program) for s in cut] == [(False, 1, P)]
-
-
 @pytest.mark.parametrize("episode", [3, 9])
 def test_nothing_joins_on_after_a_reset_to_a_lower_or_higher_episode(episode: int) -> None:
     """Not even where step and program go on: a program that someone sent outlives episodes."""

@@ -11,7 +11,6 @@ from helpers.worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, WORLD, dpg, 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import ProgramError, Vocabulary, parse
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
@@ -202,45 +201,6 @@ def test_one_seed_one_result() -> None:
 
     np.testing.assert_array_equal(result(0), result(0))
     assert not np.array_equal(result(0), result(1))
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "expected"),
-    [
-        ("replay.batch_size", 0, "an integer in [1, 65536]"),
-        ("replay.capacity_frames", 1, "an integer in [2, 1e+08]"),
-        ("updates.discount", 1.0, "a number in [0, 1)"),
-        ("updates.per_frame", 1e12, "a number in [0, 1000]"),
-        ("optimizer.actor_rate", 0.0, "a positive number"),
-        ("optimizer.critic_rate", float("nan"), "a positive number"),
-        ("relabeling.rule", "some", "one of ['none', 'all-goals']"),
-        ("relabeling.property_dropout", 1.5, "a number in [0, 1]"),
-        ("schedule.trajectory_steps", 0, "an integer in [1, 10000]"),
-        ("schedule.policy_lag", 2**62, "an integer in [0, 10000]"),
-        ("engine.name", "abacus", "one of ['auto', 'fused', 'torch']"),
-        ("engine.dtype", "float16", "one of ['float32', 'float64']"),
-        ("engine.threads", True, "an integer in [1, 256]"),
-        ("engine.device", 0, "text"),
-        ("detectors.sparsity", -0.1, "a number of at least 0"),
-        ("detectors.free_from", 0.0, "a positive number"),
-    ],
-)
-def test_a_refused_setting_says_where_what_and_what_came(path, value, expected) -> None:
-    with pytest.raises(ConfigError) as refusal:
-        DPGConfig().changed(**{path: value})
-    assert str(refusal.value) == f"learner.{path}: expected {expected}, got {value!r}"
-
-
-def test_settings_round_trip() -> None:
-    config = dpg(
-        relabeling__rule="all-goals",
-        relabeling__programs_per_transition=4,
-        detectors__sparsity=0.5,
-    )
-    assert DPGConfig.from_json(config.to_json()) == config
-    for text in ("{", '{"speed": 1}', "3"):
-        with pytest.raises(ConfigError):
-            DPGConfig.from_json(text)
 
 
 def test_a_engine_that_does_not_apply_is_refused() -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 import pytest
 
 from helpers.worlds import PROGRAMS, WORLD, dpg, random_trajectory
 from pa_ros.core.experience import Float32
-from pa_ros.core.update import Engine
+from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
@@ -86,7 +84,7 @@ def test_a_shape_a_color_or_both_in_equal_parts(probability) -> None:
     assert block[:, 2].mean() == pytest.approx(probability / 2, abs=0.02)
 
 
-def test_the_extremes_of_what_is_drawn() -> None:
+def test_the_extremes_of_the_draws() -> None:
     below_one = np.nextafter(np.float32(1), np.float32(0))
     drawn = np.array([[0, 0], [0, below_one], [below_one, 0], [below_one, below_one]], np.float32)
     objects, shown = hide(("AND(RED, CUBE)",), drawn, 1.0)
@@ -95,7 +93,7 @@ def test_the_extremes_of_what_is_drawn() -> None:
     assert np.argwhere((objects != shown).any(-1)).tolist() == [[0, 2], [1, 3]]
 
 
-def test_programs_that_join_the_table_are_heeded() -> None:
+def test_new_programs_of_the_table_count_too() -> None:
     table = ProgramTable(ALL)
     rows = [table.add(parse("NEAR(HAND, AND(RED, CUBE))", ALL))]
     dropout = PropertyDropout(table, World(PAPER, ALL, joints=6), 1.0)
@@ -107,38 +105,24 @@ def test_programs_that_join_the_table_are_heeded() -> None:
         assert set(np.flatnonzero((objects != scene(*BLOCKS)).any((0, 2)))) == {hidden}
 
 
-class Recorder:
-    def __init__(self, engine: object) -> None:
-        self._engine = engine
-        self.batches: list = []
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._engine, name)
-
-    def update(self, batch: object) -> None:
-        self.batches.append(batch)
-
-
-def batches(**fields: object) -> list:
+def batches(**fields: object) -> list[Batch]:
+    """Forty batches of four transitions."""
     config = dpg(
         replay__batch_size=4,
         replay__capacity_frames=1000,
-        replay__warmup_frames=0,
         schedule__trajectory_steps=10,
         engine__name="torch",
         **fields,
     )
     one = Learner(NetworkConfig(world=WORLD, hidden=6, attention=4), config, PROGRAMS, seed=0)
-    recorder = Recorder(one.engine)
-    one.engine = cast(Engine, recorder)
     rng = np.random.default_rng(0)
     for sequence in range(4):
         one.consume(random_trajectory(rng, 10, sequence=sequence))
-    return recorder.batches
+    return list(one.batches(40))
 
 
 @pytest.mark.parametrize("relabel", ["none", "all-goals"])
-def test_properties_that_no_program_asks_for_are_hidden(relabel) -> None:
+def test_only_blocks_that_no_drawn_program_names_are_hidden(relabel) -> None:
     """Of two blocks, each named by one program, the other's are hidden; the replay keeps them."""
     plain = batches(relabeling__rule=relabel)
     assert all((batch.objects[:, 1:3, 7:].sum(-1) == 2).all() for batch in plain)

@@ -43,7 +43,7 @@ def episode(rng: np.random.Generator, steps: int, n: int, hand: int):
     return objects, words
 
 
-def test_marks_are_what_the_verifier_says() -> None:
+def test_masks_agree_with_the_verifier() -> None:
     rng = np.random.default_rng(0)
     seen = Counter()
     for trial in range(30):
@@ -129,7 +129,7 @@ def test_the_64th_program_has_its_bit() -> None:
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
 
 
-def test_of_one_program_its_bit_is_kept_and_no_reward() -> None:
+def test_masks_hold_no_rewards_if_bits_determine_them() -> None:
     one = Relabeler(PROGRAMS[:1], WORLD, Scoring({"NEAR": NEAR_M}))
     objects, _ = episode(np.random.default_rng(0), 3, 4, 0)
     assert one.rewards_kept == 0 and one.masks(objects, 0).rewards is None

@@ -81,14 +81,6 @@ def test_relabeled_batches_follow_the_arenas_reward(tmp_path, reward, rule) -> N
     assert 20 < sum(near) < len(near) - 20
 
 
-def test_another_reward_leads_to_other_weights(tmp_path: Path) -> None:
-    def weights(name: str, reward: Reward | None) -> bytes:
-        return trained(tmp_path / name, reward).snapshot().tensors["local.0.weight"].tobytes()
-
-    assert weights("a", None) == weights("b", Sparse())
-    assert weights("a2", None) != weights("c", Sparse(2.0, -0.5))
-
-
 def test_a_run_is_not_resumed_under_another_reward(tmp_path: Path) -> None:
     for reward in (Sparse(2.0, -0.5), MinusDistance()):
         learner = trained(tmp_path / reward.__class__.__name__, reward)

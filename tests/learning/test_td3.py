@@ -22,7 +22,6 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
 
@@ -133,20 +132,6 @@ def test_a_checkpoint_of_another_algorithm_is_refused_with_both_named(tmp_path: 
         run(tmp_path, 120, ALGORITHMS["dpg"].config(), resume=True)
 
 
-def test_an_unknown_algorithm_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"algorithm: .*'dpg', 'td3'.*got 'sac'"):
-        LearningSettings(algorithm="sac")
-
-
 def test_the_fused_engine_is_refused_for_it() -> None:
     with pytest.raises(ConfigError, match="td3 is computed by torch alone"):
         made(CONFIG.changed(**{"engine.name": "fused"}))
-
-
-def test_its_settings_are_options_of_its_own_and_not_of_dpg() -> None:
-    option = {"learner.targets.tau": 0.1}
-    learner = LearningSettings(algorithm="td3").changed(**option).learner
-    assert isinstance(learner, TD3Config) and learner.targets.tau == 0.1
-    assert learner.updates.discount == 0.95  # the protocol's
-    with pytest.raises(ConfigError, match="targets"):
-        LearningSettings().changed(**option)

@@ -15,37 +15,31 @@ from helpers.fused_settings import (
     SMALL,
     VOCABULARY,
     Setting,
-    assert_close,
     check_gradients,
-    expected_gradients,
     make_batch,
     setting,
 )
 from helpers.worlds import dpg
-from pa_ros.language import LOGICS, MIN_MAX, Logic, parse
+from pa_ros.language import LOGICS, Logic, parse
 from pa_ros.language.vocabulary import Vocabulary, WordGroup
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
-from pa_ros.native import _fused
 from pa_ros.native.engine import FusedActor
-from pa_ros.native.errors import FusedError
-from pa_ros.native.families import FUSED
 from pa_ros.networks.errors import NetworkError
-from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
 from pa_ros.world.relations import RELATIONS
 from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 
 
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
-@pytest.mark.parametrize("objects", range(2, 10))
+@pytest.mark.parametrize("objects", [2, 3, 5, 8, 9])
 def test_gradients_for_every_number_of_objects(kind: str, objects: int) -> None:
     made = setting(kind)
     batch = make_batch(np.random.default_rng(objects), 11, objects, 2, len(made.table))
     check_gradients(made, batch)
 
 
-@pytest.mark.parametrize("programs", [1, 2, 3, 4, 5, 6, 7, 8, 11])
+@pytest.mark.parametrize("programs", [1, 3, 4, 7, 8, 11])
 def test_gradients_for_every_number_of_programs(programs: int) -> None:
     made = setting()
     check_gradients(made, make_batch(np.random.default_rng(programs), 9, 5, programs, 6))
@@ -61,12 +55,12 @@ def test_gradients_of_little_attention_to_oneself(
     check_gradients(made, make_batch(np.random.default_rng(objects), 8, objects, programs, 6))
 
 
-MIXTURES = [("NEAR", "ABOVE"), ("ABOVE", "NEAR", "LEFT_OF"), tuple(RELATIONS)]
+MIXTURES = [("NEAR", "ABOVE"), tuple(RELATIONS)]
 
 
 @pytest.mark.parametrize("relations", MIXTURES, ids=len)
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic", "true-properties"])
-@pytest.mark.parametrize(("objects", "programs"), [(2, 1), (5, 2), (9, 5), (4, 11)])
+@pytest.mark.parametrize(("objects", "programs"), [(2, 1), (9, 5), (4, 11)])
 def test_gradients_where_programs_ask_for_different_relations(
     relations: tuple[str, ...], kind: str, objects: int, programs: int
 ) -> None:
@@ -79,7 +73,7 @@ def test_gradients_where_programs_ask_for_different_relations(
     check_gradients(made, many, engine__threads=2)
 
 
-def test_the_actor_follows_the_relation_that_is_asked_for() -> None:
+def test_the_actor_uses_the_programs_relation() -> None:
     made = setting(relations=("NEAR", "ABOVE", "LEFT_OF"))
     actor, reference = FusedActor(made.network, made.actor), TorchActor(made.network, made.actor)
     batch = make_batch(np.random.default_rng(0), 1, 5, 1, 6, 25)
@@ -93,7 +87,7 @@ def test_the_actor_follows_the_relation_that_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize("row", range(len(PROGRAMS)))
-@pytest.mark.parametrize("scale", [0.1, 1.0, 30.0, 300.0])
+@pytest.mark.parametrize("scale", [1.0, 300.0])
 def test_gradients_of_each_program_with_p_near_0_and_1(row: int, scale: float) -> None:
     made = setting(scale=scale)
     batch = make_batch(np.random.default_rng(row), 8, 5, 1, 1)
@@ -211,7 +205,7 @@ def test_exchanges_state_with_the_torch_engine() -> None:
 
 
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
-def test_what_networks_are_not_to_use_stays_0_and_the_rest_learns_as_in_torch(kind: str) -> None:
+def test_unused_weights_stay_0_and_the_rest_learns_as_in_torch(kind: str) -> None:
     made = setting(kind, relations_see_properties=False, detectors_have_biases=False)
     ours = made.engine()
     config = dpg(made.config, engine__name="torch", engine__dtype="float64")
@@ -236,7 +230,7 @@ def test_what_networks_are_not_to_use_stays_0_and_the_rest_learns_as_in_torch(ki
 
 
 @pytest.mark.parametrize("name", ["fused", "torch"])
-def test_detectors_keep_what_the_gradient_holds_up_or_what_is_large(name: str) -> None:
+def test_sparsity_removes_small_detector_weights_only(name: str) -> None:
     made = setting()
     made.actor["detectors.weight"] = np.full_like(made.actor["detectors.weight"], 1e-5)
     made.actor["detectors.weight"][:, ::2] = 0.5
@@ -253,35 +247,10 @@ def test_detectors_keep_what_the_gradient_holds_up_or_what_is_large(name: str) -
     assert not weights[2.0][:, 1::2].any()
 
 
-def test_targets_change_only_when_copied() -> None:
-    made = setting()
-    engine = made.engine()
-    engine.update(make_batch(np.random.default_rng(0), 8, 5, 1, 6))
-    kept = engine.tensors()
-    np.testing.assert_array_equal(kept["target_critic.output.weight"], made.critic["output.weight"])
-    assert not np.array_equal(kept["critic.output.weight"], made.critic["output.weight"])
-    engine.end_episode()
-    copied = engine.tensors()["target_critic.output.weight"]
-    np.testing.assert_array_equal(copied, kept["critic.output.weight"])
-
-
 @pytest.mark.parametrize("size", [1, 5, 64])
 def test_threads_change_only_rounding(size: int) -> None:
     made = setting()
     check_gradients(made, make_batch(np.random.default_rng(6), size, 5, 2, 6), engine__threads=2)
-
-
-def test_sizes_may_change_between_updates() -> None:
-    made = setting()
-    engine = made.engine()
-    rng = np.random.default_rng(8)
-    engine.update(make_batch(rng, 8, 5, 1, 6))
-    for size, objects, programs in ((4, 5, 1), (64, 5, 1), (8, 3, 2)):
-        engine.load_tensors(made.engine().tensors())
-        batch = make_batch(rng, size, objects, programs, 6)
-        engine.update(batch)
-        expected = expected_gradients(made.reference(), batch)
-        assert_close(engine.gradients(), expected, 1e-5)
 
 
 def test_nan_is_not_hidden() -> None:
@@ -317,7 +286,7 @@ def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float, log
             np.testing.assert_allclose(reference.act(*seen), expected, rtol=0, atol=2e-6)
 
 
-def test_equal_programs_are_executed_alike_by_min_and_max_alone() -> None:
+def test_equal_programs_act_alike_under_min_and_max_only() -> None:
     made = setting()
     batch = make_batch(np.random.default_rng(0), 1, 5, 1, 6)
     once, twice = (parse(f"NEAR(HAND, {e})", VOCABULARY) for e in ("RED", "AND(RED, RED)"))
@@ -330,31 +299,6 @@ def test_equal_programs_are_executed_alike_by_min_and_max_alone() -> None:
     for kind in FusedActor, TorchActor:
         assert differ["min_max", kind] == 0.0
         assert differ["product", kind] > 1e-5
-
-
-def test_who_learns_needs_what_can_be_differentiated() -> None:
-    made = setting()
-    family = FUSED[type(family_of(made.network))]
-    actor, critic = (family.describe(made.network, x, MIN_MAX) for x in (False, True))
-    values = {"beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8, "clip": 1.0, "detector_gain": 1.0}
-    values |= {"actor_rate": 1e-3, "critic_rate": 1e-3, "sparsity": 0.0, "free_from": 1.0}
-    with pytest.raises(FusedError, match="can be differentiated, got min and max"):
-        _fused.Engine(actor, critic, **values, detector_bias=True, threads=1)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"arm": np.zeros((8, 17), np.float32)}, r"arm: expected contiguous float32 \(8, 18\)"),
-        ({"reward": np.zeros((8, 1))}, "reward: expected contiguous float32"),
-        ({"program": np.full((8, 1), 6, np.int32)}, "expected programs below 6, got 6"),
-        ({"program": np.zeros(8, np.int32)}, r"program \[B, K\]"),
-    ],
-)
-def test_refuses_batches_that_do_not_fit(change: dict[str, np.ndarray], message: str) -> None:
-    batch = replace(make_batch(np.random.default_rng(0), 8, 5, 1, 6), **change)
-    with pytest.raises(FusedError, match=message):
-        setting().engine().update(batch)
 
 
 SIZE = PropertyGroup(

@@ -72,9 +72,8 @@ def batch_of(rng: np.random.Generator, size: int, programs: int) -> Batch:
     return batch
 
 
-@pytest.mark.parametrize(("size", "k"), [(1, 1), (64, 1), (70, 1), (9, 2), (33, 3), (5, 11)])
-@pytest.mark.parametrize("hidden", [7, 40])
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(("size", "k"), [(1, 1), (70, 1), (9, 2), (5, 11)])
+@pytest.mark.parametrize(("hidden", "threads"), [(7, 1), (40, 2)])
 def test_gradients(size, k, hidden, threads) -> None:
     ours, reference = both(hidden, engine__threads=threads)
     batch = batch_of(np.random.default_rng(size), size, k)
@@ -89,24 +88,7 @@ def test_gradients(size, k, hidden, threads) -> None:
     assert ours.metrics() == pytest.approx(reference.metrics(), rel=1e-5)
 
 
-def test_thousand_updates_stay_with_float64() -> None:
-    ours, reference = both()
-    rng = np.random.default_rng(5)
-    batches = [batch_of(rng, 16, 1) for _ in range(20)]
-    for step in range(1000):
-        for engine in (ours, reference):
-            engine.update(batches[step % len(batches)])
-            if step % 100 == 99:
-                engine.end_episode()
-    found, expected = ours.tensors(), reference.tensors()
-    assert found.keys() == expected.keys()
-    for name, tensor in expected.items():
-        if name.startswith(("actor.", "critic.", "target")):
-            error = np.linalg.norm(found[name] - tensor)
-            assert error <= 1e-4 * np.linalg.norm(tensor), name
-
-
-def test_exchanges_state_with_torch_and_takes_programs_as_they_come() -> None:
+def test_exchanges_state_with_torch_and_accepts_new_programs() -> None:
     programs = table()
     ours, reference = both(programs=programs)
     rng = np.random.default_rng(2)
@@ -140,7 +122,7 @@ def test_actor(hand) -> None:
         np.testing.assert_allclose(ours.act(objects, arm, program, hand), expected, atol=2e-6)
 
 
-def test_is_chosen_and_refuses_what_it_cannot_be_told() -> None:
+def test_is_chosen_and_rejects_programs_that_it_cannot_represent() -> None:
     programs = table()
     engine = make_engine(network(), DPGConfig(), programs, np.random.default_rng(0))
     assert engine.name == "fused"

@@ -20,15 +20,10 @@ from pa_ros.learning.algorithms.dpg.builder import make_engine, why_not_fused
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native import _fused
 from pa_ros.native.errors import FusedError
-from pa_ros.native.library import level, why_not_network
+from pa_ros.native.library import level
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
 from pa_ros.world.world import World
-
-
-def test_the_library_was_built() -> None:
-    made = setting()
-    assert why_not_fused(made.network, made.config) == why_not_network(made.network) == ""
 
 
 def test_a_missing_library_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
