@@ -20,6 +20,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT
 from pa_ros.learning import records
 from pa_ros.learning.checkpoints import load_policy, restore, save_checkpoint
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import ConsumeReport, Learner
