@@ -17,14 +17,19 @@ from agent_node.status import AgentStatus
 from pa_ros.acting.agent import Agent, ArenaFacts, Step
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import (
+    AgentKey,
+    LearnerInfo,
+    Observation,
+    PolicySnapshot,
+    PublishedPolicy,
+)
 from pa_ros.language import Program, ProgramError, Vocabulary, logic_named
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.provenance.origins import origin
+from pa_ros.provenance import origin
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import LEARNER_ID

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.send_window import Wait
-from pa_ros.core.published import LearnerInfo
+from pa_ros.core.experience import LearnerInfo
 from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.peers import PeerMonitor
 from pa_ros.wire.arena import ArenaDescription

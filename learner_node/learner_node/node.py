@@ -12,7 +12,7 @@ from learner_node.config import LearnerNodeConfig
 from learner_node.status import LearnerStatus
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import LearnerInfo, PublishedPolicy
 from pa_ros.learning.checkpoint_files import newest_whole
 from pa_ros.learning.errors import CheckpointError, FolderTakenError, LearningError
 from pa_ros.learning.folder import checkpoint_of, refuse_used

@@ -13,7 +13,7 @@ from typing import IO, Any
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import PublishedPolicy
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
@@ -21,7 +21,7 @@ from pa_ros.learning.fixed_order import FixedOrder
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.run import LearningRun
-from pa_ros.provenance.origins import learner_origin
+from pa_ros.provenance import learner_origin
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.diagnostics import Origin
 from pa_ros.world import Scoring, Trajectory, reward_from

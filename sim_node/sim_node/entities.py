@@ -11,7 +11,7 @@ from pydantic_core import SchemaError, SchemaValidator, core_schema
 
 from pa_ros.arena import Episode, Kind
 from pa_ros.arena.rearranging import bodies, rearrange
-from pa_ros.core.body import Body
+from pa_ros.core.experience import Body
 from pa_ros.wire.simulator import Category, Entity, EntityFilter, ResultCode, SpawnCode, Spawning
 from pa_ros.wire.views import Solid
 from sim_node.errors import SimulatorError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from pa_ros.core.opengl import check_opengl
+from pa_ros.core.software import check_opengl
 from pa_ros.ros.node_main import Shell, run_node
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 from rclpy.node import Node
 
-from pa_ros.core.body import Body
 from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Body
 from pa_ros.ros import topics
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import Message

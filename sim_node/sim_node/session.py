@@ -10,11 +10,11 @@ from math import inf
 
 import numpy as np
 
+from pa_ros import provenance
 from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
 from pa_ros.core.experience import Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
-from pa_ros.provenance import origins
 from pa_ros.wire.arena import ArenaDescription, Mode
 from pa_ros.wire.diagnostics import Origin
 from pa_ros.wire.errors import WireError
@@ -238,7 +238,7 @@ class Session:
         design, config = self.task.design, self.config
         mode = Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME
         programs, reward = training_programs(design), self.task.scoring.reward
-        about = origins.describe(
+        about = provenance.describe(
             self.arena, design, config.seed, programs, self.arena_id, mode, reward
         )
         # A condition may have more blocks than the design, or fewer.
@@ -247,7 +247,7 @@ class Session:
 
     def origin(self, node: str) -> Origin:
         """Software, settings and world of this arena, for recordings; `node` is its full name."""
-        return origins.origin(
+        return provenance.origin(
             node,
             self.arena_id,
             self.config.seed,

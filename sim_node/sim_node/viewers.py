@@ -14,7 +14,7 @@ from rclpy.node import Node
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.urdf import urdf
-from pa_ros.core.body import Body
+from pa_ros.core.experience import Body
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals

@@ -28,8 +28,7 @@ from pa_ros.acting.agent import Agent, Step
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.send_window import Wait
-from pa_ros.core.experience import Executed
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import Executed, PublishedPolicy
 from pa_ros.language import PRODUCT, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError

@@ -20,8 +20,7 @@ from pa_ros.arena import (
     world_of,
 )
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import AgentKey, Observation, PolicySnapshot, PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError

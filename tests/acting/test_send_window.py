@@ -18,7 +18,7 @@ from pa_ros.acting.send_window import (
     SendWindow,
     Wait,
 )
-from pa_ros.core.published import NO_LAG, LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import NO_LAG, LearnerInfo, PublishedPolicy
 from pa_ros.world import Trajectory
 
 

@@ -9,7 +9,7 @@ from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.rearranging import bodies, rearrange
-from pa_ros.core.body import Body
+from pa_ros.core.experience import Body
 from pa_ros.language import parse
 
 FLAT = np.array([0.0, 0.0, 0.0, 1.0])

@@ -11,8 +11,7 @@ import numpy as np
 from rclpy.node import Node
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, Float64, TrajectoryKey
-from pa_ros.core.published import LearnerInfo
+from pa_ros.core.experience import AgentKey, Float64, LearnerInfo, TrajectoryKey
 from pa_ros.ros import topics
 from pa_ros.ros.health import LEARNER_ID
 from pa_ros.ros.peers import PeerMonitor, is_restarted_learner

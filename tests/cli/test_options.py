@@ -91,7 +91,7 @@ def test_an_opengl_that_is_not_there_is_one_line(monkeypatch, capsys):
     def broken(name):
         raise AttributeError("no attribute 'glGetError'")
 
-    monkeypatch.setattr("pa_ros.core.opengl.importlib.import_module", broken)
+    monkeypatch.setattr("pa_ros.core.software.importlib.import_module", broken)
     assert main(["eval", "--policy", "scripted"]) == 2
     assert "MUJOCO_GL=osmesa: expected an OpenGL" in capsys.readouterr().err
 

@@ -16,13 +16,12 @@ from pa_ros.console.history import History
 from pa_ros.console.insight import Insight, Moment, agent_logic, explained
 from pa_ros.console.sources import AgentWeights
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import PolicySnapshot, Verdict
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Verdict
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.provenance.origins import describe
+from pa_ros.provenance import describe
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
 from pa_ros.wire.diagnostics import Origin, encode_provenance

@@ -17,7 +17,7 @@ from pa_ros.console.insight import Moment
 from pa_ros.console.scene import ArenaScene, label_heights
 from pa_ros.console.server import ConsoleServer
 from pa_ros.console.settings import ConsoleSettings
-from pa_ros.provenance.origins import describe
+from pa_ros.provenance import describe
 
 ARENA, DESIGN = preset_named("fast"), design_named("3-D")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from pa_ros.core import signals
 from pa_ros.core.signals import Interrupted, interruption_held, signals_interrupt, signals_noted
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -100,25 +99,3 @@ def test_a_module_is_imported_before_a_signal_interrupts(
         assert losing.imported
         time.sleep(10)
     assert interrupted.value.status == 128 + signal.SIGTERM
-
-
-def test_a_module_whose_import_never_ends_is_interrupted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(signals, "IMPORTED_AFTER_S", 0.3)
-    monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "endless.py").write_text(
-        "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(20)\n"
-    )
-    before = time.monotonic()
-    with signals_interrupt(), pytest.raises(Interrupted):
-        importlib.import_module("endless")
-    assert 0.3 <= time.monotonic() - before < 10
-
-
-def test_an_error_under_way_is_not_hidden_by_a_signal() -> None:
-    with signals_interrupt(), pytest.raises(ValueError, match="its own"), interruption_held():
-        os.kill(os.getpid(), signal.SIGTERM)
-        raise ValueError("its own")
-    with pytest.raises(Interrupted), interruption_held():
-        pass

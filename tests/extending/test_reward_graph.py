@@ -8,7 +8,7 @@ import pytest
 
 from helpers.learners import EXAMPLES, FRAMES, SMALL, load_example
 from helpers.waiting import DEADLINE_S
-from pa_ros.core.published import LearnerInfo
+from pa_ros.core.experience import LearnerInfo
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch

@@ -15,8 +15,15 @@ from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core import extensions
-from pa_ros.core.experience import AgentKey, Executed, Observation, PolicySnapshot, Verdict
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import (
+    AgentKey,
+    Executed,
+    LearnerInfo,
+    Observation,
+    PolicySnapshot,
+    PublishedPolicy,
+    Verdict,
+)
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train

@@ -21,10 +21,9 @@ from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.cli.main import main
-from pa_ros.core.body import Body
-from pa_ros.core.experience import Observation, Verdict
+from pa_ros.core.experience import Body, Observation, Verdict
 from pa_ros.language import Program, parse
-from pa_ros.provenance.origins import describe
+from pa_ros.provenance import describe
 from pa_ros.ros.topics import Topic
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pa_ros.core.body import Body
+from pa_ros.core.experience import Body
 from pa_ros.wire.simulator import EntityFilter, ResultCode, Spawning
 from sim_node.config import SimConfig
 from sim_node.entities import Entities

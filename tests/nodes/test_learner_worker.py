@@ -15,8 +15,7 @@ from helpers.waiting import wait_for
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import AgentKey, PublishedPolicy
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.errors import FolderTakenError

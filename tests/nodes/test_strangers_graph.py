@@ -16,7 +16,7 @@ from agent_node.node import AgentNode
 from helpers.graph import SMALL_LEARNER, Probe, Witness, graph
 from helpers.learners import ARENA, WORLD, snapshot, trajectory
 from learner_node.node import LearnerNode
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import PublishedPolicy
 from pa_ros.ros import topics
 from pa_ros.ros.health import ERROR
 from pa_ros.wire.arena import decode_arena_info, encode_arena_info

@@ -14,8 +14,13 @@ from hypothesis.extra import numpy as hnp
 
 from helpers.messages import same
 from helpers.rejections import rejected
-from pa_ros.core.experience import AgentKey, PolicySnapshot, TrajectoryKey
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import (
+    AgentKey,
+    LearnerInfo,
+    PolicySnapshot,
+    PublishedPolicy,
+    TrajectoryKey,
+)
 from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.wire.learning import (
     decode_learner_info,

@@ -18,10 +18,11 @@ from pa_ros.core.experience import (
     CommandKey,
     Executed,
     Float32,
+    LearnerInfo,
     Observation,
+    PublishedPolicy,
     Verdict,
 )
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
 from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.families import family_of

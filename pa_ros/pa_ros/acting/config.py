@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pa_ros.core.published import NO_LAG
+from pa_ros.core.experience import NO_LAG
 from pa_ros.core.settings import Settings
 
 

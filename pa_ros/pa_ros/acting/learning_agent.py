@@ -12,8 +12,7 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.send_window import FreeSendWindow, SendWindow, Wait
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.experience import AgentKey, Float32
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import AgentKey, Float32, LearnerInfo, PublishedPolicy
 from pa_ros.language import PRODUCT
 from pa_ros.world import Trajectory
 

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from pa_ros.core.experience import AgentKey
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import AgentKey, LearnerInfo, PublishedPolicy
 from pa_ros.world import Trajectory
 
 FREE_WINDOW = 64  # trajectories that a free agent keeps while its learner accepts none

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from pa_ros.arena.designs import Kind
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.registry import Registry
+from pa_ros.core.extensions import Registry
 
 # Our own sizes; the paper gives none.
 # Half the cube's edge, half the cylinder's height, and the radius of sphere and cylinder.

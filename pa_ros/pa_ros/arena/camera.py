@@ -19,8 +19,7 @@ from pydantic import Field
 
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.simulation import Simulation
-from pa_ros.core.body import Body
-from pa_ros.core.experience import Float64
+from pa_ros.core.experience import Body, Float64
 from pa_ros.core.settings import Settings
 
 CLOSE = "close"  # a view for films: the middle of the table fills the picture

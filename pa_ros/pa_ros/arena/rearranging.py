@@ -13,7 +13,7 @@ from pa_ros.arena.episodes import Block
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.task import ReachTask
-from pa_ros.core.body import Body
+from pa_ros.core.experience import Body
 
 REACH_M = TABLE_SIDE_M / 2  # greatest coordinate of a block, from the middle of the table
 APART_M = 0.05  # least distance between the centers of two blocks

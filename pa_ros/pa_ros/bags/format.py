@@ -16,8 +16,8 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.errors import BagError
-from pa_ros.core.lock import take_lock
-from pa_ros.core.yaml_text import read_yaml
+from pa_ros.core.files import take_lock
+from pa_ros.core.text import read_yaml
 
 BAG_VERSION: Final = 9  # of rosbag2's metadata, as ROS 2 Jazzy writes it
 DISTRIBUTION: Final = "jazzy"
@@ -25,7 +25,7 @@ METADATA: Final = "metadata.yaml"
 RESERVE: Final = ".reserve"  # a file that keeps space free for closing the bag on a full disk
 UNLIMITED: Final = _QosTime(9223372036, 854775807)  # how rosbag2 writes an unlimited duration
 
-# Keys of custom_data in metadata.yaml, besides those of pa_ros.provenance.metadata.
+# Keys of custom_data in metadata.yaml, besides those of pa_ros.provenance.
 LOST: Final = "pa_ros.lost"  # JSON: messages that were published but not received, by topic
 BEFORE: Final = "pa_ros.before"  # JSON: messages published before the recorder connected, by topic
 REPAIRED: Final = "pa_ros.repaired"  # what a repair found

@@ -27,7 +27,7 @@ from pa_ros.bags.format import (
     repair_command,
 )
 from pa_ros.bags.repair import storage_files
-from pa_ros.provenance.metadata import ORIGINS
+from pa_ros.provenance import ORIGINS
 from pa_ros.wire import Message
 from pa_ros.wire.definitions import hash_of, installed_types
 

@@ -12,11 +12,10 @@ from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.writer import BagOptions, BagWriter, refuse_existing
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
-from pa_ros.provenance.metadata import as_custom_data
-from pa_ros.provenance.origins import describe, learner_origin
+from pa_ros.provenance import as_custom_data, describe, learner_origin
 from pa_ros.wire import Message
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, to_cdr

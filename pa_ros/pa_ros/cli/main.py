@@ -16,8 +16,8 @@ from typing import Any, NoReturn
 
 from pa_ros import __version__
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.opengl import check_opengl
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
+from pa_ros.core.software import check_opengl
 from pa_ros.core.text import did_you_mean, printable_lines
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.

@@ -9,7 +9,7 @@ import numpy as np
 from rclpy.node import Node
 
 from pa_ros.console import markup
-from pa_ros.core.body import Body
+from pa_ros.core.experience import Body
 from pa_ros.ros.topics import (
     GET_ENTITIES,
     RESET,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the verifier says of the state that an Observation of the same step describes."""
+    """The verifier's answer for the state in the Observation of the same step."""
 
     episode: int
     step: int
@@ -41,8 +42,23 @@ class Verdict:
     truncated: bool  # the episode's time limit was reached (not a termination)
 
 
+@dataclass(frozen=True)
+class Body:
+    """Position and motion of a body in the frame of the arm's base, on the table."""
+
+    position: Float64  # [3] m
+    quaternion: Float64  # [4] xyzw
+    linear: Float64  # [3] m/s
+    angular: Float64  # [3] rad/s, about that frame's axes
+
+    @classmethod
+    def at_rest(cls, position: Float64, quaternion: Float64) -> Body:
+        """A body that does not move."""
+        return cls(position, quaternion, np.zeros(3), np.zeros(3))
+
+
 class AgentKey(NamedTuple):
-    """One life of an agent. Who starts again under the same name is another."""
+    """One run of an agent; a restarted agent of the same name is a new incarnation."""
 
     agent_id: str
     incarnation: int  # grows with every start
@@ -87,3 +103,50 @@ class PolicySnapshot:
     architecture: str  # canonical JSON of the network's configuration
     world_digest: str
     tensors: dict[str, Float32]  # state-dict names; float32, C-contiguous
+
+
+NO_LAG = 2**32 - 1  # as policy_lag: agents act with the newest weights they have, and never wait
+
+
+@dataclass(frozen=True, slots=True)
+class LearnerInfo:
+    """What a learner requires of its agents, and all that they need to know of it."""
+
+    run_id: str  # kept when a run resumes
+    learner_id: str  # new at every start
+    first_version: int  # newest version of the weights at this start; 0: from scratch
+    world_digest: str
+    architecture: str  # canonical JSON of the actor's configuration
+    trajectory_steps: int  # transitions after which a trajectory is sent at the latest
+    policy_lag: int  # trajectories; NO_LAG: agents do not wait
+    exploration: str  # canonical JSON of the exploration noise
+    inference: str  # what computes actions: "auto" or "torch"
+    control_period: float  # s, of the arena learned about
+    thresholds: tuple[float, ...]  # of the relations of the arena learned about
+    reward: str  # canonical JSON: name and parameters, of the arena learned about
+    algorithm: str = "dpg"  # for people: agents act by the rest
+    software_version: str = ""
+    stamp_ns: int = 0  # wall time; of one run, agents follow the learner that started last
+
+    @property
+    def free(self) -> bool:
+        """Whether agents act with the newest weights they have, and never wait."""
+        return self.policy_lag == NO_LAG
+
+
+@dataclass(frozen=True)
+class PublishedPolicy:
+    """A snapshot with what the synchronous protocol needs to know of it."""
+
+    snapshot: PolicySnapshot
+    run_id: str
+    learner_id: str = ""
+    # For each agent, the sequence number before which every trajectory is accounted for.
+    accounted: Mapping[AgentKey, int] = field(default_factory=dict)
+    latest: TrajectoryKey | None = None  # the trajectory that led to this version, if known
+    stamp_ns: int = 0  # wall time
+
+    @property
+    def name(self) -> tuple[str, str, int]:
+        """Run, learner and version: equal for the same weights."""
+        return self.run_id, self.learner_id, self.snapshot.version

@@ -1,4 +1,4 @@
-"""Extensions: the user's own code, imported for what it registers; and settings of every node.
+"""Registries of arms, designs, relations …, the extensions that add to them, and settings of nodes.
 
 An extension is a module (`a.b.c`) or a file (`path/x.py`) that adds arms, designs, relations … to
 their registries. It is named on a command line or in a parameter, never by a message: nothing that
@@ -11,15 +11,53 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from pydantic import Field, model_validator
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Items of one kind by name, in the order of registering; iterating gives names."""
+
+    def __init__(self, kind: str) -> None:
+        """`kind`: what an item is called in errors ("arm")."""
+        self.kind = kind
+        self._items: dict[str, T] = {}
+
+    def register(self, name: str, item: T) -> T:
+        """Add an item and return it; ConfigError if another item has the name."""
+        if self._items.get(name, item) is not item:
+            raise ConfigError(
+                f"{self.kind} {name!r}: expected a new name, got one that is registered"
+            )
+        self._items[name] = item
+        return item
+
+    def __getitem__(self, name: str) -> T:
+        """The item; ConfigError, with the known names, for an unknown name."""
+        try:
+            return self._items[name]
+        except (KeyError, TypeError):  # a name that is not text
+            raise ConfigError(
+                f"unknown {self.kind}: expected one of {list(self)}, got {name!r}"
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._items
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
 
 
 class NodeSettings(Settings):

@@ -1,7 +1,8 @@
-"""Files that are whole at any moment."""
+"""Files that are complete at any moment, and files that one process has for itself."""
 
 from __future__ import annotations
 
+import fcntl
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -9,10 +10,10 @@ from pathlib import Path
 
 @contextmanager
 def written_beside(path: Path) -> Iterator[Path]:
-    """A path to write to, which becomes `path` at the end, and is gone where that is not reached:
-    until then `path` is as it was. Makes the folders that are needed.
+    """A path to write to, which replaces `path` at the end of the block.
 
-    A link stays one. What is no file (/dev/stdout) is itself written to.
+    If the block fails, `path` stays as it was. Missing folders are made. A symbolic link stays one.
+    Something that is no regular file (/dev/stdout) is written to directly.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     path = path.resolve()
@@ -29,7 +30,7 @@ def written_beside(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file by `written_beside`; line ends as they are. An OSError names it."""
+    """Write a file by `written_beside`, with line ends as they are. An OSError names the file."""
     try:
         with written_beside(path) as beside, beside.open("w", newline="") as file:
             file.write(text)
@@ -37,3 +38,17 @@ def write_whole(path: Path, text: str) -> None:
     except OSError as error:
         error.filename = error.filename or str(path)
         raise
+
+
+def take_lock(descriptor: int) -> bool:
+    """Lock an open file or folder until it is closed or the process ends.
+
+    Returns False if another process has locked it. A file system without locks grants every lock.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True

@@ -1,4 +1,4 @@
-"""Signals that ask a process to come to its end."""
+"""Signals that ask a process to end: SIGINT (Ctrl-C), SIGTERM, and SIGHUP (a closed terminal)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-EXIT_INTERRUPTED = 130  # as a shell says of SIGINT
+EXIT_INTERRUPTED = 130  # the status that a shell gives for SIGINT
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-IMPORTING = "<frozen importlib._bootstrap>"  # file of the frames that import
-IMPORTED_AFTER_S = 5.0  # longer than imports take; then they are interrupted after all
-ASKED_AGAIN_S = 0.05
+IMPORTING = "<frozen importlib._bootstrap>"  # file name of the frames that import
+LONGEST_IMPORT_S = 5.0  # after this an import is interrupted, too
+RETRY_S = 0.05
 Handler = Callable[[int, FrameType | None], None]
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal asked for the end; `status`: what a shell says of it."""
+    """A signal asked the process to end; `status` is what a shell reports for it."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -30,21 +30,22 @@ class Interrupted(KeyboardInterrupt):
 
 @contextmanager
 def on_ending(handle: Handler) -> Iterator[None]:
-    """`handle` SIGINT, SIGTERM and SIGHUP. But what nohup has started stays deaf to the last.
+    """Call `handle` for SIGINT, SIGTERM and SIGHUP within the block.
 
-    A SIGINT that came to a starting child (`interrupts_later`) comes now. Once its terminal is
-    gone, what a process says goes nowhere: it still ends in order.
+    SIGHUP stays ignored in a process that nohup started. A SIGINT that was blocked while the
+    process started (`interrupts_later`) is delivered now. After the terminal was closed, output is
+    discarded, so that the process can still end in order.
     """
     terminals = [descriptor for descriptor in (1, 2) if os.isatty(descriptor)]
 
-    def handle_it(number: int, frame: FrameType | None) -> None:
+    def handle_signal(number: int, frame: FrameType | None) -> None:
         if number == signal.SIGHUP:
             for gone in (one for one in terminals if not os.isatty(one)):
-                _say_nowhere(gone)
+                _discard_output(gone)
         handle(number, frame)
 
     before = {
-        number: signal.signal(number, handle_it)
+        number: signal.signal(number, handle_signal)
         for number in ENDING
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
     }
@@ -58,8 +59,10 @@ def on_ending(handle: Handler) -> Iterator[None]:
 
 @contextmanager
 def interrupts_later() -> Iterator[None]:
-    """A child that is started meanwhile gets SIGINT when it can end in order (`on_ending`), and not
-    in the midst of its imports."""
+    """Block SIGINT in child processes started within the block, until their `on_ending`.
+
+    A child that is interrupted during its imports would end with a traceback.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -67,7 +70,7 @@ def interrupts_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _say_nowhere(descriptor: int) -> None:
+def _discard_output(descriptor: int) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, descriptor)
     os.close(nowhere)
@@ -75,16 +78,16 @@ def _say_nowhere(descriptor: int) -> None:
 
 @contextmanager
 def signals_noted() -> Iterator[Callable[[], bool]]:
-    """Signals make the function yielded true instead of ending the process.
+    """Yield a function that says whether a signal arrived; the process is to end by itself.
 
-    The next one raises Interrupted, so that impatience is heard while things are stopped; but not
-    SIGHUP: of a terminal that closes the shell and the kernel each say so.
+    A second signal raises Interrupted, for users who do not want to wait. SIGHUP never does: when a
+    terminal closes, the shell and the kernel both send it.
     """
     noted: list[int] = []
 
     def handle(number: int, frame: FrameType | None) -> None:
         noted.append(number)
-        if len(noted) > 1 and number != signal.SIGHUP and _is_time(number, frame):
+        if len(noted) > 1 and number != signal.SIGHUP and _may_raise(number, frame):
             raise Interrupted(number)
 
     with on_ending(handle):
@@ -93,19 +96,21 @@ def signals_noted() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def signals_interrupt() -> Iterator[None]:
-    """Signals raise Interrupted, so that whatever is under way is left in order, and SIGHUP does
-    not disturb that."""
+    """Raise Interrupted for a signal, so that `with` and `finally` blocks end in order.
+
+    A later SIGHUP does not disturb them.
+    """
     raised: list[int] = []
 
     def handle(number: int, frame: FrameType | None) -> None:
         if raised and number == signal.SIGHUP:
             return
-        if _is_time(number, frame):
+        if _may_raise(number, frame):
             raised.append(number)
             raise Interrupted(number)
 
     if not _in_main_thread():
-        yield  # signals are the main thread's
+        yield  # only the main thread receives signals
         return
     with on_ending(handle):
         yield
@@ -113,8 +118,10 @@ def signals_interrupt() -> Iterator[None]:
 
 @contextmanager
 def interruption_held() -> Iterator[Callable[[], bool]]:
-    """Interrupted is raised at the end of the block, and not in the midst of it, of C++ perhaps.
-    Yields whether it is to be raised, so that the block can come to its end."""
+    """Delay Interrupted until the end of the block, which may be in the middle of C++ code.
+
+    Yields a function that says whether it will be raised, so that the block can end early.
+    """
     if not _in_main_thread():
         yield lambda: False
         return
@@ -130,17 +137,19 @@ def interruption_held() -> Iterator[Callable[[], bool]]:
 
 @dataclass
 class _Held:
-    depth: int = 0  # blocks within each other
-    number: int | None = None  # of the signal that waits for their end
-    importing_since: float | None = None  # s, monotonic: when one came in the midst of an import
+    depth: int = 0  # number of nested blocks
+    number: int | None = None  # the signal that waits for their end
+    importing_since: float | None = None  # s, monotonic: when a signal arrived during an import
 
 
 _held = _Held()
 
 
-def _is_time(number: int, frame: FrameType | None) -> bool:
-    """Whether to raise Interrupted in this frame. If not, it is raised later: at the end of what
-    holds it, or of an import: modules in C lose it, or make an ImportError of it."""
+def _may_raise(number: int, frame: FrameType | None) -> bool:
+    """Whether Interrupted may be raised in this frame; otherwise it is raised later.
+
+    During an import it is delayed, since C modules lose the exception or turn it into ImportError.
+    """
     if _held.depth:
         _held.number = number
         return False
@@ -150,15 +159,16 @@ def _is_time(number: int, frame: FrameType | None) -> bool:
     now = time.monotonic()
     if _held.importing_since is None:
         _held.importing_since = now
-    if now - _held.importing_since >= IMPORTED_AFTER_S:
+    if now - _held.importing_since >= LONGEST_IMPORT_S:
         _held.importing_since = None
         return True
-    _thread.start_new_thread(_send_again, (number,))  # threading's locks may be held in this frame
+    # Not threading.Thread: this frame may hold the locks that it needs.
+    _thread.start_new_thread(_send_again, (number,))
     return False
 
 
 def _send_again(number: int) -> None:
-    time.sleep(ASKED_AGAIN_S)
+    time.sleep(RETRY_S)
     os.kill(os.getpid(), number)
 
 
@@ -175,8 +185,10 @@ def _in_main_thread() -> bool:
 
 
 def end_with_parent() -> None:
-    """In a process that `multiprocessing` started: end, as at SIGTERM, when whoever started it is
-    gone. Killed, it can't end its children itself."""
+    """End this process, which `multiprocessing` started, when its parent ends.
+
+    A parent that is killed cannot end its children itself.
+    """
     from multiprocessing import parent_process
 
     parent = parent_process()

@@ -1,16 +1,20 @@
-"""On what software and machine something was made."""
+"""The software and the machine that something was made on."""
 
 from __future__ import annotations
 
+import importlib
+import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from pa_ros.core.errors import ConfigError
 
 PACKAGES = ("programmable-agents", "mujoco", "torch", "numpy", "ros-jazzy-rclpy")
 
 
 def versions() -> str:
-    """`name version` of what the figures depend on; packages that are absent are left out."""
+    """`name version` of the packages that results depend on; missing packages are left out."""
     found = [f"python {platform.python_version()}"]
     for package in PACKAGES:
         try:
@@ -21,7 +25,7 @@ def versions() -> str:
 
 
 def here() -> str:
-    """This machine, and what is installed on it."""
+    """The installed versions and the processor."""
     return f"{versions()}, on {device()}"
 
 
@@ -33,3 +37,20 @@ def device() -> str:
         return platform.processor() or platform.machine()
     names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(names, platform.machine())
+
+
+def check_opengl() -> None:
+    """Raise ConfigError if MUJOCO_GL names an OpenGL that cannot be loaded.
+
+    MuJoCo loads it when it is imported, and each kind of OpenGL fails with its own error.
+    """
+    name = os.environ.get("MUJOCO_GL")
+    if not name:
+        return
+    try:
+        importlib.import_module("mujoco")
+    except Exception as error:
+        raise ConfigError(
+            f"MUJOCO_GL={name}: expected an OpenGL that this machine has, got "
+            f"{type(error).__name__}: {error}; without the variable all but rendering works"
+        ) from error

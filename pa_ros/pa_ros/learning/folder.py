@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import IO
 
-from pa_ros.core.lock import take_lock
+from pa_ros.core.files import take_lock
 from pa_ros.learning.checkpoint_files import LATEST, completed
 from pa_ros.learning.errors import CheckpointError, FolderTakenError
 

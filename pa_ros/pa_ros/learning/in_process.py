@@ -8,8 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from pa_ros.acting.agent import ArenaFacts
 from pa_ros.acting.learning_agent import LearningAgent
-from pa_ros.core.experience import AgentKey
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import AgentKey, PublishedPolicy
 from pa_ros.learning.run import LearningRun
 from pa_ros.world import Trajectory
 

@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from pa_ros.acting.actor import Actor
-from pa_ros.core.experience import Float64, Observation, Verdict
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import Float64, Observation, PublishedPolicy, Verdict
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
 from pa_ros.world import Scoring, Trajectory

@@ -15,8 +15,7 @@ from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Step
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float64
-from pa_ros.core.published import PublishedPolicy
+from pa_ros.core.experience import Float64, PublishedPolicy
 from pa_ros.language import PRODUCT, Program
 from pa_ros.learning.config import LearnerConfig, TrainConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError

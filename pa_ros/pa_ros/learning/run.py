@@ -9,8 +9,7 @@ from uuid import uuid4
 
 from pa_ros import __version__
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import TrajectoryKey
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import LearnerInfo, PublishedPolicy, TrajectoryKey
 from pa_ros.core.software import here
 from pa_ros.learning.errors import DivergedError, LearningError
 from pa_ros.learning.learner import Learner

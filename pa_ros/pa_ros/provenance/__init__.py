@@ -1,1 +1,106 @@
-"""Who made what, with which settings."""
+"""Provenance: which software and settings made a run, and a description of its arena."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+
+from pa_ros import __version__
+from pa_ros.arena import ARMS, ArenaConfig, Design, scoring_of, world_of
+from pa_ros.arena.simulation import HAND_INDEX
+from pa_ros.core.software import here
+from pa_ros.language import Program
+from pa_ros.wire.arena import ArenaDescription, Mode
+from pa_ros.wire.diagnostics import LearnerOrigin, Origin
+from pa_ros.world import Reward, Sparse
+
+if TYPE_CHECKING:  # it imports torch, which an arena does not need
+    from pa_ros.learning.learner import Learner
+
+# Keys of custom_data in a bag's metadata.yaml.
+ORIGINS: Final = "pa_ros.provenance"  # JSON list, one object per process
+ARENAS: Final = "pa_ros.arena_info"  # JSON list, one object per arena
+
+
+def origin(node: str, instance: str, seed: int, **of_process: Any) -> Origin:
+    """The provenance of this process; `of_process` are other fields of Origin."""
+    return Origin(
+        node=node,
+        instance=instance,
+        seed=seed,
+        software_version=__version__,
+        versions=here(),
+        stamp_ns=time.time_ns(),
+        **{"parameters": {}, **of_process},
+    )
+
+
+def learner_origin(
+    node: str,
+    instance: str,
+    seed: int,
+    learner: Learner,
+    training_programs: Iterable[Program],
+    **of_process: Any,
+) -> Origin:
+    """The provenance of a learner, with its settings and training programs."""
+    parameters = {"engine": learner.engine.name, **of_process.pop("parameters", {})}
+    return origin(
+        node,
+        instance,
+        seed,
+        world=learner.network.world,
+        parameters=parameters,
+        learner=LearnerOrigin(
+            first_version=learner.counters.version,
+            network=learner.network.to_json(),
+            learner=learner.config.to_json(),
+            algorithm=learner.config.ALGORITHM,
+            training_programs=tuple(training_programs),
+        ),
+        **of_process,
+    )
+
+
+def describe(
+    arena: ArenaConfig,
+    design: Design,
+    seed: int,
+    training_programs: Iterable[Program],
+    instance: str,
+    mode: Mode = Mode.LOCKSTEP,
+    reward: Reward | None = None,
+) -> ArenaDescription:
+    """The description that an arena publishes; the default `reward` is the paper's."""
+    return ArenaDescription(
+        mode=mode,
+        design=design.name,
+        arm=arena.arm,
+        preset=arena.preset,
+        seed=seed,
+        block_count=design.n_blocks,
+        world=world_of(arena, design),
+        training_programs=tuple(training_programs),
+        joint_names=ARMS[arena.arm].joint_names,
+        joint_lower=arena.joint_lower,
+        joint_upper=arena.joint_upper,
+        speed_limits=arena.joint_speed_limits,
+        control_period=arena.control_period_s,
+        thresholds=tuple(scoring_of(arena, design).thresholds.values()),
+        episode_steps=arena.episode_steps,
+        reward=(reward or Sparse()).to_json(),
+        hand_index=HAND_INDEX,
+        arena_id=instance,
+        software_version=__version__,
+    )
+
+
+def as_custom_data(origins: Iterable[Origin], arenas: Iterable[ArenaDescription]) -> dict[str, str]:
+    """The entries of custom_data in a bag's metadata.yaml."""
+    return {
+        ORIGINS: json.dumps([asdict(origin) for origin in origins], sort_keys=True),
+        ARENAS: json.dumps([asdict(arena) for arena in arenas], sort_keys=True),
+    }

@@ -13,8 +13,7 @@ import time
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
-from pa_ros.core.experience import AgentKey
-from pa_ros.core.published import LearnerInfo
+from pa_ros.core.experience import AgentKey, LearnerInfo
 
 SILENT_S = 2.5  # without data for so long, the followed peer may be replaced
 REPORTED_S = 3.0  # an ignored peer is reported for so long after its last message

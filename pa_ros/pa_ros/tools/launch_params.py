@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.yaml_text import read_yaml
+from pa_ros.core.text import read_yaml
 from pa_ros.learning.folder import refuse_used
 from pa_ros.ros.environment import check_namespace
 

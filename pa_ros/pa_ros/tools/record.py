@@ -29,7 +29,7 @@ from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.software import device, versions
 from pa_ros.core.text import Report
-from pa_ros.provenance.metadata import as_custom_data
+from pa_ros.provenance import as_custom_data
 from pa_ros.ros import topics
 from pa_ros.ros.environment import check_namespace
 from pa_ros.ros.executor import spin_until

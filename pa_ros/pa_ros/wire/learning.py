@@ -10,8 +10,14 @@ import numpy as np
 
 from msgs_schema import msg
 from pa_ros import __version__
-from pa_ros.core.experience import AgentKey, Float32, PolicySnapshot, TrajectoryKey
-from pa_ros.core.published import LearnerInfo, PublishedPolicy
+from pa_ros.core.experience import (
+    AgentKey,
+    Float32,
+    LearnerInfo,
+    PolicySnapshot,
+    PublishedPolicy,
+    TrajectoryKey,
+)
 from pa_ros.language import parse
 from pa_ros.wire.arena import WIRE_VERSION, check_positive, check_version
 from pa_ros.wire.errors import WireError

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from msgs_schema import action, msg, srv
-from pa_ros.core.body import Body
-from pa_ros.core.experience import Float64
+from pa_ros.core.experience import Body, Float64
 from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import read_vector, write_stamp, write_vector
 

@@ -15,8 +15,7 @@ from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
-from pa_ros.core.body import Body
-from pa_ros.core.experience import Float64
+from pa_ros.core.experience import Body, Float64
 from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import read_float64, read_vector, write_stamp, write_vector
 from pa_ros.wire.simulator import WORLD

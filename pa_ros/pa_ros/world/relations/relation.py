@@ -11,7 +11,7 @@ import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
-from pa_ros.core.registry import Registry
+from pa_ros.core.extensions import Registry
 from pa_ros.world.poses import IDENTITY, POSE_WIDTH, in_base
 
 Measure = Callable[[Float64, Float64], Float64]

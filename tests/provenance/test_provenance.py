@@ -6,7 +6,7 @@ from helpers.worlds import PROGRAMS, WORLD, dpg
 from pa_ros.arena import design_named, preset_named
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.provenance.origins import describe, learner_origin
+from pa_ros.provenance import describe, learner_origin
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 
