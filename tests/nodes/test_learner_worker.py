@@ -109,12 +109,6 @@ def test_a_trajectory_that_its_agent_cannot_have_made_yet_is_refused(bench, know
     assert bench.submit(trajectory(1 if known else 0)).accounted == {A: 2 if known else 1}
 
 
-def test_another_run_begins_its_account_where_the_agent_says(bench):
-    answer = bench.submit(replace(trajectory(399), held_from=399))
-    assert answer.accounted == {A: 400}
-    assert bench.worker.metrics["missing_trajectories"] == 0
-
-
 def test_an_agent_that_starts_again_under_its_name_is_not_swallowed(bench):
     bench.submit(trajectory(0), trajectory(1))
     later = AgentKey("a", 1)
@@ -124,18 +118,6 @@ def test_an_agent_that_starts_again_under_its_name_is_not_swallowed(bench):
     answer = bench.submit(trajectory(2))  # of the one that was there before, and is still
     assert [error.code for error in bench.refused] == ["learning.superseded"]
     assert (answer.snapshot.version, answer.accounted) == (3, {later: 1})
-
-
-def test_a_trajectory_longer_than_asked_for_is_refused_by_name(bench):
-    answer = bench.submit(trajectory(0, length=101))
-    assert "trajectory_steps = 100 transitions, got 101 from 'a'" in str(bench.refused[0])
-    assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
-
-
-def test_agents_are_counted_apart(bench):
-    answer = bench.submit(trajectory(0, "a"), trajectory(0, "b"))
-    assert answer.accounted == {A: 1, AgentKey("b", 0): 1}
-    assert bench.worker.metrics["duplicate_trajectories"] == 0
 
 
 def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
@@ -177,17 +159,6 @@ def test_a_folder_that_another_run_writes_into_is_refused(tmp_path: Path):
     with pytest.raises(FolderTakenError, match="expected a folder without a run"):
         Bench(out=str(tmp_path))
     Bench(out=str(tmp_path), resume=True).worker.close()
-
-
-def test_a_checkpoint_that_cannot_be_written_is_refused_and_learning_goes_on(tmp_path: Path):
-    blocked = tmp_path / "file"
-    blocked.write_text("in the way")
-    bench = Bench(out=str(blocked), checkpoint_every_frames=10)
-    bench.submit(trajectory(0), trajectory(1))
-    bench.worker.close()
-    assert {error.code for error in bench.refused} == {"learning.checkpoint"}
-    assert "what is learned is not saved" in bench.worker.trouble
-    assert bench.published[-1].snapshot.version == 2
 
 
 def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path, monkeypatch):
@@ -243,15 +214,6 @@ def test_of_learning_that_diverges_the_state_before_is_kept(tmp_path: Path, monk
     assert (counters["version"], counters["updates"]) == (last, counters["frames"])
     again = Bench(out=str(tmp_path), **wild, resume=True)
     assert again.published[-1].snapshot.version == last
-
-
-def test_absurd_features_are_refused_and_learning_goes_on(bench):
-    absurd = trajectory(0)
-    absurd.objects[2, 1, 0] = 3e38
-    answer = bench.submit(absurd)
-    assert [error.code for error in bench.refused] == ["learning.out_of_bounds"]
-    assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
-    assert bench.submit(trajectory(1)).snapshot.version == 1 and not bench.worker.trouble
 
 
 def test_at_rest_nothing_is_learned_from_what_waits_and_a_checkpoint_is_there(tmp_path):

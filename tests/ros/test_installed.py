@@ -50,11 +50,3 @@ def test_ros2_run_finds_an_executable_that_says_how_it_is_used(package):
     assert told.stdout.startswith(f"usage: {package} ")
     if package in NODES:
         assert "  seed [0]\n      an integer of at least 0: of " in told.stdout
-
-
-@pytest.mark.graph
-def test_a_word_that_means_nothing_is_refused():
-    command = [sys.executable, "-m", "sim_node.main", "fast", "--ros-args", "-p", "seed:=1"]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
-    assert told.returncode == 2
-    assert "expected --ros-args or --help, got 'fast'" in told.stderr
