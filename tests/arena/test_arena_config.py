@@ -1,4 +1,4 @@
-"""Presets, designs, and what is refused."""
+"""Presets, settings and designs of the arena."""
 
 from dataclasses import replace
 from typing import Any
@@ -6,33 +6,18 @@ from typing import Any
 import pytest
 
 from pa_ros.arena import (
-    ARMS,
     DESIGNS,
     PRESETS,
     ArenaConfig,
     Design,
     Kind,
     design_named,
-    preset_named,
 )
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 
 VALUES = {"color": ("RED", "BLUE"), "shape": ("CUBE", "SPHERE")}
 WORDS = Vocabulary.of(shape=VALUES["shape"], color=VALUES["color"])
-
-
-def test_paper_preset_stays_within_the_real_arm() -> None:
-    paper = preset_named("paper")
-    assert paper.arm_touches_blocks
-    for speed, joint in zip(paper.joint_speed_limits, ARMS["jaco"].joints, strict=True):
-        assert speed <= joint.max_speed
-
-
-def test_fast_preset_says_that_it_switches_contact_off() -> None:
-    assert not preset_named("fast").arm_touches_blocks
-    assert preset_named("fast").thresholds == ()
-    assert preset_named("fast").joint_speed_limits == (1.5,) * 6
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
@@ -47,21 +32,14 @@ def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
         ("thresholds", (-0.1,), "-0.1"),
         ("episode_steps", 0, "got 0"),
         ("joint_speed_limits", (1.0,) * 5, "(1.0, 1.0, 1.0, 1.0, 1.0)"),
-        ("joint_speed_limits", (1.0,) * 5 + (0.0,), "0.0"),
         ("arm", "elbow", "one of ['jaco', 'panda'"),
         ("arm", "panda", "expected 7 numbers, the joints of panda, got 6"),
     ],
 )
-def test_bad_parameters_are_refused_with_the_value(field: str, value: Any, shown: str) -> None:
+def test_a_wrong_value_is_rejected_and_shown(field: str, value: Any, shown: str) -> None:
     with pytest.raises(ConfigError) as refusal:
         ArenaConfig().changed(**{field: value})
     assert shown in str(refusal.value)
-
-
-@pytest.mark.parametrize("lookup", [preset_named, design_named])
-def test_unknown_names_are_refused_with_the_known_ones(lookup) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(ConfigError, match="'nonsense'"):
-        lookup("nonsense")
 
 
 def test_designs_are_those_of_figure_2() -> None:
@@ -69,7 +47,7 @@ def test_designs_are_those_of_figure_2() -> None:
         name: (len(d.train), len(d.held_out)) for name in DESIGNS for d in [design_named(name)]
     }
     figure = {"2-C": (4, 0), "2-L": (3, 1), "3-C": (9, 0), "3-D": (6, 3), "3-D-exact": (6, 3)}
-    assert {name: sizes[name] for name in figure} == figure  # others may have been registered
+    assert {name: sizes[name] for name in figure} == figure  # extensions may have registered more
     assert design_named("2-L").held_out == (Kind(color="BLUE", shape="SPHERE"),)
     for kind in design_named("3-D").held_out:  # the diagonal: each property once
         others = [k for k in design_named("3-D").held_out if k != kind]
@@ -87,20 +65,14 @@ def test_designs_are_those_of_figure_2() -> None:
         {"values": VALUES | {"color": ("RED", "PURPLE")}},
         {"values": VALUES | {"color": ("RED", "GREEN")}},  # no word for GREEN
         {"values": VALUES | {"color": ()}},
-        {"values": {"color": ("RED", "BLUE")}},  # of what shape?
+        {"values": {"color": ("RED", "BLUE")}},  # without shapes
         {"novel": {"color": "RED"}},  # not new
         {"train": ()},
         {"train": (Kind(color="RED", shape="CYLINDER"),)},
-        {"held_out": (Kind(color="RED", shape="CUBE"),)},  # trained as well
+        {"held_out": (Kind(color="RED", shape="CUBE"),)},  # also trained
     ],
 )
-def test_designs_that_make_no_sense_are_refused(change: dict[str, Any]) -> None:
+def test_a_contradictory_design_is_rejected(change: dict[str, Any]) -> None:
     design = Design("d", VALUES, WORDS, (Kind(color="RED", shape="CUBE"),))
     with pytest.raises(ConfigError, match="design d"):
         replace(design, **change)
-
-
-def test_a_group_that_the_schema_lacks_is_refused_by_name() -> None:
-    expected = r"unknown property group: expected one of \['shape', 'color'\], got 'size'"
-    with pytest.raises(ConfigError, match=expected):
-        replace(design_named("2-L"), values=VALUES | {"size": ("SMALL",)})

@@ -19,7 +19,6 @@ from pa_ros.arena import (
     preset_named,
 )
 from pa_ros.arena.errors import ArenaError
-from pa_ros.arena.references import scripted_action
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import ProgramError
 
@@ -38,13 +37,6 @@ UNBOUNDED = "ignore:.*Box observation space (min|max)imum value is .*infinity"
 )
 def test_gymnasiums_checker_accepts_it(options: dict[str, Any]) -> None:
     check_env(gymnasium.make(ENV_ID, **options).unwrapped)
-
-
-def test_episodes_end_by_truncation_after_100_steps() -> None:
-    env = gymnasium.make(ENV_ID)
-    env.reset(seed=0)
-    ends = [env.step(env.action_space.sample())[2:4] for _ in range(100)]
-    assert ends == [(False, False)] * 99 + [(False, True)]
 
 
 def test_seed_fixes_the_sequence_of_episodes() -> None:
@@ -135,24 +127,6 @@ def test_a_program_with_too_many_instructions_is_rejected() -> None:
         ReachEnv(observation="pixels")  # type: ignore[arg-type]
 
 
-def test_the_script_succeeds_through_it() -> None:
-    env = ReachEnv(preset="fast", design="2-C")
-    env.reset(seed=0)
-    for _ in range(100):
-        action = scripted_action(env.task) / np.array(env.config.joint_speed_limits)
-        *_, info = env.step(action.astype(np.float32))
-    assert info["is_success"] and info["distance"] < 0.2
-
-
-def test_top_view_needs_no_opengl() -> None:
-    env = ReachEnv(render_mode="rgb_array")
-    env.reset(seed=0)
-    picture = env.render()
-    assert picture is not None and picture.shape == (480, 480, 3) and picture.dtype == np.uint8
-    assert picture.std() > 5
-    assert ReachEnv().render() is None
-
-
 def test_wrong_options_are_rejected() -> None:
     with pytest.raises(ConfigError, match="reset"):
         ReachEnv().step(np.zeros(6, dtype=np.float32))
@@ -237,17 +211,6 @@ def test_a_deep_copy_is_independent(observation: str) -> None:
     for env in (copied, original):
         for one, other in zip(later(env), expected, strict=True):
             assert same(one[0], other[0]) and one[1:] == other[1:]
-
-
-def test_a_copy_and_its_original_share_no_scene() -> None:
-    """Even if the next episodes of the copy have the same blocks."""
-    env = ReachEnv()
-    env.reset(seed=3)
-    before, copied = env.task.simulation.objects(), copy.deepcopy(env)
-    for _ in range(3):
-        copied.reset(seed=3)
-        copied.step(np.ones(6, np.float32))
-    assert np.array_equal(env.task.simulation.objects(), before)
 
 
 def test_a_running_arena_cannot_be_pickled() -> None:

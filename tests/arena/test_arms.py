@@ -123,9 +123,7 @@ NAMES = ARMS["jaco"].joint_names
     ("mjcf", "shown"),
     [
         ("<body>", "expected MJCF bodies, got: .*XML"),
-        (bodies(*NAMES[:5]), "expected MJCF bodies, got: .*joint_6"),
         (bodies(*NAMES[::-1]), r"expected hinges \['joint_1', .*got \['joint_6', "),
-        (bodies(*NAMES, "finger"), r"expected hinges .*'joint_6', 'finger'\]"),
         (bodies(*NAMES), "expected `hand` as its last body"),
     ],
 )
@@ -151,12 +149,6 @@ def test_the_pandas_chain_is_the_published_one() -> None:
     assert sum(link.mass_kg for link in LINKS) == pytest.approx(16.06, abs=0.01)
 
 
-def test_the_panda_stays_within_the_real_arms_speeds() -> None:
-    for speeds in ARMS["panda"].speeds.values():
-        for speed, joint in zip(speeds, ARMS["panda"].joints, strict=True):
-            assert speed <= joint.max_speed
-
-
 def test_a_base_with_limits_turns_the_long_way_round() -> None:
     """From the far left to a block at the far right, through the front."""
     task = panda()
@@ -173,3 +165,9 @@ def test_blocks_lie_within_the_sector_of_the_arm() -> None:
         task.reset(episode)
         x, y = task.simulation.positions[1:, :2].T
         assert (np.abs(np.arctan2(y, x)) <= config.block_angles[1]).all()
+
+
+@every_arm
+def test_the_preset_paper_stays_within_the_speeds_of_the_real_arm(arm: Arm) -> None:
+    for speed, joint in zip(arm.speeds["paper"], arm.joints, strict=True):
+        assert speed <= joint.max_speed

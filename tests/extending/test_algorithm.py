@@ -1,27 +1,25 @@
-"""The example of an algorithm: registered, trained through the same learner, and resumed."""
+"""The example of an algorithm learns with the usual learner."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
 
 from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms import ALGORITHMS, Algorithm
 from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
-from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.inference import TorchActor
 
 
-def test_it_learns_through_the_same_learner_and_is_announced(tmp_path: Path) -> None:
+def test_the_usual_learner_trains_with_it_and_announces_it(tmp_path: Path) -> None:
     crr = load_example("algorithm")
     usual, learner = trained(tmp_path / "a"), trained(tmp_path / "b", algorithm="crr")
     assert isinstance(learner.config, crr.CRRConfig)
@@ -33,8 +31,8 @@ def test_it_learns_through_the_same_learner_and_is_announced(tmp_path: Path) -> 
     assert learner.metrics()["critic_loss"] > 0
 
 
-def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
-    """In one state with two stored actions, of which one is rewarded: a bandit."""
+def test_the_actor_learns_the_rewarded_action(tmp_path: Path) -> None:
+    """A bandit: one state with two stored actions, one of them rewarded."""
     load_example("algorithm")
     fast: dict[str, Any] = {
         "learner.optimizer.actor_rate": 3e-3,
@@ -64,7 +62,7 @@ def test_the_actor_comes_to_do_what_is_rewarded(tmp_path: Path) -> None:
     np.testing.assert_allclose(action, 0.5, atol=0.15)
 
 
-def test_its_settings_are_options_and_its_values_join_the_protocol() -> None:
+def test_its_settings_are_options_with_defaults_by_protocol() -> None:
     load_example("algorithm")
     ours = LearningSettings(algorithm="crr")
     assert ours.flat()["learner.temperature"] == 0.2
@@ -77,61 +75,9 @@ def test_its_settings_are_options_and_its_values_join_the_protocol() -> None:
 
 
 class InheritedConfig(DPGConfig):
-    """Says DPG's name."""
+    """Settings that still have the name of DPG."""
 
 
-class NamelessConfig(LearnerConfig):
-    """Says none."""
-
-
-@pytest.mark.parametrize(
-    ("config", "said"),
-    [(InheritedConfig, "InheritedConfig, got 'dpg'"), (NamelessConfig, "NamelessConfig, got None")],
-)
-def test_settings_that_say_another_algorithms_name_are_refused(
-    config: type[LearnerConfig], said: str
-) -> None:
-    expected = f"algorithm mine: expected ALGORITHM = 'mine' in {said}"
-    with pytest.raises(ConfigError, match=f"^{expected}$"):
-        ALGORITHMS.register("mine", Algorithm(config, make_engine))
-    assert "mine" not in ALGORITHMS
-
-
-class MissingConfig(LearnerConfig):
-    """Of an algorithm without an engine."""
-
-    ALGORITHM: ClassVar[str] = "missing"
-
-
-class RaisingConfig(LearnerConfig):
-    """Of an algorithm whose engine cannot be made."""
-
-    ALGORITHM: ClassVar[str] = "raising"
-
-
-def raises(*_: Any) -> Engine:
-    raise KeyError("critic")
-
-
-def makes_none(*_: Any) -> Any:
-    return None
-
-
-@pytest.mark.parametrize(
-    ("config", "make", "said"),
-    [
-        (RaisingConfig, raises, "algorithm raising: expected what .* got KeyError: 'critic'"),
-        (MissingConfig, makes_none, "algorithm missing: expected an Engine, got None"),
-    ],
-)
-def test_an_engine_that_cannot_be_made_is_refused_by_the_algorithms_name(
-    config: type[LearnerConfig], make: Any, said: str, tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    known = type(ALGORITHMS)("algorithm")
-    monkeypatch.setattr("pa_ros.learning.learner.ALGORITHMS", known)
-    monkeypatch.setattr("pa_ros.learning.protocols.ALGORITHMS", known)
-    known.register(config.ALGORITHM, Algorithm(config, make))
-    with pytest.raises(ConfigError, match=f"^{said}$"):
-        trained(tmp_path, algorithm=config.ALGORITHM)
-    assert not list(tmp_path.iterdir())
+def test_settings_with_the_name_of_another_algorithm_are_rejected() -> None:
+    with pytest.raises(ConfigError, match="^algorithm mine: expected ALGORITHM = 'mine'"):
+        ALGORITHMS.register("mine", Algorithm(InheritedConfig, make_engine))

@@ -1,4 +1,4 @@
-"""What a newcomer says of looks is used, or refused by group, value and what is known."""
+"""Custom looks of blocks are used, or rejected by group and value."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
 
 
 def designed(**values: tuple[str, ...]) -> Design:
-    """All combinations of some values, each a word."""
+    """A design with all combinations of some values."""
     groups = (PropertyGroup(name, words, OneHot(words)) for name, words in values.items())
     schema = ObjectSchema(tuple(groups))
     train = kinds(values)
@@ -24,14 +24,14 @@ def designed(**values: tuple[str, ...]) -> Design:
     return Design("own", values, schema.vocabulary, train, n_blocks=count, schema=schema)
 
 
-def test_a_color_of_ones_own_is_seen_in_grey() -> None:
+def test_a_custom_color_without_a_look_is_grey() -> None:
     design = designed(shape=("CUBE", "SPHERE"), color=("RED", "ORANGE"))
     ReachTask(preset_named("fast"), design, 0).reset(0)
     assert look_of(Kind(color="ORANGE", shape="CUBE")) == Look()
     assert look_of(Kind(color="RED", shape="CUBE")).rgba != Look.rgba
 
 
-def test_a_shape_that_is_none_of_ours_is_refused_before_the_first_episode() -> None:
+def test_an_unknown_shape_is_rejected_before_the_first_episode() -> None:
     design = designed(shape=("CUBE", "CONE"), color=("RED", "BLUE"))
     with pytest.raises(ConfigError, match=r"shape: CONE: .* of \['CUBE'.*'CAPSULE'\], got 'CONE'"):
         ReachTask(preset_named("fast"), design, 0)
@@ -39,7 +39,7 @@ def test_a_shape_that_is_none_of_ours_is_refused_before_the_first_episode() -> N
 
 @pytest.fixture
 def weight(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """A group with a look of its own."""
+    """A group with a custom look."""
     monkeypatch.setattr(APPEARANCES, "_items", {**dict(items()), "weight": request.param})
     look_of.cache_clear()
     yield "weight"
@@ -56,16 +56,11 @@ def items() -> Iterator[tuple[str, Any]]:
         (lambda look, value: replace(look, scale={"HEAVY": 2.0}[value]), "KeyError"),
         (lambda look, value: None, "expected a Look, got None"),
         (lambda look, value: replace(look, density=-1.0), "density: .* got -1.0"),
-        (lambda look, value: replace(look, density=float("nan")), "density: .* got nan"),
-        (lambda look, value: replace(look, scale=0.0), "scale: .* got 0.0"),
-        (lambda look, value: replace(look, scale="big"), "scale: .* got 'big'"),
-        (lambda look, value: replace(look, rgba="red"), "rgba: .* got 'red'"),
         (lambda look, value: replace(look, rgba="1 1 1"), "rgba: .* got '1 1 1'"),
-        (lambda look, value: replace(look, rgba=None), "rgba: .* got None"),
     ],
     indirect=["weight"],
 )
-def test_a_look_that_cannot_be_is_refused_by_its_group_and_value(weight: str, why: str) -> None:
+def test_an_impossible_look_is_rejected_by_group_and_value(weight: str, why: str) -> None:
     design = designed(color=("RED", "BLUE"), **{weight: ("LIGHT", "HEAVY")})
     with pytest.raises(ConfigError, match=f"appearance of weight: LIGHT: .*{why}"):
         ReachTask(preset_named("fast"), design, 0)

@@ -1,4 +1,4 @@
-"""The example of a reward: announced by name, paid by the arena, taught by relabeling."""
+"""The example of a reward is chosen by name and used in relabeling."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ SHAPED = '{"name": "shaped", "weight": 0.8}'
 
 
 def rewards_drawn(learner: Learner) -> np.ndarray:
-    """What the learner learns from, as the arena would have paid it: relabeled."""
+    """Relabeled rewards of sampled batches."""
     return np.concatenate([batch.reward.ravel() for batch in learner.batches(50)])
 
 
-def test_what_the_learner_learns_from_changes(tmp_path: Path) -> None:
+def test_relabeled_rewards_follow_it(tmp_path: Path) -> None:
     load_example("reward")
     usual, shaped = trained(tmp_path / "a"), trained(tmp_path / "b", reward_from(SHAPED))
     assert set(rewards_drawn(usual)) <= {-1.0, 1.0}
@@ -32,7 +32,7 @@ def test_what_the_learner_learns_from_changes(tmp_path: Path) -> None:
     assert not np.array_equal(ours, theirs)
 
 
-def test_it_is_known_by_name_and_says_what_it_is() -> None:
+def test_it_is_chosen_by_name_or_json() -> None:
     shaped = load_example("reward").Shaped
     assert reward_from("shaped") == shaped()
     assert reward_from(SHAPED).to_json() == '{"length_m":0.3,"name":"shaped","weight":0.8}'
@@ -40,7 +40,7 @@ def test_it_is_known_by_name_and_says_what_it_is() -> None:
         reward_from('{"name": "shaped", "wait": 1}')
 
 
-def test_one_state_and_many_are_paid_alike() -> None:
+def test_one_state_and_many_get_the_same_reward() -> None:
     reward = load_example("reward").Shaped()
     measure = np.array([0.1, 0.25, np.inf])
     many = reward(measure <= 0.2, measure)

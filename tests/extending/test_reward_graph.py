@@ -1,4 +1,4 @@
-"""A newcomer's reward and TD3 over the graph: arena and learner agree on what is paid."""
+"""A custom reward and TD3 over the graph."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ import numpy as np
 from pa_ros.acting.agent import Agent, ArenaFacts, Step
 from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.learning_agent import LearningAgent
-from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
+from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core import extensions
 from pa_ros.core.experience import (
     AgentKey,
@@ -183,13 +183,15 @@ def trained(
     reward: Reward | None = None,
     algorithm: str = "dpg",
     frames: int = FRAMES,
+    design: Design = DESIGN,
+    arm: str = "jaco",
     **settings: Any,
 ) -> Learner:
-    """Train 2-L on the fast arm under `ours`, in process; `settings` are by dotted name."""
-    design, arena = design_named("2-L"), preset_named("fast")
+    """Train on a fast arm under `ours`, in process; `settings` are by dotted name."""
+    arena = preset_named("fast", arm)
     learning = LearningSettings(algorithm=algorithm).changed(**SMALL | settings)
     return train(
-        TrainConfig(out=out, frames=frames, evaluate_every_frames=0),
+        TrainConfig(out=out, frames=frames, evaluate_every_frames=0, arm=arm),
         learning.network.for_world(world_of(arena, design)),
         learning.learner,
         ReachTask(arena, design, 0, reward=reward),
