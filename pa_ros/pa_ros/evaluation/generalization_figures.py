@@ -64,14 +64,14 @@ def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
     axes.plot([], [], "o", color=SEEDS, markersize=4, label="mean of each seed")
     axes.plot([], [], color=SCRIPT, linewidth=2, label="scripted, knows the target")
     axes.plot([], [], color=BLIND_MARK, linewidth=2, label="best that ignores the program")
-    names = [_in_words(summary.condition) for summary in summaries]
+    names = [in_words(summary.condition) for summary in summaries]
     axes.set_xticks(range(len(names)), names, rotation=45, ha="right")
     axes.set(ylabel="reward per step", ylim=(-1.05, 1.05), title=title)
     figure.legend(loc="outside lower center", fontsize=8, ncols=4, frameon=False)
     save(figure, path, COLORS)
 
 
-def _in_words(condition: str) -> str:
+def in_words(condition: str) -> str:
     kind, _, count = condition.rpartition("-")
     counted = {"blocks": f"{count} blocks", "depth": f"programs {count} deep"}
     return WORDS.get(condition) or counted.get(kind, condition)
@@ -118,7 +118,7 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
         ):
             _case(axes[row], view.show(look), look)
             axes[row][0].set_ylabel(
-                f"{_in_words(condition)}: {case}\nmargin {look.margin:+.2f}", fontsize=9
+                f"{in_words(condition)}: {case}\nmargin {look.margin:+.2f}", fontsize=9
             )
             row += 1
     for _, table in axes[:-1]:

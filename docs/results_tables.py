@@ -1,0 +1,265 @@
+"""Fill the tables of RESULTS.md and README.md from docs/results: `make results`.
+
+A table lies between `<!-- results: NAME -->` and `<!-- end -->`; NAME is one of TABLES.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from statistics import fmean, median
+
+from pa_ros.evaluation.detectors import Accuracy
+from pa_ros.evaluation.equalities import Difference
+from pa_ros.evaluation.experiments import SOLVED, SeedSummary
+from pa_ros.evaluation.generalization import CONDITIONS, Summary
+from pa_ros.evaluation.generalization_figures import in_words
+from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
+from pa_ros.evaluation.variants import Variant
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs/results"
+PAGES = (ROOT / "RESULTS.md", ROOT / "README.md")
+
+# Tables of seeds by what they show; the words are the first cell.
+SEEDS = {
+    "programmable-2L": "2-L, fast arm",
+    "programmable-2L.paper-arm": "2-L, slow arm",
+    "programmable-2L.panda": "2-L, Panda (7 joints)",
+    "programmable-3D": "3-D, fast arm",
+    "programmable-3D.paper-arm": "3-D, slow arm",
+    "programmable-3D-exact": "3-D without spare words",
+    "distilled-2L": "2-L, distilled critic",
+    "distilled-3D": "3-D, distilled critic",
+    "canonical-2L": "2-L, canonical",
+    "canonical-2C": "2-C, canonical",
+    "canonical-3C": "3-C, canonical",
+    "programmable-2L.paper-protocol": "2-L, `paper`",
+    "programmable-3D.paper-protocol": "3-D, `paper`",
+    "canonical-2L.paper-protocol": "2-L, canonical, `paper`",
+    "canonical-2C.paper-protocol": "2-C, canonical, `paper`",
+}
+HEADLINES = ("programmable-2L", "programmable-2L.paper-arm", "programmable-3D",
+             "programmable-3D.paper-arm")  # fmt: skip
+ARMS = {"": "fast", ".paper-arm": "slow"}
+VARIANTS = {  # tag of the tables: what is undone
+    "": "nothing",
+    "no-relabel": "relabeling",
+    "detector-gain-1": "faster detectors",
+    "discount-0.99": "short horizon (with the critic's start)",
+    "noise-0.3": "more noise",
+    "position-scale-5": "finer positions",
+    "self-weight-1": "little attention to itself",
+    "relations-see-properties": "f, r and α without one-hots",
+    "no-sparsity": "sparse detectors",
+    "biases": "no biases",
+    "full-rates": "half the rates",
+    "no-dropout": "hidden properties",
+    "warmup-1000": "late first update",
+    "no-dropout.warmup-1000": "hidden properties and late first update",
+}
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def span(values: Sequence[float], form: str) -> str:
+    """The smallest and the largest value; one value if they look alike."""
+    low, high = f"{min(values):{form}}", f"{max(values):{form}}"
+    text = low if low == high else f"{low} to {high}"
+    return text.replace("-0.00 ", "0.00 ").replace("-", "−")
+
+
+def seeds_of(label: str) -> list[SeedSummary]:
+    return read_rows(RESULTS / f"{label}-seeds.csv", SeedSummary)
+
+
+def solve_frames(label: str) -> str:
+    """Median and range of the frames to solve; a seed that is not solved counts as infinite."""
+    frames = [math.inf if math.isnan(s.frames_to_solve) else s.frames_to_solve
+              for s in seeds_of(label)]  # fmt: skip
+    if len(frames) < 3 or not math.isfinite(median(frames)):
+        known = sorted(f for f in frames if math.isfinite(f))
+        return ", ".join(f"{f:,.0f}" for f in known) or "–"
+    return f"{median(frames):,.0f} ({span(frames, ',.0f')})"
+
+
+def seeds() -> str:
+    rows = []
+    for label, words in SEEDS.items():
+        own = seeds_of(label)
+        solved = sum(s.solved for s in own)
+        held_out = any(s.final_held_out != s.final_train for s in own)  # or nothing is held out
+        rows.append((
+            words,
+            f"{solved} of {len(own)}",
+            span([s.frames for s in own], ",.0f"),
+            solve_frames(label),
+            span([s.final_held_out for s in own], ".2f") if held_out else "–",
+            span([s.final_train for s in own], ".2f"),
+        ))  # fmt: skip
+    return table(("", "Solved", "Frames", "Frames to solve", "Held out", "Trained"), rows)
+
+
+def headline() -> str:
+    rows = []
+    for label in HEADLINES:
+        own = seeds_of(label)
+        scores = span([s.final_held_out for s in own], ".2f")
+        solved = f"{sum(s.solved for s in own)} of {len(own)}"
+        rows.append((SEEDS[label], solved, solve_frames(label), scores))
+    return table(("", "Seeds solved", "Frames to solve, median (range)", "Held-out score"), rows)
+
+
+def summaries(suffix: str) -> dict[str, Summary]:
+    rows = read_rows(RESULTS / f"generalization-summary{suffix}.csv", Summary)
+    return {row.condition: row for row in rows}
+
+
+def conditions() -> str:
+    arms = [summaries(suffix) for suffix in ARMS]
+    rows = []
+    for name in CONDITIONS:
+        cells = [in_words(name)]
+        for arm in arms:
+            row = arm[name]
+            score = f"{row.normalized:.2f} [{row.low:.2f}, {row.high:.2f}]"
+            cells += [score, f"{row.worst_seed:.2f}", f"{row.blind_normalized:.2f}"]
+        rows.append([cell.replace("-0.", "−0.") for cell in cells])
+    head = [""]
+    for arm_name in ARMS.values():
+        head += [f"{arm_name} arm", "worst agent", "blind"]
+    return table(head, rows)
+
+
+def logic() -> str:
+    """How much executing by smaller and greater, in place of products, changes each condition."""
+    rows = []
+    for suffix, arm in ARMS.items():
+        ours, product = summaries(suffix), summaries(f"{suffix}.product")
+        names = [name for name in CONDITIONS if name not in ("train", "random")]
+        gains = [ours[name].normalized - product[name].normalized for name in names]
+        worst = [min(kind[name].worst_seed for name in names) for kind in (product, ours)]
+        rows.append((arm, span(gains, "+.3f"), f"{worst[0]:.2f}", f"{worst[1]:.2f}"))
+    head = ("Arm", "Change of a condition's mean", "Worst agent, products", "Worst agent, ours")
+    return table(head, rows)
+
+
+def detectors() -> str:
+    """Mean degrees by word; the words of training together, as a range."""
+    found = read_rows(RESULTS / "detectors.csv", Accuracy)
+    seen = [row for row in found if row.seen and row.condition == "eval"]
+    groups = {"words of training": seen}
+    groups |= {word: [row for row in found if row.word == word]
+               for word in ("new shape", "new color")}  # fmt: skip
+    rows = []
+    for name, own in groups.items():
+        words = dict.fromkeys(row.word for row in own)
+        means = [
+            [fmean(getattr(row, column) for row in own if row.word == word) for word in words]
+            for column in ("on", "best_distractor", "separated")
+        ]
+        rows.append((name, span(means[0], ".3f"), span(means[1], ".3f"), span(means[2], ".0%")))
+    return table(("", "Blocks that have it", "Highest other block", "In this order"), rows)
+
+
+def equalities() -> str:
+    """The largest differences by law; laws that change nothing at all share a row."""
+    found = read_rows(RESULTS / "equalities.csv", Difference)
+    laws: dict[tuple[str, ...], list[str]] = {}
+    for law in dict.fromkeys(row.law for row in found):
+        own = [row for row in found if row.law == law]
+        largest = [max(abs(getattr(row, name)) for row in own)
+                   for name in ("p", "action", "score", "mean_score")]  # fmt: skip
+        laws.setdefault(tuple(f"{value:.1g}" for value in largest), []).append(law)
+    rows = [(", ".join(names), *values) for values, names in laws.items()]
+    return table(("Laws", "p", "Action", "An episode's reward", "Mean reward"), rows)
+
+
+def forgetting() -> str:
+    switch = read_setting(RESULTS / "forgetting.csv", "switch_frames")["switch_frames"]
+    rows = []
+    for seed, curve in read_curves(RESULTS / "forgetting.csv").items():
+        scores = {row["frames"]: row["train_greedy.normalized"] for row in curve}
+        after = [score for frames, score in scores.items() if frames > switch]
+        before = max(frames for frames in scores if frames <= switch)
+        rows.append((f"{seed}", f"{scores[before]:.2f}", f"{min(after):.2f}", f"{after[-1]:.2f}"))
+    head = ("Seed", "At the switch", "Lowest afterwards", "At the end")
+    return table(head, rows)
+
+
+def variants() -> str:
+    rows = []
+    compared = {}
+    for suffix in ARMS:
+        name = f"programmable-3D{suffix}"
+        for row in read_rows(RESULTS / f"{name}-variants.csv", Variant):
+            compared[suffix, row.label.removeprefix(name).strip(".")] = row
+    for tag, words in VARIANTS.items():
+        cells = [words]
+        for suffix in ARMS:
+            row = compared[suffix, tag]
+            failed = [s for s in seeds_of(row.label) if tag and s.final_held_out < SOLVED]
+            short = [f"{s.seed}: {math.floor(100 * s.final_held_out) / 100:.2f}" for s in failed]
+            frames = f"{row.frames_to_solve:,.0f}" if math.isfinite(row.frames_to_solve) else "–"
+            new = summaries(f"{suffix}.{tag}" if tag else suffix)["reach-new-both"]
+            cells += [f"{row.solved}", frames, f"{row.held_out:.2f}", f"{new.normalized:.2f}",
+                      ", ".join(short) or "–"]  # fmt: skip
+        rows.append(cells)
+    head = ["Undone"]
+    for arm in ARMS.values():
+        head += [f"{arm}: solved of 10", "frames", "held out", "both new", "not solved"]
+    return table(head, rows)
+
+
+def peers() -> str:
+    found = json.loads((RESULTS / "peers.json").read_text())
+    names = dict.fromkeys(key.split(".")[1] for key in found if key.startswith("peers."))
+
+    def shares(key: str) -> str:
+        if f"{key}.train_success" not in found:
+            return "–"
+        return ", ".join(f"{found[f'{key}.{part}_success']:.0%}" for part in ("train", "held_out"))
+
+    rows = [
+        (name, shares(f"peers.{name}.at_15000"), shares(f"peers.{name}.in_time"),
+         shares(f"peers.{name}"), f"{found[f'peers.{name}.seconds']:,.0f}")
+        for name in sorted(names, key=lambda name: (name != "ours", name))
+    ]  # fmt: skip
+    seconds = found["peers.ours.in_time.seconds"]
+    head = ("", "15,000 frames", f"in {seconds:.0f} s", "60,000 frames", "seconds for these")
+    return table(head, rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "headline": headline, "seeds": seeds, "conditions": conditions, "logic": logic,
+    "detectors": detectors, "equalities": equalities, "forgetting": forgetting,
+    "variants": variants, "peers": peers,
+}  # fmt: skip
+
+
+def filled(text: str) -> str:
+    """The text with all of its tables made anew."""
+
+    def fill(found: re.Match[str]) -> str:
+        return f"{found[1]}\n{TABLES[found[2]]()}<!-- end -->"
+
+    return re.sub(r"(<!-- results: (\w+) -->)\n.*?<!-- end -->", fill, text, flags=re.DOTALL)
+
+
+def main() -> int:
+    """Rewrite the pages."""
+    for page in PAGES:
+        page.write_text(filled(page.read_text()))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
