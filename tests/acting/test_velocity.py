@@ -11,7 +11,7 @@ from pa_ros.acting.velocity import VelocityRamp
 def test_a_ramp_is_no_steeper_than_allowed_and_ends_at_the_limits():
     ramp, speeds = VelocityRamp((1.0, 2.0, 0.5), acceleration=2.0), []
     for _ in range(12):
-        speeds.append(ramp.towards(np.array([1.0, -3.0, 0.1], np.float32), 0.1))
+        speeds.append(ramp.towards(np.array([1.0, -1.0, 0.1], np.float32), 0.1))
     steps = np.diff([np.zeros(3), *speeds], axis=0)
     assert np.abs(steps).max() <= 0.2 + 1e-9 and ramp.moving
     assert speeds[0] == pytest.approx([0.2, -0.2, 0.05])

@@ -1,4 +1,4 @@
-"""The acting side: weights that a learner published, and exploration noise."""
+"""From an observation and a program to an action, by the weights that a learner published."""
 
 from __future__ import annotations
 
@@ -23,10 +23,8 @@ from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
-if TYPE_CHECKING:
-    from pa_ros.networks.inference import (
-        Inference,
-    )  # brings torch, which fused acting can do without
+if TYPE_CHECKING:  # it loads torch, which the fused code does not need
+    from pa_ros.networks.inference import Inference
 
 log = logging.getLogger(__name__)
 
@@ -34,12 +32,12 @@ MakeInference = Callable[[NetworkConfig, Tensors, Logic], "Inference"]
 
 
 class Actor:
-    """A policy: observation and program to action; weights arrive as snapshots.
+    """A policy. Without `noise` it is greedy.
 
-    Without `noise` it is greedy. Actions are computed by the fused code where it applies, else by
-    torch: the choice depends on `network` and `inference` ("auto" or "torch") alone, so it is the
-    same in process and over the graph. AND and OR are `logic`'s: MIN_MAX, by which equal programs
-    are executed alike; who learns acts by the PRODUCT that its critic judges.
+    The fused code computes actions where it can, else torch. The choice depends on `network` and
+    `inference` ("auto" or "torch") alone, so it is the same in process and over the graph. `logic`
+    says what AND and OR of degrees are: MIN_MAX, under which equal programs act alike, or the
+    PRODUCT that a learning agent's critic uses.
     """
 
     def __init__(
@@ -60,14 +58,14 @@ class Actor:
 
     @classmethod
     def of(cls, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> Actor:
-        """A greedy actor with these weights, of whatever architecture they have."""
+        """A greedy actor with these weights, of their architecture."""
         actor = cls.fitting(snapshot, logic)
         actor.load(snapshot)
         return actor
 
     @classmethod
     def fitting(cls, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> Actor:
-        """A greedy actor of a snapshot's architecture, without weights as yet."""
+        """A greedy actor of a snapshot's architecture, still without weights."""
         try:
             return cls(actor_config(snapshot.architecture), logic=logic)
         except ConfigError as error:
@@ -75,7 +73,7 @@ class Actor:
 
     @property
     def version(self) -> int:
-        """Of the weights in use; ActingError before the first."""
+        """Version of the weights in use; ActingError before the first."""
         if self._version is None:
             raise ActingError("policy: expected weights before their version is asked, got none")
         return self._version
@@ -83,7 +81,7 @@ class Actor:
     def check(self, snapshot: PolicySnapshot) -> None:
         """Raise ActingError unless these weights fit."""
         self._check_kind(snapshot)
-        with _refused(snapshot):
+        with _as_acting_error(snapshot):
             check_tensors(snapshot.tensors, self._shapes, "actor")
 
     def _check_kind(self, snapshot: PolicySnapshot) -> None:
@@ -97,7 +95,7 @@ class Actor:
     def load(self, snapshot: PolicySnapshot) -> None:
         """Act with these weights from now on; ActingError, and no change, if they do not fit."""
         self._check_kind(snapshot)
-        with _refused(snapshot):  # what infers looks at tensors itself
+        with _as_acting_error(snapshot):
             if self._inference is None:
                 self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
             else:
@@ -107,8 +105,8 @@ class Actor:
     def act(self, observation: Observation, program: Program) -> Float32:
         """The greedy action, [J] in [-1, 1].
 
-        ProgramError if the program is of another vocabulary, ActingError if objects or arm are of
-        another size.
+        Raises ProgramError for a word that the weights do not know, ActingError for objects or an
+        arm of another size.
         """
         if self._inference is None:
             raise ActingError("policy: expected weights before acting, got none")
@@ -116,8 +114,10 @@ class Actor:
         return self._inference.act(observation.objects, arm, program, observation.hand_index)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
-        """p, [N]: how far it takes the program to mean each object; empty if that has no degrees,
-        or there are no weights yet. Raises what `act` raises."""
+        """p, [N]: the degree to which the program means each object.
+
+        Empty before there are weights, or for networks without degrees. Raises what `act` raises.
+        """
         if self._inference is None or not family_of(self.network).evaluates_programs:
             return ()
         arm = self._arm(observation)
@@ -127,7 +127,7 @@ class Actor:
         return tuple(relevance(program, phi.tolist(), rows, hand, self.logic))
 
     def _arm(self, observation: Observation) -> Float32:
-        """Arm part of Ω, [A]; ActingError for objects or an arm that these weights don't see."""
+        """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""
         world = self.network.world
         arm = world.arm(observation)
         features = observation.objects.shape[-1], arm.size
@@ -147,8 +147,8 @@ class Actor:
 
 
 @contextmanager
-def _refused(snapshot: PolicySnapshot) -> Iterator[None]:
-    """Tensors that do not fit are a policy that does not."""
+def _as_acting_error(snapshot: PolicySnapshot) -> Iterator[None]:
+    """Report tensors that do not fit as a policy that does not fit."""
     try:
         yield
     except NetworkError as error:
@@ -156,7 +156,7 @@ def _refused(snapshot: PolicySnapshot) -> Iterator[None]:
 
 
 def _why_torch(network: NetworkConfig, inference: str) -> str:
-    """Why torch computes actions; empty: the fused code does."""
+    """Why torch computes actions; empty: the fused code computes them."""
     return "chosen" if inference == "torch" else why_not_network(network)
 
 

@@ -1,4 +1,4 @@
-"""Did a program get executed? Judged from the verdicts that an arena publishes. Needs no ROS."""
+"""Whether a program was executed, according to the verdicts that an arena publishes."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ HOLD_S = 1.0  # simulation time for which NEAR must hold
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """What became of one program."""
+    """The result of executing one program."""
 
     satisfied: bool  # NEAR held for HOLD_S, or still held when the window or the episode ended
     distance: float  # m, hand to the nearest object named, at the last step watched; inf: none
     reached_s: float | None  # simulation time from its first step to NEAR for good; None: never
     watched_s: float  # simulation time from the program's first step to the last step watched
-    ended: str  # what ended it: "held", "window", "episode" or "replaced" (by another program)
+    ended: str  # by: "held", "window", "episode" or "replaced" (by another program)
 
 
 class ExecutionWatch:
-    """Takes in verdicts in their order until it can say what became of one program.
+    """Watches verdicts, in their order, until the result of one program is certain.
 
-    Steps under other programs before the program's first are ignored, unless they are later than
-    its acceptance; one after its first ends the watch, as does another episode.
+    Steps under other programs before the program's first step are ignored, unless they are later
+    than its acceptance. A step of another program or episode after its first step ends the watch.
     """
 
     def __init__(self, program_id: str, window_s: float = WINDOW_S, hold_s: float = HOLD_S) -> None:
@@ -43,13 +43,13 @@ class ExecutionWatch:
         return self._first is not None
 
     def accepted(self, stamp_ns: int) -> None:
-        """The program was accepted while the step of a stamp stood: later ones should be its."""
+        """The program was accepted while the step of this stamp was current."""
         self._accepted_ns = max(stamp_ns, self._accepted_ns or 0)
 
     def observe(self, verdict: Verdict) -> Execution | None:
-        """Take in one verdict; the result once it is certain."""
+        """Take in one verdict. Returns the result once it is certain."""
         if verdict.program_id != self._program_id or self._other_episode(verdict):
-            over = self._last is not None or self._passed_over(verdict)
+            over = self._last is not None or self._replaced_early(verdict)
             return self._finish("replaced") if over else None
         self._first = self._first or verdict
         self._last = verdict
@@ -59,8 +59,8 @@ class ExecutionWatch:
             self._near_since_ns = verdict.stamp_ns
         return self._result(verdict)
 
-    def _passed_over(self, verdict: Verdict) -> bool:
-        """Whether another program came before the first step under this one."""
+    def _replaced_early(self, verdict: Verdict) -> bool:
+        """Whether another program replaced this one before its first step."""
         return self._accepted_ns is not None and verdict.stamp_ns > self._accepted_ns
 
     def _other_episode(self, verdict: Verdict) -> bool:

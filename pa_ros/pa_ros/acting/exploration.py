@@ -42,7 +42,7 @@ class OrnsteinUhlenbeck:
 
 
 class ExplorationNoise:
-    """One agent's noise: the process of whichever episode is asked for."""
+    """One agent's noise: each episode has its own process."""
 
     def __init__(
         self, config: ExplorationConfig, control_period_s: float, seed: int, actions: int

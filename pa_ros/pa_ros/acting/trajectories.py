@@ -1,4 +1,4 @@
-"""From control steps to trajectories: the only place where transitions are made."""
+"""Join control steps to trajectories: the only place where transitions are made."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pa_ros.world.world import World
 
 
 @dataclass
-class _Run:
+class _Pending:
     """Steps of one episode under one program and one policy version, not yet sent."""
 
     program: Program
@@ -35,9 +35,9 @@ class _Run:
 class TrajectoryBuilder:
     """Joins only consecutive steps of one episode under one program and one policy version.
 
-    At each control step call `observe`, then `acted` with what was done about it. A step that
-    does not continue the one before, in whatever way, begins a new run; what was collected until
-    then is sent, as it is true.
+    At each control step call `observe`, then `acted` with the action taken. A step that does not
+    continue the one before begins a new trajectory; the transitions collected before it are true
+    and are sent.
     """
 
     def __init__(
@@ -52,35 +52,35 @@ class TrajectoryBuilder:
         self._agent, self._run_id = agent, run_id
         self._trajectory_steps = trajectory_steps
         self._world = world
-        self._run: _Run | None = None
+        self._pending: _Pending | None = None
         self._acted = False
 
     @property
     def at_boundary(self) -> bool:
         """Whether no transition is pending, so that the next action begins a trajectory."""
-        return self._run is None or not self._run.actions
+        return self._pending is None or not self._pending.actions
 
     def observe(
         self, observation: Observation, verdict: Verdict, program: Program
     ) -> Trajectory | None:
-        """Take in a step; return the trajectory that it completed, if it did.
+        """Take in a step. Returns the trajectory that it completed, if any.
 
-        `program` is what the observation's program id stands for. Raises ActingError if the verdict
-        is of another step than the observation.
+        `program` is the one that the observation's program id names. Raises ActingError if the
+        verdict is of another step than the observation.
         """
         _check_same_step(observation, verdict)
-        run = self._run
-        if run is None or not self._continues(run, observation, program):
-            other_episode = run is not None and observation.episode != run.last.episode
+        pending = self._pending
+        if pending is None or not self._continues(pending, observation, program):
+            other_episode = pending is not None and observation.episode != pending.last.episode
             trajectory = self._finish(ends_episode=other_episode)
             self._begin(observation, program)
             return trajectory
-        run.append(observation, self._world.arm(observation))
-        run.rewards.append(verdict.reward)
+        pending.append(observation, self._world.arm(observation))
+        pending.rewards.append(verdict.reward)
         self._acted = False
         if verdict.truncated:
             return self._finish(ends_episode=True)
-        if len(run.rewards) < self._trajectory_steps:
+        if len(pending.rewards) < self._trajectory_steps:
             return None
         trajectory = self._finish(ends_episode=False)
         self._begin(observation, program)
@@ -92,26 +92,26 @@ class TrajectoryBuilder:
         Raises ActingError if no step was observed since the last action, or if the version is
         another one than that of the pending transitions: weights change between trajectories.
         """
-        run = self._run
-        if run is None or self._acted:
+        pending = self._pending
+        if pending is None or self._acted:
             raise ActingError(
                 "action: expected an observation before it, got none", code="learning.step"
             )
-        if run.actions and run.version != version:
+        if pending.actions and pending.version != version:
             raise ActingError(
-                f"action: expected policy version {run.version} until the trajectory ends, "
+                f"action: expected policy version {pending.version} until the trajectory ends, "
                 f"got {version}",
                 code="learning.step",
             )
-        run.version = version
-        run.actions.append(np.array(action, np.float32))
+        pending.version = version
+        pending.actions.append(np.array(action, np.float32))
         self._acted = True
 
-    def _continues(self, run: _Run, observation: Observation, program: Program) -> bool:
-        last = run.last
+    def _continues(self, pending: _Pending, observation: Observation, program: Program) -> bool:
+        last = pending.last
         return (
             self._acted
-            and program == run.program
+            and program == pending.program
             and observation.program_id == last.program_id
             and observation.episode == last.episode
             and observation.step == last.step + 1
@@ -120,32 +120,32 @@ class TrajectoryBuilder:
         )
 
     def _begin(self, observation: Observation, program: Program) -> None:
-        self._run = _Run(program, observation, observation)
-        self._run.append(observation, self._world.arm(observation))
+        self._pending = _Pending(program, observation, observation)
+        self._pending.append(observation, self._world.arm(observation))
         self._acted = False
 
     def _finish(self, ends_episode: bool) -> Trajectory | None:
-        """Close the run; None if no transition of it was completed."""
-        run, self._run = self._run, None
-        if run is None or not run.rewards:
+        """The pending transitions as a trajectory; None if none was completed."""
+        pending, self._pending = self._pending, None
+        if pending is None or not pending.rewards:
             return None
-        steps = len(run.rewards)  # an action whose outcome was never seen is left out
+        steps = len(pending.rewards)  # an action whose outcome was never seen is left out
         self.sequence += 1
         return Trajectory(
             agent_id=self._agent.agent_id,
             incarnation=self._agent.incarnation,
             sequence=self.sequence - 1,
             run_id=self._run_id,
-            policy_version=run.version,
-            stamp_ns=run.first.stamp_ns,
-            episode=run.last.episode,
-            first_step=run.last.step - steps,
-            program=run.program,
-            hand_index=run.last.hand_index,
-            objects=np.stack(run.objects[: steps + 1]),
-            arm=np.stack(run.arm[: steps + 1]),
-            actions=np.stack(run.actions[:steps]),
-            rewards=np.array(run.rewards, np.float32),
+            policy_version=pending.version,
+            stamp_ns=pending.first.stamp_ns,
+            episode=pending.last.episode,
+            first_step=pending.last.step - steps,
+            program=pending.program,
+            hand_index=pending.last.hand_index,
+            objects=np.stack(pending.objects[: steps + 1]),
+            arm=np.stack(pending.arm[: steps + 1]),
+            actions=np.stack(pending.actions[:steps]),
+            rewards=np.array(pending.rewards, np.float32),
             ends_episode=ends_episode,
             terminated=False,
             world_digest=self._world.digest,

@@ -1,4 +1,4 @@
-"""From actions to velocities that a real arm may be given."""
+"""From actions to joint velocities that are safe for a real arm."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pa_ros.core.experience import Float32, Float64
 
 
 class VelocityRamp:
-    """Joint velocities, rad/s [J], within the speed limits, that change no faster than allowed."""
+    """Joint velocities, rad/s [J], within speed limits and with limited acceleration."""
 
     def __init__(self, speed_limits: Sequence[float], acceleration: float) -> None:
         """`acceleration`: rad/s², of every joint; 0: no limit. It begins at rest."""
@@ -24,8 +24,8 @@ class VelocityRamp:
         return bool(self.velocity.any())
 
     def towards(self, action: Float32, period_s: float) -> Float64:
-        """The velocities a period later, on the way to an action's, shares [J] of the limits."""
-        wanted = np.clip(action, -1.0, 1.0) * self._speeds
+        """The velocities one period later, on the way to an action: shares [J] of the limits."""
+        target = action * self._speeds
         most = self._acceleration * period_s
-        self.velocity = self.velocity + np.clip(wanted - self.velocity, -most, most)
+        self.velocity = self.velocity + np.clip(target - self.velocity, -most, most)
         return self.velocity.copy()
