@@ -43,20 +43,13 @@ def example(name: str) -> list[str]:
     ],
     ids=["robot", "controller"],
 )
-def test_an_example_executes_programs_and_refuses_others(nodes):
+def test_an_example_executes_a_program_and_refuses_another(nodes):
     started = [subprocess.Popen(one, stderr=subprocess.PIPE, text=True) for one in nodes]
     try:
-        for program, status in (
-            ("NEAR(HAND, AND(RED, CUBE))", 0),
-            ("NEAR(HAND, AND(GREEN, CYLINDER))", 0),
-            ("NEAR(HAND, RAD)", 2),
-        ):
+        for program, status in (("NEAR(HAND, AND(RED, CUBE))", 0), ("NEAR(HAND, RAD)", 2)):
             command = [sys.executable, "-m", "pa_ros", "send", program, "--wait", "--timeout", "60"]
             sent = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
             assert sent.returncode == status, (program, sent.stdout, sent.stderr)
-        command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "20"]
-        told = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
-        assert told.returncode == 0 and told.stdout.startswith("blocks: "), told
     finally:
         for process in started:
             process.terminate()
@@ -127,10 +120,3 @@ def test_features_from_poses_are_the_arenas_and_the_agent_does_with_them_what_it
             process.terminate()
         ended = [(process.communicate()[1], process.returncode) for process in started]
     assert [status for _, status in ended] == [0, 0, 0], ended
-
-
-@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
-def test_an_example_is_short_and_named_in_the_docs(path):
-    code = [line for line in path.read_text().splitlines() if line.strip()]
-    assert len(code) < 65
-    assert f"examples/{path.name}" in (ROOT / "docs/robot.md").read_text()

@@ -8,14 +8,11 @@ import pytest
 
 from helpers.recordings import SMALL
 from helpers.waiting import DEADLINE_S
-from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import present, start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.wire import Message
-from pa_ros.wire.step import arena_of, decode_executed
 
 pytestmark = pytest.mark.graph
 ONE: Parameters = {
@@ -50,23 +47,3 @@ def test_two_arenas_feed_one_learner_and_the_death_of_one_does_not_stop_it(tmp_p
             lambda: (figures.value("learner_node", "version") or 0) >= then + 5, DEADLINE_S,
         )  # fmt: skip
         assert figures.value("learner_node", "missing_trajectories") == 0
-
-
-def test_an_agent_acts_on_when_its_arena_starts_again(tmp_path: Path):
-    """Though the clock of another arena begins anew."""
-    obeyed: list[str] = []  # arenas of the steps that a command led to
-
-    def hear(message: Message) -> None:
-        if decode_executed(message):
-            obeyed.append(arena_of(message))
-
-    with Supervisor(tmp_path / "log") as supervisor, client_node("watcher") as node:
-        OBJECT_FEATURES.subscribe(node, hear)
-        nodes: Parameters = {"sim_node": {"seed": 4}, "agent_node": {"weights": "random"}}
-        start_nodes(supervisor, nodes, tmp_path)
-        assert watch(node, supervisor, lambda: None, lambda: len(obeyed) > 300, DEADLINE_S)
-        supervisor.stop(["sim_node"])
-        first = obeyed[-1]
-        start_nodes(supervisor, {"sim_node": {"seed": 4}}, tmp_path)
-        begun = lambda: obeyed[-1] != first  # noqa: E731
-        assert watch(node, supervisor, lambda: None, begun, DEADLINE_S)

@@ -14,14 +14,11 @@ from helpers.waiting import DEADLINE_S
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
-from pa_ros.ros.topics import POLICY_WEIGHTS
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet, in_step
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.wire import Message
-from pa_ros.wire.learning import decode_weights, weights_checksum
 
 pytestmark = pytest.mark.graph
 ONE: Parameters = {
@@ -32,44 +29,18 @@ ONE: Parameters = {
 ROUNDS = 4
 
 
-def recorded(folder: Path) -> Path:
-    """A bag of two arenas in step, launched as a person does, and interrupted."""
-    folder.mkdir()
-    bag, _ = launched(folder, ONE, 3_000_000, "--arenas", "2", "--in-step", "exact")
-    return bag
-
-
-def published(folder: Path) -> dict[int, str]:
-    """The first versions that such a fleet publishes, with their hashes."""
-    hashes: dict[int, str] = {}
-
-    def hear(message: Message) -> None:
-        snapshot = decode_weights(message).snapshot
-        hashes.setdefault(snapshot.version, weights_checksum(snapshot))
-
-    with Supervisor(folder / "log") as supervisor, client_node("watcher") as node:
-        POLICY_WEIGHTS.subscribe(node, hear)
-        start_nodes(supervisor, in_step(fleet(ONE, 2), "exact"), folder)
-        enough = lambda: max(hashes, default=0) >= 2 * ROUNDS  # noqa: E731
-        assert watch(node, supervisor, lambda: None, enough, DEADLINE_S)
-    return hashes
-
-
-def test_two_arenas_in_step_learn_the_same_bits_again_and_their_bag_is_verified(tmp_path: Path):
-    with Bag(recorded(tmp_path / "recorded")) as opened:
+def test_two_arenas_in_step_are_learned_from_in_turn_and_their_bag_is_verified(tmp_path: Path):
+    """One seed has one result: the learner's updates are computed again from the bag."""
+    bag, _ = launched(tmp_path, ONE, 3_000_000, "--arenas", "2", "--in-step", "exact")
+    with Bag(bag) as opened:
         experience = Experience(opened)
         found = verify(experience)
     assert found.equal, found
     assert found.compared >= ROUNDS and found.checked >= found.frames
-    again = published(tmp_path / "again")
-    assert all(version % 2 == 0 for version in again)  # a round is two trajectories
-    common = again.keys() & experience.published.keys()
-    assert (
-        max(common) >= ROUNDS and again[max(common)] == experience.published[max(common)].checksum
-    )
+    assert all(version % 2 == 0 for version in experience.published)  # a round has two trajectories
 
 
-def test_free_agents_act_on_while_the_learner_stands_still_and_what_gets_too_old_is_counted(
+def test_free_agents_act_while_the_learner_is_stopped_and_old_trajectories_are_counted(
     tmp_path: Path,
 ):
     figures = GraphFigures()

@@ -1,4 +1,4 @@
-"""What a live graph learned is recorded with all that is needed to make it again."""
+"""A graph with arena and agent in one process is recorded, with all that is needed to verify it."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def record(folder: Path) -> Path:
     """A short run of a graph, launched in a folder and interrupted; its bag."""
-    bag, out = launched(folder, PARAMETERS, 1_500_000)
-    assert "recorder, sim_node" in out
+    bag, out = launched(folder, PARAMETERS, 1_500_000, "--compose")
+    assert "recorder, sim_node+agent_node, learner_node" in out
     return bag
 
 

@@ -89,7 +89,7 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(c
         assert not spin_with_notice(probe, lambda: False, NOTICE_S + 0.1)
         said = capfd.readouterr().err
         assert said.startswith("no arena yet in ROS domain") and elsewhere in said
-        command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "8"]
+        command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "4"]
 
         def told(*arguments: str) -> str:
             with subprocess.Popen(
@@ -101,10 +101,6 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(c
 
         assert elsewhere in told().splitlines()[-1]
         assert f"arena {about.arena_id} describes itself, but no" in told("--namespace", "left")
-        other = encode_arena_info(about)
-        other.wire_version = "1"
-        topics.ARENA_INFO.within("right").publisher(probe).publish(other)
-        assert "not read: arena_info.wire_version: expected" in told("--namespace", "right")
 
 
 @pytest.mark.parametrize("text", ["last", "-1", "1.5", ""])
@@ -115,10 +111,8 @@ def test_a_scene_is_the_next_or_a_number(text, capsys):
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize(
-    "asked", [["--scene", "next"], [], ["NEAR(HAND, RED)"], ["NEAR(HAND, RED)", "--wait"]]
-)
-def test_who_sends_where_no_arena_is_hears_so_before_the_time_is_up(asked):
+@pytest.mark.parametrize("asked", [["--scene", "next"], ["NEAR(HAND, RED)"]])
+def test_a_sender_says_early_that_there_is_no_arena(asked):
     command = [sys.executable, "-m", "pa_ros", "send", *asked, "--timeout", "4"]
     with DomainClaim() as claim:
         where = {**os.environ, "ROS_DOMAIN_ID": str(claim.number)}
