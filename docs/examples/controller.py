@@ -1,4 +1,4 @@
-"""A controller of one's own in place of agent_node (docs/robot.md)."""
+"""A custom controller that replaces agent_node (docs/robot.md)."""
 
 from pathlib import Path
 

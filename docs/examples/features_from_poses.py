@@ -1,4 +1,4 @@
-"""object_features from a pose of each object, as a tag tracker gives (docs/robot.md)."""
+"""Publishes object_features from the poses that a tag tracker measures (docs/robot.md)."""
 
 import time
 from dataclasses import replace
@@ -21,15 +21,18 @@ from pa_ros.wire.step import StepContext, decode_joints, encode_observation
 from pa_ros.wire.views import decode_pose
 from pa_ros.world.poses import objects_from_poses
 
-OLDEST_S = 0.5  # of a pose; without newer ones the agent gets nothing to act on, and the arm holds
+# Greatest age of a pose. Without newer ones the agent receives no observation, and the arm stops.
+OLDEST_S = 0.5
 
 
 class FeaturesFromPoses(Node):
     def __init__(self) -> None:
         super().__init__("features_from_poses")
         labels = self.declare_parameter("labels", "labels.yaml").value
-        self.driver = self.declare_parameter("driver", "/sim_node").value  # who judges programs
-        self.labels = yaml.safe_load(Path(labels).read_text())  # by object: group to value
+        self.driver = self.declare_parameter(
+            "driver", "/sim_node"
+        ).value  # the node that accepts programs
+        self.labels = yaml.safe_load(Path(labels).read_text())  # object: {group: value}
         self.names = ("hand", *self.labels)
         self.poses, self.frame, self.arena, self.program, self.step = {}, "", None, ("", ""), 0
         self.features = topics.OBJECT_FEATURES.publisher(self)
@@ -37,7 +40,7 @@ class FeaturesFromPoses(Node):
         pose = topics.Topic("", PoseStamped, topics.STEP, topics.STEP)
         for topic, react in (
             (topics.ARENA_INFO, self.on_arena),
-            (topics.PROGRAM_STATUS, self.on_judged),
+            (topics.PROGRAM_STATUS, self.on_status),
             (topics.JOINT_STATES, self.on_joints),
             *((replace(pose, name=f"poses/{n}"), partial(self.on_pose, n)) for n in self.names),
         ):
@@ -46,14 +49,14 @@ class FeaturesFromPoses(Node):
     def on_arena(self, message) -> None:
         self.arena = decode_arena_info(message)
 
-    def on_judged(self, message) -> None:
+    def on_status(self, message) -> None:
         status = decode_program_status(message)
         if status.node == self.driver and status.accepted:
             self.program = status.program_id, status.canonical
 
     def on_pose(self, name, message) -> None:
         frame, pose = decode_pose(message)
-        self.poses = self.poses if frame == self.frame else {}  # all of one frame
+        self.poses = self.poses if frame == self.frame else {}  # poses of another frame are dropped
         self.frame, self.poses[name] = frame, (time.monotonic(), pose)
 
     def on_joints(self, message) -> None:

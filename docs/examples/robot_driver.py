@@ -1,9 +1,9 @@
-"""A robot driver in place of sim_node: all that an agent needs of a robot (docs/robot.md)."""
+"""A robot driver that replaces sim_node: all that an agent needs from a robot (docs/robot.md)."""
 
 import numpy as np
 from rclpy.node import Node
 
-from pa_ros.arena import ReachTask, design_named, preset_named  # the "robot": put yours here
+from pa_ros.arena import ReachTask, design_named, preset_named  # the simulated "robot": use yours
 from pa_ros.arena.task import world_of
 from pa_ros.language import parse
 from pa_ros.ros import topics
@@ -59,7 +59,7 @@ class Driver(Node):
         self.command = decode_command(message)
 
     def step(self) -> None:
-        command, self.command = self.command, None  # without a fresh one the arm holds
+        command, self.command = self.command, None  # without a new command the arm stops
         share = np.zeros(len(self.speeds)) if command is None else np.clip(command.action, -1, 1)
         self.seen, self.verdict = self.robot.step(share * np.array(list(self.speeds.values())))
         context = StepContext(self.about.arena_id, program=self.program or "")

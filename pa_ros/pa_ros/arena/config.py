@@ -23,9 +23,9 @@ class ArenaConfig(Settings):
 
     SECTION: ClassVar[str] = "arena"
 
-    preset: str = Field("custom", description="what these values are called")
+    preset: str = Field("custom", description="name of these values")
     arm: Annotated[str, OneOf(lambda: ARMS)] = Field(
-        "jaco", description="its joints are what the other values, and all sizes, are of"
+        "jaco", description="the arm; all sizes follow from its joints"
     )
     joint_speed_limits: tuple[PositiveFloat, ...] = Field(
         next(iter(ARMS["jaco"].speeds.values())),
@@ -33,11 +33,11 @@ class ArenaConfig(Settings):
     )
     thresholds: tuple[PositiveFloat, ...] = Field(
         (),
-        description="of the design's relations, in their order and units (NEAR: m); none: their "
-        "own (NEAR: the paper's 0.20)",
+        description="one for each relation of the design, in its unit (NEAR: m); empty: the "
+        "relations' own (NEAR: the paper's 0.20)",
     )
     arm_touches_blocks: bool = Field(
-        True, description="the arm touches the table in any case, itself never"
+        True, description="the arm always touches the table and never itself"
     )
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
@@ -144,9 +144,11 @@ class ArenaChoice(Settings):
         "2-L", description="which blocks there are, and which programs are held out"
     )
     relations: tuple[Annotated[str, OneOf(lambda: RELATIONS)], ...] = Field(
-        (), description="that programs ask for; none: the design's own, which is NEAR in the paper"
+        (), description="relations of the programs; empty: the design's own (in the paper NEAR)"
     )
-    arm: Annotated[str, OneOf(lambda: ARMS)] = Field("jaco", description="in the middle")
+    arm: Annotated[str, OneOf(lambda: ARMS)] = Field(
+        "jaco", description="the arm in the middle of the table"
+    )
     preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
         "fast", description="the arm's speed, and whether it touches blocks"
     )

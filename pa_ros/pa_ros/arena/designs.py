@@ -155,7 +155,7 @@ _VALUES_2 = {"color": ("RED", "BLUE"), "shape": ("CUBE", "SPHERE")}
 _VALUES_3 = {"color": ("RED", "GREEN", "BLUE"), "shape": ("CUBE", "SPHERE", "CYLINDER")}
 _WORDS_2 = Vocabulary.of(shape=_VALUES_2["shape"], color=_VALUES_2["color"])
 _WORDS_3 = Vocabulary.of(shape=(*_VALUES_3["shape"], "C"), color=(*_VALUES_3["color"], "A", "B"))
-# without words for what is not there yet
+# The same without spare words.
 _WORDS_3_EXACT = Vocabulary.of(shape=_VALUES_3["shape"], color=_VALUES_3["color"])
 _ALL_2, _ALL_3 = kinds(_VALUES_2), kinds(_VALUES_3)
 _CORNER = Kind(color="BLUE", shape="SPHERE")

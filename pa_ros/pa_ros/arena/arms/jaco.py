@@ -17,7 +17,7 @@ from pa_ros.arena.arms.arm import Arm, Joint, Range
 from pa_ros.arena.arms.chain import Base, Chain, Hand, Link
 
 # rad/s and N m [dm_control]; the gain (ours) reaches a velocity within one control period, and is
-# no higher than what a saturated torque can follow at a physics step of 10 ms (else the joint
+# low enough for a saturated torque to follow at a physics step of 10 ms (otherwise the joint
 # chatters). Joints 1-3, then 4-6.
 _LARGE = (radians(36.0), 30.5, 60.0)
 _SMALL = (radians(48.0), 6.8, 10.0)
