@@ -1,10 +1,11 @@
-"""Makes this folder's helpers importable, torch single-threaded, and ROS graphs the test's own."""
+"""One thread for torch, no deadlines for hypothesis, and a separate ROS domain for each test."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 
+import hypothesis
 import pytest
 import torch
 
@@ -13,6 +14,9 @@ from pa_ros.tools.domain import DomainClaim
 
 NICE = 10
 torch.set_num_threads(1)
+# On a busy machine a case may take long; tests never check how long.
+hypothesis.settings.register_profile("no deadline", deadline=None)
+hypothesis.settings.load_profile("no deadline")
 os.environ["OMP_NUM_THREADS"] = "1"  # of processes that tests start
 os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 

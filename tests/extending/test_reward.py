@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.learners import load_example, trained
+from helpers.graph import learned_over_the_graph
+from helpers.learners import EXAMPLES, FRAMES, SMALL, load_example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.learner import Learner
+from pa_ros.tools.launch_params import Parameters
 from pa_ros.world import reward_from
 
 SHAPED = '{"name": "shaped", "weight": 0.8}'
@@ -46,3 +48,16 @@ def test_one_state_and_many_get_the_same_reward() -> None:
     many = reward(measure <= 0.2, measure)
     assert [float(reward(bool(m <= 0.2), float(m))) for m in measure] == many.tolist()
     assert many[0] == 1.0 and many[2] == -1.0 and -1.0 < many[1] < -0.5
+
+
+@pytest.mark.graph
+def test_arena_and_learner_agree_on_it_over_the_graph(tmp_path: Path) -> None:
+    extensions = [str(EXAMPLES / "reward.py")]
+    given: Parameters = {
+        "sim_node": {"reward": SHAPED, "extensions": extensions},
+        "agent_node": {"learning": True, "agent_id": "agent"},
+        "learner_node": {"algorithm": "td3", **SMALL, "extensions": extensions},
+    }
+    load_example("reward")
+    _, arena = learned_over_the_graph(tmp_path, given, FRAMES // 100)
+    assert arena.reward == reward_from(SHAPED).to_json()

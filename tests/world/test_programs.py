@@ -1,4 +1,4 @@
-"""Batched evaluation agrees with the scalar definitions, program by program."""
+"""Batched evaluation agrees with the scalar definitions."""
 
 from __future__ import annotations
 
@@ -56,7 +56,6 @@ def random_phi(seed: int, *lead: int, objects: int) -> torch.Tensor:
 
 
 @given(programs, seeds, st.integers(1, 6), st.sampled_from([*LOGICS.values()]), st.data())
-@settings(deadline=None)
 def test_a_batch_of_different_programs_equals_each_alone(
     members: list[Program], seed: int, objects: int, logic: Logic, data: st.DataObject
 ) -> None:
@@ -72,8 +71,8 @@ def test_a_batch_of_different_programs_equals_each_alone(
 
 
 @given(programs, seeds)
-@settings(deadline=None, max_examples=30)
-def test_several_programs_for_each_phi_equal_one_at_a_time(
+@settings(max_examples=30)
+def test_several_programs_for_each_scene_equal_one_at_a_time(
     members: list[Program], seed: int
 ) -> None:
     table, rows = table_of(members)
@@ -88,8 +87,7 @@ def test_several_programs_for_each_phi_equal_one_at_a_time(
 
 
 @given(programs, seeds, st.integers(0, 4))
-@settings(deadline=None)
-def test_crisp_equals_the_verifiers_answer(members: list[Program], seed: int, hand: int) -> None:
+def test_crisp_equals_satisfying(members: list[Program], seed: int, hand: int) -> None:
     table, rows = table_of(members)
     truth = np.random.default_rng(seed).random((3, WORDS, 5)) < 0.5
     named = crisp(table.arrays(), truth, hand)
@@ -105,7 +103,7 @@ def test_crisp_equals_the_verifiers_answer(members: list[Program], seed: int, ha
 
 
 @given(programs, seeds)
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_crisp_equals_soft_on_zeros_and_ones(members: list[Program], seed: int) -> None:
     table, _ = table_of(members)
     phi = random_phi(seed, objects=5).round()
@@ -127,7 +125,7 @@ def test_gradients_agree_with_finite_differences() -> None:
     assert torch.autograd.gradcheck(lambda x: relevant_objects(x, 0, op, a, b), (phi,))
 
 
-def test_every_word_of_a_program_gets_a_gradient_and_no_other_does() -> None:
+def test_exactly_the_words_of_a_program_get_gradients() -> None:
     """The paper chose these operations because each has derivatives to all arguments."""
     table, _ = table_of([parse("NEAR(HAND, OR(AND(NOT(RED), CUBE), A))", VOCABULARY)])
     phi = random_phi(5, 1, objects=4).requires_grad_()
@@ -139,25 +137,7 @@ def test_every_word_of_a_program_gets_a_gradient_and_no_other_does() -> None:
     assert [bool((row != 0).any()) for row in blocks] == named
 
 
-def test_acting_first_without_gradients_leaves_learning_possible() -> None:
-    table, _ = table_of([parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)])
-    phi = random_phi(7, 1, objects=3)
-    with torch.inference_mode():
-        acting = relevant_objects(phi, 0, *program_tensors(table)).clone()
-    learning = relevant_objects(phi.requires_grad_(), 0, *program_tensors(table))
-    assert torch.autograd.grad(learning.sum(), phi)[0].abs().sum() > 0
-    assert torch.equal(acting, learning.detach())
-
-
-def test_everything_is_computed_on_the_device_of_phi() -> None:
-    """The meta device refuses to mix with another, as a GPU does, and is everywhere."""
-    table, _ = table_of([parse("NEAR(HAND, AND(RED, CUBE))", VOCABULARY)])
-    op, a, b = program_tensors(table, "meta")
-    p = relevant_objects(torch.rand(1, WORDS, 5, device="meta"), 0, op, a, b)
-    assert p.device.type == "meta" and p.shape == (1, 5)
-
-
-def test_a_table_counts_equal_programs_once_and_pads_with_copies() -> None:
+def test_a_table_keeps_equal_programs_once_and_pads_with_copies() -> None:
     table = ProgramTable(VOCABULARY)
     assert table.arrays()[0].shape[0] == 0
     long = parse("NEAR(HAND, AND(NOT(RED), CUBE))", VOCABULARY)

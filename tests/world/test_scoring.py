@@ -80,12 +80,6 @@ def test_another_reward_is_used() -> None:
         assert scoring.of_targets((1,), objects).reward == reward
 
 
-@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
-def test_a_sparse_reward_is_one_of_its_two_numbers(satisfied: float, otherwise: float) -> None:
-    reward = Sparse(satisfied, otherwise)
-    assert reward(np.array([True, False]), np.zeros(2)).tolist() == [satisfied, otherwise]
-
-
 def test_a_reward_is_read_back_from_its_text() -> None:
     text = Sparse(2.0, -0.5).to_json()
     assert text == '{"name":"sparse","otherwise":-0.5,"satisfied":2.0}'
