@@ -1,4 +1,4 @@
-"""Actions: one goal at a time, whose life runs on steady time, whatever the node's clock is."""
+"""Action servers that work under any clock, for one goal at a time."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Action = tuple[str, Any]  # name and type
 
 
 class _SteadyNode:
-    """A node to an action server, but for its clock.
+    """A node as its action server sees it: with a steady clock.
 
-    rclpy lets results expire by the node's clock. Under a simulated one that runs fast they are
-    gone before they are asked for, or even made (rclpy #1236: a KeyError that ends the node).
+    rclpy lets results expire by the clock of the node. Under simulation time that runs fast they
+    expire before a client asks for them (rclpy #1236: a KeyError that ends the node).
     """
 
     def __init__(self, node: Node) -> None:
@@ -36,21 +36,22 @@ class _SteadyNode:
 
 
 class _Server(ActionServer):  # type: ignore[misc]
-    """rclpy's, with results given when they are there: a task that waits for one would spin.
+    """rclpy's action server, which returns a result when there is one.
 
-    It stays as long as its node: the executor's queue may hold events of one that is destroyed,
-    and calling back with these ends the process.
+    rclpy's own would run a task for each goal, which spins while it waits for the result. The
+    server lives as long as its node: the executor may have queued events of a destroyed one, and
+    serving these ends the process.
     """
 
     def __init__(self, node: Node, action: Action) -> None:
         self.action = action
-        self.goals: dict[bytes, Goal] = {}  # under way, and those that have just ended
+        self.goals: dict[bytes, Goal] = {}  # by id: the active ones, and some that have ended
         execute: Callable[[Any], None] = lambda handle: None  # noqa: E731
         super().__init__(_SteadyNode(node), action[1], action[0], execute_callback=execute)
         self.rest()
 
     def rest(self) -> None:
-        """Reject goals from now on; those under way are aborted, with an empty result."""
+        """Abort active goals with an empty result, and reject goals from now on."""
         self.register_goal_callback(lambda request: GoalResponse.REJECT)
         self.register_handle_accepted_callback(None)
         self.register_cancel_callback(None)
@@ -64,12 +65,12 @@ class _Server(ActionServer):  # type: ignore[misc]
 
 
 def servers_of(node: Node) -> list[_Server]:
-    """A node's action servers."""
+    """The action servers of a node."""
     return [one for one in node.waitables if isinstance(one, _Server)]
 
 
 class Goal:
-    """One goal that was accepted; ended by the first of `succeed`, `abort` and `cancel`."""
+    """An accepted goal. The first call of `succeed`, `abort` or `cancel` ends it."""
 
     def __init__(self, server: _Server, handle: Any) -> None:
         self.request = Message(handle.request)
@@ -78,39 +79,35 @@ class Goal:
 
     @property
     def cancelled(self) -> bool:
-        """Whether the client wants it to end."""
+        """Whether the client has asked to cancel it."""
         return bool(self._handle.is_cancel_requested)
 
     def feedback(self, feedback: Message) -> None:
-        """Tell the client how it stands."""
+        """Send feedback to the client."""
         if self.active:
             self._handle.publish_feedback(feedback)
 
     def succeed(self, result: Message) -> None:
-        """End it, reached."""
+        """End the goal: it was reached."""
         self._end(self._handle.succeed, result)
 
     def abort(self, result: Message) -> None:
-        """End it, not reached."""
+        """End the goal: it was not reached."""
         self._end(self._handle.abort, result)
 
     def cancel(self, result: Message) -> None:
-        """End it, as its client asked."""
+        """End the goal: its client cancelled it."""
         self._end(self._handle.canceled, result)
 
-    def _end(self, into: Callable[[], None], result: Message) -> None:
+    def _end(self, set_state: Callable[[], None], result: Message) -> None:
         if self.active:
             self.active = False
-            into()
+            set_state()
             self._server.notify_execute(self._handle, lambda _handle: result)
 
 
 class GoalServer:
-    """Serves an action. `start` gets each goal; a goal is ended by whoever got it.
-
-    `cancel` is called, a turn later, when the client of a goal that is still active asks for that.
-    A node's second server of an action takes the place of its first, which is at rest by then.
-    """
+    """Serves an action; a second server of a node for the same action replaces the first."""
 
     def __init__(
         self,
@@ -119,8 +116,11 @@ class GoalServer:
         start: Callable[[Goal], None],
         cancel: Callable[[Goal], None],
     ) -> None:
-        self._start, self._cancel = start, cancel
-        self._node = node
+        """
+        :param start: receives each goal, and has to end it sooner or later.
+        :param cancel: called after the client of an active goal has asked to cancel it.
+        """
+        self._node, self._start, self._cancel = node, start, cancel
         known = [server for server in servers_of(node) if server.action == action]
         self._server = known[0] if known else _Server(node, action)
         self._server.register_handle_accepted_callback(self._accepted)
@@ -129,8 +129,8 @@ class GoalServer:
 
     def _accepted(self, handle: Any) -> None:
         goal, goals = Goal(self._server, handle), self._server.goals
-        for done in [key for key, one in goals.items() if not one.active]:
-            del goals[done]
+        for ended in [key for key, one in goals.items() if not one.active]:
+            del goals[ended]
         goals[bytes(handle.goal_id.uuid)] = goal
         handle.execute()
         self._start(goal)
@@ -139,6 +139,6 @@ class GoalServer:
         goal = self._server.goals.get(bytes(handle.goal_id.uuid))
         if goal is None or not goal.active:
             return CancelResponse.REJECT
-        # It is in the state "canceling" only when this has returned.
+        # The goal's state becomes "canceling" only after this callback, so `cancel` must wait.
         self._node.executor.create_task(self._cancel, goal)
         return CancelResponse.ACCEPT

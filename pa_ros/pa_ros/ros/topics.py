@@ -29,30 +29,33 @@ def _reliable(depth: int, latched: bool = False) -> QoSProfile:
     )
 
 
-# In lockstep at most three messages of a topic are under way, so that depth loses nothing; unlike
-# KEEP_ALL, it doesn't let a stuck third party hold up the arm.
+# In lockstep at most three messages of a topic are under way, so a depth of 100 loses none.
+# KEEP_ALL would let a subscriber that hangs block the arm.
 STEP = _reliable(depth=100)
 LATCHED = _reliable(depth=1, latched=True)
-# Readers of latched topics with several writers keep one place for each.
+# A latched topic may have several publishers: a late subscriber needs the last message of each.
 LATCHED_READER = _reliable(depth=100, latched=True)
-# A trajectory lost would be a hole in the experience: KEEP_ALL never drops one.
+# A lost trajectory would be a gap in the experience: KEEP_ALL never drops one.
 EXPERIENCE = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL, depth=1
 )
-# Not 1: with policy_lag 1 an agent acts with the version before the newest, and a late agent
-# must find both.
+# Not 1: with policy_lag 1 an agent acts with the version before the newest, so a late agent needs
+# both.
 POLICY = _reliable(depth=4, latched=True)
 
-# Large, and soon out of date.
+# Pictures are large, and soon out of date.
 PICTURE = _reliable(depth=2)
 
-# Requests in flight are all answered, however long the one before them takes.
+# Deep enough to answer all requests that arrive while one takes long.
 SERVICE = _reliable(depth=1000)
 
 
 @dataclass(frozen=True)
 class Topic:
-    """`name` is relative to the node's namespace unless it begins with a slash."""
+    """A topic with its quality of service on both sides.
+
+    `name` is relative to the namespace of the node unless it begins with a slash.
+    """
 
     name: str
     type: Any
@@ -60,11 +63,11 @@ class Topic:
     reader: QoSProfile
 
     def within(self, namespace: str) -> Topic:
-        """The same topic in a namespace below the node's (or, with a slash, anywhere)."""
+        """The same topic in a namespace below the node's or, with a slash, anywhere."""
         return replace(self, name=f"{namespace.rstrip('/')}/{self.name}") if namespace else self
 
     def publisher(self, node: Node) -> Any:
-        """What a node publishes with."""
+        """A publisher of a node."""
         return node.create_publisher(self.type, self.name, self.writer)
 
     def subscribe(self, node: Node, callback: Callable[[Message], object]) -> Any:
@@ -76,12 +79,12 @@ OBJECT_FEATURES = Topic("object_features", msg.ObjectFeatures, STEP, STEP)
 JOINT_STATES = Topic("joint_states", JointState, STEP, STEP)
 JOINT_COMMANDS = Topic("joint_commands", msg.JointCommand, STEP, STEP)
 VERDICT = Topic("verdict", msg.Verdict, STEP, STEP)
-# Relative: in the root namespace it is ROS's /clock; of several arenas, each has its own.
+# Relative: each arena has its own clock. In the root namespace it is ROS's /clock.
 CLOCK = Topic("clock", Clock, STEP, STEP)
 ROS_CLOCK = Topic("/clock", Clock, STEP, STEP)
 ARENA_INFO = Topic("arena_info", msg.ArenaInfo, LATCHED, LATCHED_READER)
-# Read VOLATILE, as a plain `ros2 topic pub` writes it: a TRANSIENT_LOCAL reader would never hear
-# that, and both sides would say so. Who comes late has the arena's program from program_status.
+# Subscriptions are VOLATILE, so that a plain `ros2 topic pub` reaches them: a TRANSIENT_LOCAL one
+# would receive nothing from it. A late agent receives the program in force with each observation.
 PROGRAM = Topic("program", msg.Program, LATCHED, STEP)
 PROGRAM_STATUS = Topic("program_status", msg.ProgramStatus, LATCHED_READER, LATCHED_READER)
 LEARNER_INFO = Topic("learner_info", msg.LearnerInfo, LATCHED, LATCHED_READER)
@@ -90,20 +93,20 @@ POLICY_WEIGHTS = Topic("policy_weights", msg.PolicyWeights, POLICY, POLICY)
 PROVENANCE = Topic("provenance", msg.Provenance, LATCHED, LATCHED_READER)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, STEP, STEP)
 
-# To ros2_control's controllers, which have their names: remap.
+# For ros2_control's controllers; remap them to the names of yours.
 VELOCITY_COMMANDS = Topic("velocity_commands", Float64MultiArray, STEP, STEP)
 JOINT_TRAJECTORY = Topic("joint_trajectory", JointTrajectory, STEP, STEP)
 
-# For viewers; poses by themselves, as `tf2_msgs` is not on the Python index.
+# For viewers. Poses are published one by one, since `tf2_msgs` is not on the Python index.
 ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED, LATCHED_READER)
 TRANSFORMS = Topic("transforms", TransformStamped, STEP, STEP)
 MARKERS = Topic("markers", MarkerArray, STEP, STEP)
 RELEVANCE_MARKERS = Topic("relevance_markers", MarkerArray, STEP, STEP)
-# By the names that image_transport and camera drivers use.
+# The names that image_transport and camera drivers use.
 CAMERA_IMAGE = Topic("camera/image_raw", Image, PICTURE, STEP)
 CAMERA_INFO = Topic("camera/camera_info", CameraInfo, PICTURE, STEP)
 
-# A whole step now and then, however fast the arena is.
+# A complete step from time to time, at any speed of the arena.
 SAMPLES = {
     "features": OBJECT_FEATURES.within("samples"),
     "verdict": VERDICT.within("samples"),
