@@ -52,8 +52,6 @@ def running(given: list[list[str]], folder: Path) -> Iterator[dict[str, Path]]:
 def test_three_shells_learn_and_say_so(tmp_path):
     given = commands("learn.yaml")
     assert [name for name, *_ in given] == ["sim_node", "agent_node", "learner_node"]
-    with running(given[2:], tmp_path / "alone") as logs:
-        wait_for(lambda: "waits for an arena" in logs["learner_node"].read_text(), "whom it awaits")
     with running(given, tmp_path) as logs:
         figures = re.compile(r"frames ([\d,]+) .*updates ([\d,]+) .*weights version")
 
