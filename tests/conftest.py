@@ -17,14 +17,14 @@ torch.set_num_threads(1)
 # On a busy machine a case may take long; tests never check how long.
 hypothesis.settings.register_profile("no deadline", deadline=None)
 hypothesis.settings.load_profile("no deadline")
-os.environ["OMP_NUM_THREADS"] = "1"  # of processes that tests start
+os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
 os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Of processes that share the tests (`-n 3`), one runs the graphs of tools and ROS, one at a
-    time, and one all other graphs, which take about as long; the third, what needs none."""
+    """Share the tests among three processes (`-n 3`): one runs the graphs of tools and ROS, one all
+    other graphs, which take about as long, and one the tests without a graph."""
     for item in items:
         if item.get_closest_marker("graph") is not None:
             of_tools = item.path.parent.name in ("tools", "ros")
@@ -32,7 +32,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Graphs, with their deadlines, get a processor before what only computes beside them."""
+    """Give graphs, which have deadlines, priority over tests that only compute."""
     beside_others = "PYTEST_XDIST_WORKER" in os.environ
     if beside_others and item.get_closest_marker("graph") is None and os.nice(0) == 0:
         os.nice(NICE)
@@ -48,10 +48,8 @@ def module_domain() -> Iterator[str]:
 
 @pytest.fixture(autouse=True)
 def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The ROS domain of a test that is marked `graph`; nobody else's, and in its environment.
-
-    Without the marker ROS refuses to start.
-    """
+    """An unused ROS domain for a test that is marked `graph`; ROS does not start without the
+    marker."""
     if request.node.get_closest_marker("graph") is None:
         yield UNMARKED
         return
@@ -65,5 +63,5 @@ def ros_domain(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture
 def clock() -> Clock:
-    """The test's own."""
+    """A clock that the test sets."""
     return Clock()
