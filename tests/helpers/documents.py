@@ -16,7 +16,7 @@ NODES = ("sim_node", "agent_node", "learner_node")
 OTHERS = ("make", "ros2", "colcon", "python", "source", "export", "pip", "ray", "(umask")
 PROGRAMS = tuple(f"{name} " for name in ("pa_ros", *NODES, *OTHERS))
 SHELLS = ("sh", "bash", "console")
-STUDIES = ("generalization", "equalities", "detectors", "variants", "algorithms")
+STUDIES = ("generalization", "equalities", "detectors", "variants")
 FENCED = re.compile(r"^( *)```(.*)\n((?:.*\n)*?)\1```", re.MULTILINE)
 
 
