@@ -97,6 +97,7 @@ class Look:
 
 APPEARANCES: Registry[Callable[[Look, str], Look]] = Registry("appearance")
 APPEARANCES.register("shape", lambda look, value: replace(look, shape=value))
+# A custom color without an entry stays grey.
 APPEARANCES.register(
     "color", lambda look, value: replace(look, rgba=COLOR_RGBA.get(value, look.rgba))
 )

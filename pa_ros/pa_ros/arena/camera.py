@@ -111,6 +111,7 @@ class Camera:
 
     def picture(self) -> NDArray[np.uint8]:
         """A picture of the last scene: RGB, [height, width, 3]."""
+        # OpenGL's first row is the lowest one.
         upside_down = np.empty((self._rect.height, self._rect.width, 3), dtype=np.uint8)
         mujoco.mjr_render(self._rect, self._scene, self._buffer)
         mujoco.mjr_readPixels(upside_down, None, self._rect, self._buffer)
@@ -133,6 +134,7 @@ def _context(width: int, height: int) -> Any:
 
 def _of_this_size(model: mujoco.MjModel, width: int, height: int, shadows: bool) -> mujoco.MjModel:
     """A copy of the model whose buffers fit a picture of this size."""
+    # Buffers of the model's default size would need memory for far larger pictures.
     model = copy.copy(model)
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     if not shadows:

@@ -74,6 +74,8 @@ def program_for(
     """A program for a target, and the blocks that it needs besides the target."""
     relation = _draw_relation(condition.relations or design.vocabulary.relations, rng)
     if condition.depth:
+        # Leave enough kinds unnamed to fill the table, but a program may name up to half of all
+        # kinds.
         others = min(condition.n_blocks - 1, len(design.pool) // 2)
         program = DeepPrograms(design, condition.depth).draw(target, others, rng)
         return replace(program, relation=relation), ()
@@ -87,6 +89,7 @@ def program_for(
             case Term.NOT_ANOTHER:
                 other = str(rng.choice([word for word in known if word != own]))
                 terms.append(f"NOT({other})")
+                # Without this block on the table the negation would not matter.
                 required.append(target.but(**{group: other}))
             case Term.NOVEL:
                 terms.append(novel(known, design.spare(group)))
@@ -213,6 +216,7 @@ class DeepPrograms:
             word = self._words[int(rng.integers(len(self._words)))]
             return word, self._denotation(word)
         for _ in range(TRIES):
+            # One operand has the full depth; the other one may have any.
             operands = [self._expression(depth - 1, rng)]
             operator = int(rng.integers(3))
             if operator > 0:

@@ -48,6 +48,7 @@ def generate(
     does not name. Raises ArenaError (arena.episode) if the blocks do not fit on the table.
     """
     rng = np.random.default_rng([seed, RANDOM_STREAM, index])
+    # The order of the draws must not change, because every published result depends on it.
     base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
     target = condition.targets[int(rng.integers(len(condition.targets)))]
     program, required = program_for(condition, design, target, rng)
@@ -87,7 +88,9 @@ def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[t
     first, last = config.block_angles
     for _ in range(PLACEMENT_TRIES):
         places: list[tuple[float, float]] = []
+        # An unlucky first place can make the rest impossible, so start again after a while.
         for _ in range(20 * count):
+            # Squared radii are uniform, so that places are uniform in area.
             radius, angle = rng.uniform(low**2, high**2) ** 0.5, rng.uniform(first, last)
             x, y = float(radius * cos(angle)), float(radius * sin(angle))
             if all((x - u) ** 2 + (y - v) ** 2 >= config.block_separation_m**2 for u, v in places):

@@ -88,6 +88,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         parsed = None if program is None else parse(str(program), self.world.vocabulary)
         super().reset(seed=seed)
         if seed is not None or self._task is None:
+            # Gymnasium's generator draws the arena's seed, so that `reset(seed=…)` determines all
+            # episodes.
             drawn = int(self.np_random.integers(SEED_RANGE))
             self._task, self._next_episode = self._new_task(drawn), 0
         observation, verdict = self._task.reset(self._next_episode, self.condition)

@@ -67,6 +67,7 @@ def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:
 
 def _check_arm(model: mujoco.MjModel, name: str, blocks: int) -> None:
     """Raise ConfigError unless the arm has its joints, in order, and `hand` as its last body."""
+    # Blocks come last in the model, each with a free joint of seven numbers.
     joints = [model.joint(i).name for i in range(model.njnt - blocks)]
     bodies = [model.body(i).name for i in range(model.nbody - blocks)]
     if joints != list(ARMS[name].joint_names) or model.nq != len(joints) + 7 * blocks:

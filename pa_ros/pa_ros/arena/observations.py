@@ -95,7 +95,8 @@ class StructuredObservation:
     def __call__(self, observation: Observation, program: Program) -> dict[str, Any]:
         """Encode an observation; ConfigError for a program of more than `program_rows` rows."""
         objects, hand = self._objects.copy(), observation.hand_index
-        seen = np.roll(observation.objects, -hand, axis=0)  # the hand first
+        # The hand's row is first in this observation, whatever its index is elsewhere.
+        seen = np.roll(observation.objects, -hand, axis=0)
         objects[: len(seen)] = seen
         parts = {
             "objects": objects,

@@ -64,6 +64,7 @@ def _lifted(task: ReachTask, kind: Kind, body: Body) -> Body:
             f"got {body.position.tolist()}"
         )
     position = body.position.copy()
+    # A block inside the table would be thrown out by the contact force.
     position[2] = max(position[2], task.simulation.rest_height(kind))
     return replace(body, position=position)
 

@@ -27,7 +27,10 @@ def nearest_target(task: ReachTask) -> Float64:
     """Center of the named block nearest to the hand, [3] m in the table's frame."""
     positions = task.simulation.positions  # [N, 3]
     hand = positions[0]
-    return min((positions[i] for i in task.verifier.targets), key=lambda p: _distance(p, hand))
+    return min(
+        (positions[i] for i in task.verifier.targets),
+        key=lambda place: float(np.linalg.norm(place - hand)),
+    )
 
 
 def pursue(task: ReachTask, target: Float64) -> Float64:
@@ -83,16 +86,13 @@ def mean_reward(task: ReachTask, policy: Policy, episodes: int, condition: str =
     return float(np.mean([reward_per_step(task, policy, i, condition) for i in range(episodes)]))
 
 
-def _distance(a: Float64, b: Float64) -> float:
-    return float(np.linalg.norm(a - b))
-
-
 def _cylindrical_error(task: ReachTask, hand: Float64, goal: Float64) -> Float64:
     """Goal minus hand: radius (m), azimuth (rad, as the base can turn), height (m)."""
     turn = atan2(goal[1], goal[0]) - atan2(hand[1], hand[0])
     turn = (turn + pi) % (2 * pi) - pi  # the shorter direction
     if not _turns_freely(task):
         low, high = task.config.joint_lower[0], task.config.joint_upper[0]
+        # A base with limits may have to turn the long way round.
         other = turn - copysign(2 * pi, turn)
         base = task.simulation.joint_position[0]
         if not low <= base + turn <= high and low <= base + other <= high:
@@ -106,6 +106,7 @@ def _turns_freely(task: ReachTask) -> bool:
 
 def _cylindrical_jacobian(hand: Float64, jacobian: Float64) -> Float64:
     """The Jacobian with rows for radius, azimuth and height instead of x, y, z: [3, J]."""
+    # Near the base axis the azimuth is not defined.
     radius = max(hypot(*hand[:2]), 0.05)
     x, y = hand[:2] / radius
     frame = np.array([[x, y, 0.0], [-y / radius, x / radius, 0.0], [0.0, 0.0, 1.0]])
@@ -131,5 +132,6 @@ def _free(task: ReachTask, velocity: Float64) -> Float64:
 def _limited(velocity: Float64, limits: Float64) -> Float64:
     excess = float(np.max(np.abs(velocity[1:]) / limits[1:], initial=0.0))
     limited = velocity.copy()
+    # Slow the joints down together, so that the hand keeps its direction.
     limited[1:] /= max(excess, 1.0)
     return np.clip(limited, -limits, limits)

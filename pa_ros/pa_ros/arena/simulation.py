@@ -55,9 +55,13 @@ class Simulation:
         looks = [look_of(block.kind) for block in episode.blocks]
         self.model, self.data = self._models(tuple(look.solid for look in looks))
         for i, (block, look) in enumerate(zip(episode.blocks, looks, strict=True)):
+            # The start of a sleeping block must be in qpos0: MuJoCo resets to it and puts the block
+            # to sleep there.
             pose = self.model.qpos0[self._joints + 7 * i : self._joints + 7 * (i + 1)]
             pose[:3] = block.x, block.y, look.rest_height
             pose[3:] = cos(block.yaw / 2), 0.0, 0.0, sin(block.yaw / 2)
+            # Models are shared by all blocks of the same form, so the color is set for each
+            # episode.
             rgba = np.array(look.rgba.split(), dtype=np.float32)
             self.model.geom_rgba[self.model.geom(f"block{i}").id] = rgba
         mujoco.mj_resetData(self.model, self.data)  # also puts the blocks to sleep
@@ -92,7 +96,8 @@ class Simulation:
         for row in range(len(poses)):
             what = mujoco.mjtObj.mjOBJ_BODY
             mujoco.mj_objectVelocity(self.model, self.data, what, self._hand + row, twist, 0)
-            twists[row] = np.roll(twist, 3)  # MuJoCo gives rotation first
+            # MuJoCo gives rotation first.
+            twists[row] = np.roll(twist, 3)
         return poses, twists
 
     def rearrange(self, episode: Episode, poses: Float64, twists: Float64) -> None:
@@ -105,9 +110,10 @@ class Simulation:
         resting = self.model.qpos0[joints:].reshape(-1, 7)
         moving = ~np.isclose(poses, resting, atol=1e-6).all(1) | twists.any(1)
         for i in np.flatnonzero(moving):  # the other blocks stay asleep
+            # MuJoCo wants the angular velocity of a free joint in the frame of the block.
             turn = np.zeros(9)
             mujoco.mju_quat2Mat(turn, poses[i, 3:])
-            spin = turn.reshape(3, 3).T @ twists[i, 3:]  # in the block's own frame
+            spin = turn.reshape(3, 3).T @ twists[i, 3:]
             self.data.qpos[joints + 7 * i : joints + 7 * (i + 1)] = poses[i]
             self.data.qvel[joints + 6 * i : joints + 6 * (i + 1)] = *twists[i, :3], *spin
         mujoco.mj_forward(self.model, self.data)

@@ -46,6 +46,7 @@ class Verifier:
         Raises ProgramError (program.names_nothing) if no block is named, unless that is allowed,
         and ConfigError for an unknown relation.
         """
+        # Raise ConfigError for an unknown relation now, not at the first step.
         scoring.threshold(program.relation)
         check = satisfying if may_name_nothing else require_target
         named = check(program, [kind.words for kind in kinds], None)

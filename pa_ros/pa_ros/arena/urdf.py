@@ -95,6 +95,7 @@ def _visuals(link: ET.Element, model: mujoco.MjModel, geom: int) -> None:
     if kind == _CAPSULE:
         along = np.zeros(3)
         mujoco.mju_rotVecQuat(along, np.array([0.0, 0.0, size[1]]), pose)
+        # URDF has no capsules: a cylinder with a sphere at each end looks the same.
         for end in (place - along, place + along):
             shape("sphere", end, radius=size[0])
     if kind == _BOX:

@@ -141,6 +141,7 @@ def check_words(program: Program, known: Mapping[str, int]) -> None:
 def foreign_word(program: Program, word: str, known: Mapping[str, int]) -> ProgramError:
     """An error for a program of another vocabulary, with a caret in its canonical text."""
     source = str(program)
+    # The program may have been built without a text, so search its canonical text for the word.
     place = re.search(rf"\b{re.escape(word)}\b", source)
     return unknown_word(source, Span(*place.span()) if place else program.span, word, known)
 

@@ -40,6 +40,7 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
         raise foreign_word(program, program.relation, vocabulary.relation_row)
     check_words(program, vocabulary.row)
     code = _Code(vocabulary)
+    # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
     target = code.emit_expression(program.target)
     code.emit(OR, len(vocabulary.words), target)
     op, a, b = zip(*code.instructions, strict=True)

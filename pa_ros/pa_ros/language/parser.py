@@ -40,6 +40,7 @@ def parse(text: str, vocabulary: Vocabulary) -> Program:
 
     Raises ProgramError: for length and characters first, then for the first fault from the left.
     """
+    # Check the length before anything is read, so that a megabyte of text costs nothing.
     if len(text) > MAX_LENGTH:
         end = Span(MAX_LENGTH, MAX_LENGTH + 1)
         raise _too_large(text, end, "long", f"{MAX_LENGTH} characters", str(len(text)))
@@ -99,6 +100,8 @@ def tokenize(source: str) -> Iterator[Token]:
     for match in _TOKEN.finditer(source):
         text = match[0]
         yield Token(_SIGNS.get(text, "word"), text, Span(*match.span()))
+    # The end is where something is missing, so it points behind the last word, not behind white
+    # space.
     end = len(source.rstrip())
     yield Token("end", "", Span(end, end))
 
@@ -131,6 +134,7 @@ class _Parser:
         """expression = word | operation ;"""
         token = self._token
         self._check_word(token)
+        # Depth and size are checked while parsing, so that no larger tree is ever built.
         if depth > MAX_DEPTH:
             limit = f"{MAX_DEPTH} nested expressions"
             raise _too_large(self._source, token.span, "deep", limit, "more")

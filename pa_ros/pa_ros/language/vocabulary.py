@@ -48,6 +48,7 @@ class Vocabulary:
                 "vocabulary: expected groups of different names, got "
                 f"{[group.name for group in self.groups]}"
             )
+        # A relation must not be a property word too, or an error could not say what is wrong.
         seen: set[str] = set()
         if not 1 <= len(self.relations) <= MAX_RELATIONS:
             raise ConfigError(

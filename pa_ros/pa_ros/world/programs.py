@@ -19,6 +19,7 @@ COEFFICIENTS[AND] = 0, 0, 0, 1
 COEFFICIENTS[OR] = 0, 1, 1, -1
 COEFFICIENTS[COPY] = 0, 1, 0, 0
 
+# The truth table is derived from the coefficients, so that crisp and soft evaluation cannot differ.
 _TRUTH = np.array(  # [op, x, y]: the same operations on {0, 1}
     [[[c @ (1, x, y, x * y) for y in (0, 1)] for x in (0, 1)] for c in COEFFICIENTS], dtype=bool
 )
@@ -72,6 +73,8 @@ class ProgramTable:
         return self._arrays
 
     def _pad(self) -> Arrays:
+        # Padding copies the register of p to the last register, so all programs end in the same
+        # place.
         length = max(map(len, self._flat), default=1)
         result = np.full((len(self), length), len(self.vocabulary.words), dtype=np.int32)
         op, a, b = np.full_like(result, COPY), result, result.copy()

@@ -80,6 +80,7 @@ def _make(name: str, parameters: dict[str, Any]) -> Reward:
     """A registered reward, tried on one state and on two, so that errors show here."""
     kind = REWARDS[name]
     try:
+        # JSON may come from another process, so its parameters are checked by name and type.
         known = asdict(kind())
         for key, value in parameters.items():
             number = isinstance(value, (int, float)) and not isinstance(value, bool)

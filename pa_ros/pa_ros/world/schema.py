@@ -122,6 +122,8 @@ class PropertyGroup:
                 f"{self}: expected a positive tolerance and scale of at most {MAX_NUMBER:g}, "
                 f"got {tolerance} and {self.features.scale}"
             )
+        # Values must be more than two tolerances apart, so that at most one word of a group is
+        # true.
         for (one, here), (other, there) in combinations(prototypes.items(), 2):
             if dist(here, there) <= 2 * tolerance:
                 raise ConfigError(

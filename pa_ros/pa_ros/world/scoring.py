@@ -78,6 +78,8 @@ class Scoring:
         """
         threshold = self.threshold(relation)
         measures = self._measures(relation, objects, hand_pose)
+        # An object that is not named counts as infinitely far, so a program that names none is not
+        # satisfied.
         nearest: Float64 = np.array(inf)
         for i in range(objects.shape[-2]):  # faster than reducing a short axis
             nearest = np.minimum(nearest, np.where(named[..., i], measures[..., i], inf))

@@ -33,6 +33,8 @@ class World:
     joints: int
 
     def __post_init__(self) -> None:
+        # The rows of Φ follow the vocabulary and the features follow the schema, so both need one
+        # order.
         ours, theirs = [g.name for g in self.schema], list(self.vocabulary.by_group)
         if ours != theirs:
             raise ConfigError(f"world: groups of words: expected {ours}, got {theirs}")

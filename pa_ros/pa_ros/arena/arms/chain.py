@@ -76,7 +76,8 @@ class Chain:
     def _link(self, settings: JointSettings, i: int, attributes: str) -> str:
         """The opening tag of a link's body, with its joint and geom."""
         link, joint, start = self.links[i], self.joints[i], settings.start_pose[i]
-        limited = joint.limits is not None or i  # a base without limits has no range
+        # MuJoCo needs no range for a base that turns freely.
+        limited = joint.limits is not None or i
         limits = f'range="{settings.joint_lower[i]} {settings.joint_upper[i]}"' if limited else ""
         capsule = f"{_text(link.capsule_start_m)} {_text(link.capsule_end_m)}"
         return f"""
