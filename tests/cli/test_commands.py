@@ -77,9 +77,7 @@ def test_train_then_eval(tmp_path, capsys):
             "learner.updates.discount: expected a number in [0, 1), got abc",
         ),
         (["train", "--out", "unused", "--learner.updates.discount=NaN"], "got NaN"),
-        (["play", "nowhere", "--rate", "nan"], "--rate: expected a number in [0, 1e+06], got nan"),
-        (["play", "nowhere", "--rate", "1e-310"], "rate: expected 0 or at least 1e-06, got 1e-310"),
-        (["play", "nowhere", "--rate", "1e300"], "--rate: expected a number in [0, 1e+06], got"),
+        (["play", "nowhere", "--rate", "nan"], "--rate: expected a number of at least 0, got nan"),
         (["play", "nowhere", "--duration", "1e300"], "--duration: expected a number in [0, 1"),
         (["play", "nowhere", "--start", "1e300"], "--start: expected a number in [0, 1"),
         (["play", "nowhere", "--wait", "1e300"], "--wait: expected a number in [0, 1"),
@@ -95,25 +93,14 @@ def test_train_then_eval(tmp_path, capsys):
         (["train", "--out", "unused", "--learner.replay.batch_size=-1"], "-1"),
         (["train", "--out", "unused", "--network", "mystery"], "mystery"),
         (["experiment", "programmable-2L", "--seeds", "0"], "got 0"),
-        (["experiment", "nope"], "canonical-3C, forgetting, generalization, detectors, equalities"),
-        (["experiment", "generalization"], "first `pa_ros experiment programmable-3D`"),
+        (["experiment", "nope"], "invalid choice: 'nope'"),
+        (["experiment", "generalization"], "first run `pa_ros experiment programmable-3D`"),
         (["experiment", "detectors"], "none of seeds [0, 1, 2]"),
         (
             ["experiment", "programmable-2L", "--logic", "product"],
-            "--logic with one of generalization, detectors, equalities alone",
+            "--logic: expected a study (generalization, detectors, equalities)",
         ),
-        (["experiment", "detectors", "--conditions", "eval"], "of generalization alone"),
-        (["experiment", "programmable-2L", "--json", "x.json"], "--json of summary alone"),
         (["train", "--out", "unused", "--namespace", "/a"], "--namespace: expected --from-bag"),
-        (
-            ["train", "--out", "unused", "--from-bag", "nowhere", "--frames", "5"],
-            "expected the recording's own frames, got frames 5; only --seed and settings such as",
-        ),
-        (["experiment", "variants", "--seeds", "4"], "variants: expected no --seeds: it reads"),
-        (
-            ["experiment", "summary", "--preset", "paper", "--first-seed", "3", "--cluster", "x:1"],
-            "summary: expected no --cluster, --first-seed, --preset: it reads tables",
-        ),
         (
             ["eval", "--checkpoint", "shipped:2-L", "--relations", "NEAR"],
             "--relations: expected --policy with it: a checkpoint has its own",
@@ -132,10 +119,6 @@ def test_train_then_eval(tmp_path, capsys):
         (
             ["experiment", "programmable-2L", "--tag", "../x", "--learner.detectors.gain=2"],
             "tag: expected letters, digits, '-' and '_', also with dots between, got '../x'",
-        ),
-        (
-            ["experiment", "programmable-2L", "--tag", "paper-arm", "--network.hidden=9"],
-            "tag: expected another word than 'paper-arm', which names of tables have already, got",
         ),
         (
             ["experiment", "programmable-2L", "--tag", "x", "--learner.detectors.gain=abc"],

@@ -11,7 +11,7 @@ from pa_ros.core.errors import ConfigError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros figures`."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="tables (default: all)")
-    add_results(parser, "runs/experiments/results")
+    add_results(parser)
 
 
 def run(options: argparse.Namespace) -> int:

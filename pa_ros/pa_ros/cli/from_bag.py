@@ -30,22 +30,19 @@ from pa_ros.world import Scoring, reward_from
 log = logging.getLogger(__name__)
 REPORT_S = 5.0
 EXIT_INCOMPLETE = 1
-USED = {"out", "seed", "design", "preset", "arm", "reward"}  # of a run's settings, here too
 
 
 def run(options: argparse.Namespace) -> int:
-    """Learn from the bags in order and leave a checkpoint; settings are the first bag's own."""
+    """Learn from the bags in order, with the settings of the first, and save a checkpoint."""
     if options.resume or options.record:
         raise ConfigError("--from-bag: expected neither --resume nor --record with it")
-    given = {name: getattr(options, name) for name in asked(options, TrainConfig)}
-    _refuse({name: ("", value) for name, value in given.items() if name not in USED})
     with ExitStack() as stack:
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
         bags = [Experience(bag, options.namespace) for bag in opened]
         learner, about = _learner(options, bags[0])
         for path, bag in zip(options.from_bag, bags, strict=True):
             _check_world(path, bag, learner)
-        stack.enter_context(claim(options.out))  # last: what is refused leaves no folder
+        stack.enter_context(claim(options.out))  # last, so that a rejected bag leaves no folder
         started = time.monotonic()
         found = learn(bags, learner, _Progress(learner))
         extra = {"wall_s": time.monotonic() - started, **about}
@@ -55,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dict[str, object]]:
-    """A new learner, and what its checkpoint says of the run."""
+    """A new learner with the recorded settings, and facts of the run for its checkpoint."""
     try:
         origin = bag.learner
     except ProvenanceError as error:
@@ -72,10 +69,9 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         "preset": origin.preset,
         "protocol": str(origin.parameters.get("protocol", "")),
         "algorithm": algorithm,
-        "network.family": network.family,
         "reward": bag.scoring.reward.to_json(),
     }
-    _refuse_others(options, recorded)
+    _check_recorded(options, recorded)
     changes = nested(learning_given(options, LearningSettings(algorithm=algorithm)))
     network = network.changed(**changes.get("network", {}))
     config = config.changed(**changes.get("learner", {}))
@@ -91,14 +87,14 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
 
 
 def _check_world(path: Path, bag: Experience, learner: Learner) -> None:
-    """ConfigError if the bag's first trajectory is of another world than the learner's."""
+    """Raise ConfigError if the bag's first trajectory is from another world."""
     try:
         next(bag.used(learner.network.world), None)
     except WireError as error:
         if error.code != "wire.world":
             raise
         raise ConfigError(
-            f"bag: {path}: expected a recording of the world that is learned in: {error}"
+            f"bag: {path}: expected a recording of the learner's world: {error}"
         ) from error
 
 
@@ -118,38 +114,24 @@ def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, obje
     return learner, {"seed": seed, **about}
 
 
-def _refuse_others(options: argparse.Namespace, recorded: Mapping[str, object]) -> None:
-    """Raise ConfigError for options that say something else than the recording."""
+def _check_recorded(options: argparse.Namespace, recorded: Mapping[str, object]) -> None:
+    """Raise ConfigError if an option was given that differs from the recording."""
     kinds = (ArenaChoice, LearningSettings, TrainConfig)
     given = {name: getattr(options, name) for kind in kinds for name in asked(options, kind)}
-    if family := getattr(options, "network.family", None):
-        given["network.family"] = family
     if "relations" in given:
         given["relations"] = tuple(given["relations"])
     if "reward" in given:
         given["reward"] = reward_from(given["reward"]).to_json()
-    _refuse({
-        name: (own, given[name])
-        for name, own in recorded.items()
-        if name in given and given[name] != own
-    })  # fmt: skip
-
-
-def _refuse(others: Mapping[str, tuple[object, object]]) -> None:
-    """Raise ConfigError for options that would mean nothing: by name what was recorded, empty if
-    that isn't known, and what came."""
-    if not others:
-        return
-    own = ", ".join(f"{name} {own}" for name, (own, _) in sorted(others.items()) if own)
-    came = ", ".join(f"{name} {value}" for name, (_, value) in sorted(others.items()))
-    raise ConfigError(
-        f"--from-bag: expected the recording's own {', '.join(sorted(others))}{own and ': '}{own}, "
-        f"got {came}; only --seed and settings such as --learner.updates.per_frame may differ"
-    )
+    for name, value in recorded.items():
+        if given.get(name, value) != value:
+            raise ConfigError(
+                f"--from-bag: expected the recording's {name} {value}, got {given[name]}; only "
+                "--seed and settings such as --learner.updates.per_frame may differ"
+            )
 
 
 class _Progress:
-    """Logs a line every REPORT_S."""
+    """Log a line every REPORT_S."""
 
     def __init__(self, learner: Learner) -> None:
         self._learner, self._logged = learner, time.monotonic()
@@ -169,11 +151,11 @@ def _conclude(found: OfflineResult, learner: Learner, out: Path) -> None:
     )
     for count, what in (
         (found.missing, "trajectories were learned from but are not in the bag"),
-        (found.left_out, "trajectories are in the bag, but its learner had not taken them in"),
+        (found.left_out, "trajectories in the bag were not learned from when it was recorded"),
         (
             found.unordered,
-            "versions are from before the recording, and several agents led to them: "
-            "the order of their trajectories is not known, so these are other weights",
+            "versions are from before the recording and from several agents: the order of their "
+            "trajectories is unknown, so the weights differ",
         ),
         (found.refused, f"trajectories could not be used, the first because {found.refusal}"),
     ):
