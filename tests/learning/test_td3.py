@@ -10,7 +10,6 @@ import pytest
 import torch
 
 from helpers.worlds import PROGRAMS, WORLD, PointWorld, random_batch
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.td3.builder import make_engine
@@ -130,8 +129,3 @@ def test_a_checkpoint_of_another_algorithm_is_refused_with_both_named(tmp_path: 
     run(tmp_path, 60)
     with pytest.raises(CheckpointError, match="algorithm: checkpoint 'td3', here 'dpg'"):
         run(tmp_path, 120, ALGORITHMS["dpg"].config(), resume=True)
-
-
-def test_the_fused_engine_is_refused_for_it() -> None:
-    with pytest.raises(ConfigError, match="td3 is computed by torch alone"):
-        made(CONFIG.changed(**{"engine.name": "fused"}))

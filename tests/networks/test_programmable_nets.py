@@ -11,7 +11,7 @@ from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
-from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
+from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.networks.relevance import program_tensors
 from pa_ros.world.programs import ProgramTable
@@ -126,16 +126,6 @@ def test_agree_with_the_formulas(kind, self_weight, n, k, hand_index, dtype, tol
             close(parameter.grad / scale, gradient / scale)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_state_dicts_are_the_table_of_tensors(kind) -> None:
-    config = NetworkConfig(world=WORLD, family=kind)
-    for made, shapes in (
-        (ProgrammableActor(config), actor_shapes(config)),
-        (ProgrammableCritic(config), critic_shapes(config)),
-    ):
-        assert {k: tuple(v.shape) for k, v in made.state_dict().items()} == shapes
-
-
 def test_an_action_per_scene_is_an_action_for_each_program() -> None:
     rng = np.random.default_rng(0)
     config = network()
@@ -166,25 +156,6 @@ def test_irrelevant_objects_change_nothing() -> None:
     )
     torch.testing.assert_close(before, after)
     torch.testing.assert_close(before, without)
-
-
-@pytest.mark.parametrize("kind", ["programmable", "true-properties"])
-@pytest.mark.parametrize("self_weight", [1.0, 0.3, 0.0])
-@pytest.mark.parametrize(("n", "hand_index"), [(5, 0), (3, 2), (1, 0)])
-def test_one_observation_is_a_batch_of_one(kind, self_weight, n, hand_index) -> None:
-    rng = np.random.default_rng(n)
-    config = network(kind, self_weight)
-    tensors = tensors_of(config)[0]
-    actor = module(ProgrammableActor, config, tensors, torch.float64)
-    inference = TorchActor(config, tensors)
-    for row, text in enumerate(TEXTS):
-        objects = random_objects(rng, 1, n).astype(np.float32)
-        arm = rng.normal(size=(1, 18)).astype(np.float32)
-        given = (torch.from_numpy(x).double() for x in (objects, arm))
-        expected = actor(*given, programs(np.array([[row]])), hand_index)[0, 0]
-        action = inference.act(objects[0], arm[0], parse(text, WORDS), hand_index)
-        assert action.dtype == np.float32 and action.shape == (6,)
-        np.testing.assert_allclose(action, expected.detach().numpy(), atol=1e-5)
 
 
 def test_inference_shows_its_properties() -> None:

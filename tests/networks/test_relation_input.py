@@ -9,9 +9,9 @@ from torch import Tensor
 
 from pa_ros.arena import PRESETS, design_named, world_of
 from pa_ros.language import parse
-from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.modules import goals_of, modules_of
+from pa_ros.networks.modules import goals_of
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.world.programs import ProgramTable
@@ -102,21 +102,6 @@ def test_one_relation_alone_is_no_input() -> None:
         assert not hasattr(ProgrammableActor(network(name)), "relation")
     assert actor_shapes(network(*THREE))["relation.weight"] == (12, 3)
     assert critic_shapes(network(*THREE))["relation.weight"] == (12, 3)
-
-
-def test_the_architecture_says_which_relations_there_are() -> None:
-    texts = [network(*names).architecture for names in (("NEAR",), THREE, THREE[::-1], THREE[:2])]
-    assert len(set(texts)) == 4
-    for text in texts:
-        assert actor_config(text).architecture == text
-
-
-def test_the_true_properties_and_the_distilled_critic_mix_relations_too() -> None:
-    for kind in ("true-properties", "distilled-critic"):
-        config = network(*THREE).changed(family=kind)
-        objects, arm = scenes(config, 2)
-        action = modules_of(config)[0](config)(objects, arm, programs(config, [[0, 1], [2, 3]]))
-        assert action.shape == (2, 2, 6)
 
 
 @pytest.mark.parametrize("relations", [THREE, ("NEAR", "ABOVE")])
