@@ -18,6 +18,6 @@ class BagFullError(BagError):
 
 
 class ProvenanceError(BagError):
-    """A recording that does not say how it was made, or began too late to be made again."""
+    """A recording that does not say how it was made, or cannot be repeated."""
 
     code = "bag.provenance"

@@ -7,6 +7,7 @@ import sqlite3
 import struct
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -150,11 +151,13 @@ def _topic(connection: Connection) -> BagTopic:
 
 
 def _check_sqlite(path: Path) -> None:
-    """Raise BagError if SQLite finds its file damaged; it returns to the last commit by itself."""
+    """Return to the last commit, which SQLite does when it opens a file; raise BagError if damaged.
+
+    rosbags cannot do this, because it opens files for reading only.
+    """
     try:
-        with sqlite3.connect(path) as connection:
+        with closing(sqlite3.connect(path)) as connection:
             verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
-        connection.close()
     except sqlite3.Error as error:
         raise damaged(path, error) from error
     if verdict != "ok":
