@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,15 +41,6 @@ def test_our_reader_and_rosbags_read_what_was_written(tmp_path, storage):
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 5
         assert [c.digest for c in reader.connections] == [TOPIC.digest] or storage == "mcap"
-
-
-def test_an_sqlite_bag_defines_each_type_once(tmp_path):
-    with BagWriter(tmp_path / "bag", BagOptions(storage="sqlite3")) as bag:
-        bag.add(TOPIC)
-        bag.add(replace(TOPIC, name="/left/program"))
-    with closing(sqlite3.connect(storage_file(tmp_path / "bag"))) as database:
-        rows = database.execute("SELECT topic_type FROM message_definitions").fetchall()
-        assert rows == [(TOPIC.type_name,)]
 
 
 def test_a_namespace_selects_one_of_several_topics(tmp_path):

@@ -67,21 +67,14 @@ def test_verify_finds_every_version_and_transition_equal(recorded, capsys):
     assert len(hashes) == 2 and len(set(hashes)) == 1 and len(hashes[0]) == 64
 
 
-PAID = '{"name":"sparse","otherwise":-1.0,"satisfied":%s}'
-
-
-@pytest.mark.parametrize(("option", "own"), [
-    ("--algorithm=td3", "dpg"), ("--design=3-D", "2-L"), ("--protocol=paper", "ours"),
-    (f"--reward={PAID % 2.0}", PAID % 1.0), ("--network=canonical", "programmable"),
-])  # fmt: skip
+@pytest.mark.parametrize(("option", "own"), [("--algorithm=td3", "dpg"), ("--design=3-D", "2-L")])
 def test_an_option_that_contradicts_the_recording_is_rejected(
     recorded, tmp_path, option, own, capsys
 ):
     assert learn(tmp_path / "out", recorded / "bag", option) == 2
     name, _, other = option[2:].partition("=")
     said = capsys.readouterr().err
-    assert f"expected the recording's own {name}, which" in said
-    assert f"{name} {own}, got {name} {other}" in said
+    assert f"expected the recording's own {name}: {name} {own}, got {name} {other}" in said
     assert not (tmp_path / "out").exists()
 
 
@@ -129,18 +122,6 @@ def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(tmp_p
     first, last = 100 * (version - 1) + 1, 100 * version
     assert found.difference == f"version {version} (updates {first} to {last})"
     assert found.recorded != found.computed
-
-
-def test_weights_with_a_wrong_checksum_are_rejected(recorded, tmp_path, capsys):
-    def damage(topic, message):
-        if topic == "/policy_weights" and message.version == 3:
-            message.payload = message.payload.copy()
-            message.payload[7] ^= 1
-        return [message]
-
-    copy = rewritten(recorded / "bag", tmp_path / "damaged", damage)
-    assert main(["verify", str(copy)]) == 2
-    assert "checksum" in capsys.readouterr().err
 
 
 def late_beginning(topic, message):

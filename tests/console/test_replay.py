@@ -11,7 +11,7 @@ import pytest
 from helpers.recordings import columns, rewritten, train
 from pa_ros.arena.appearance import look_of
 from pa_ros.bags.episodes import RecordedEpisode, Row
-from pa_ros.bags.errors import BagError, ProvenanceError
+from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
@@ -71,18 +71,6 @@ def test_a_bag_without_weights_is_shown_without_explanation(recorded, tmp_path):
     with Bag(copy) as bag:
         moment = Replay(bag).moment(0, 0)
         assert moment.explanation is None and "not known here" in moment.unexplained
-
-
-def test_a_damaged_bag_is_one_line(recorded, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("os.nice", lambda _: 0)  # it would last for the whole process
-    (tmp_path / "bag").mkdir()
-    for file in recorded.iterdir():
-        (tmp_path / "bag" / file.name).write_bytes(file.read_bytes()[: file.stat().st_size // 3])
-    assert main(["console", "--bag", str(tmp_path / "bag"), "--port", "0"]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("pa_ros console: bag:") and "Traceback" not in error
-    with pytest.raises(BagError):
-        Bag(tmp_path / "none")
 
 
 def test_a_slider_of_a_longer_episode_shows_the_last_step():
@@ -151,11 +139,3 @@ def the_blocks_are_as_recorded(told, replay, place, episode, start):
         assert curve == [pytest.approx(p)]
         rgba = told[f"/world/blocks/{name} {shape}:colors"][0][1][0].to_bytes(4, "big")
         assert list(rgba[:3]) == [round(255 * c) for c in look_of(block.kind).rgb]
-
-
-def test_a_wrong_name_of_a_file_for_rerun_is_rejected(recorded, tmp_path, capsys):
-    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
-    for name, said in (("a.txt", "ends in .rrd"), ("none/a.rrd", "No such file")):
-        assert main(["bag", "export", str(recorded), "--rerun", str(tmp_path / name)]) == 2
-        error = capsys.readouterr().err
-        assert said in error and "Traceback" not in error

@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -202,28 +201,6 @@ def resident_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def test_a_recorder_whose_file_may_not_grow_ends_and_its_bag_can_be_repaired(tmp_path):
-    """The kernel limits the size of files, as a quota would."""
-    bag, limit = tmp_path / "bag", 3_000_000
-    with pa_ros("record", bag, "--topics", "trajectories") as process:
-        try:
-            assert process.stdout.readline().startswith("recording into")
-            resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (limit, limit))
-            with client_node("test") as node:
-                publisher = publisher_heard(node, topics.TRAJECTORIES)
-                large = topics.TRAJECTORIES.type(program="X" * 100_000)
-                for _ in range(60):
-                    publisher.publish(large)
-                _, err = process.communicate(timeout=DEADLINE_S)
-        finally:
-            process.kill()
-    assert process.returncode == 1
-    assert "record --repair" in err and "Traceback" not in err
-    assert repair(bag).messages == information(bag)["message_count"]
-    kept = [message.program for _, message in decoded(bag)]
-    assert 15 <= len(kept) < 30 and set(kept) == {"X" * 100_000}
-
-
 @pytest.mark.parametrize(
     "asked",
     [["--topics", "bad topic!"], ["--topics", "trajectories", ""], ["--arenas", "a b"],
@@ -234,19 +211,6 @@ def test_names_that_ros_rejects_leave_no_bag(tmp_path, capsys, asked):
     error = capsys.readouterr().err
     assert "not the name of a topic" in error or "namespace" in error
     assert "Traceback" not in error and not (tmp_path / "bag").exists()
-
-
-def test_a_topic_named_twice_is_recorded_once(tmp_path):
-    words = ["--topics", "trajectories", "/trajectories", "--arenas", "a", "a", "--duration", "0.1"]
-    assert main(["record", str(tmp_path / "one"), *words]) == 0
-    assert main(["record", str(tmp_path / "two"), *words[3:]]) == 0
-    names = [
-        [row["topic_metadata"]["name"] for row in information(tmp_path / bag)[
-            "topics_with_message_count"]]
-        for bag in ("one", "two")
-    ]  # fmt: skip
-    assert names[0] == ["/trajectories"]
-    assert names[1].count("/a/verdict") == 1 and len(names[1]) == len(set(names[1]))
 
 
 def test_a_recorder_that_fails_says_so(tmp_path, capsys, monkeypatch):
