@@ -1,7 +1,7 @@
-"""What one DPG update must compute, counted from its sizes, and how fast this machine could.
+"""What one DPG update must compute, counted from its sizes, and the least time that this takes.
 
-The counts are those of the cheapest arrangement we know (pa_ros/native/README.md), each value
-computed once; what an implementation computes again or moves through memory comes on top.
+The counts are those of the cheapest arrangement we know (pa_ros/native/README.md), with each value
+computed once. What an implementation computes again or moves through memory is not counted.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Cost:
     exponentials: float = 0.0
     tanhs: float = 0.0  # of one number: an exponential and a reciprocal
     pair_tanhs: float = 0.0  # tanh(x + y) from e^2x and e^2y: a product and a reciprocal
-    bytes: float = 0.0  # batch and parameters, each read or written as seldom as possible
+    bytes: float = 0.0  # batch and parameters, each read and written once if possible
 
     def __add__(self, other: Cost) -> Cost:
         return Cost(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
@@ -48,7 +48,7 @@ class Cost:
 
 @dataclass(frozen=True)
 class Rates:
-    """What one thread of this machine does per microsecond, operands in its first cache."""
+    """What one thread of this machine does per microsecond, with operands in its first cache."""
 
     flops: float
     exponentials: float
@@ -58,9 +58,9 @@ class Rates:
 
 
 def floor_us(cost: Cost, rates: Rates) -> float:
-    """Time in which no arrangement of these operations can be beaten, microseconds.
+    """The least time of these operations, microseconds.
 
-    Arithmetic shares the vector units, so its times add up; memory may be read meanwhile.
+    Arithmetic shares the vector units, so its times add up; memory can be read meanwhile.
     """
     arithmetic = (
         cost.flops / rates.flops
@@ -78,7 +78,7 @@ def update_cost(network: NetworkConfig, sizes: Sizes) -> Cost:
 
 @singledispatch
 def _parts(family: Family, network: NetworkConfig, z: Sizes) -> Cost:
-    """What an update computes but for Adam and the batch."""
+    """What an update computes, without Adam and the batch."""
     raise ConfigError(f"benchmark: expected networks whose cost is known, got {family.name!r}")
 
 
@@ -99,7 +99,7 @@ def _(family: Programmable, network: NetworkConfig, z: Sizes) -> Cost:
 
 
 def _trunk(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
-    """From Ω to h: first layers, pairs, weighted sums, second layers."""
+    """From the observation to h: first layers, pairs, weighted sums, second layers."""
     b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
     a, pairs = network.attention, z.transitions * z.objects**2
     first = 2 * b * _first_columns(network, detectors) * _scene(network, n)
@@ -114,7 +114,7 @@ def _trunk(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
 
 
 def _trunk_backward(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
-    """From ∂/∂h to the parameters' gradients; inputs need none."""
+    """From ∂/∂h to the parameters' gradients; inputs need no gradients."""
     b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
     pairs = b * n * n
     first = 2 * b * _first_columns(network, detectors) * _scene(network, n)

@@ -22,7 +22,7 @@ _SHAPES = ((64, 160, 320), (512, 512, 512))  # rows, depth, columns: ours, and a
 
 
 def measure_rates(parameter_bytes: float, repeats: int = 30) -> Rates:
-    """The best of `repeats` and of the ways at hand: the fused library's, torch's and NumPy's."""
+    """The best rates of the native library, torch and NumPy, each repeated."""
     x = np.random.default_rng(0).uniform(-3.0, 3.0, _SAMPLES).astype(np.float32)
     many, e = np.tile(x, _PASSES), np.exp(2.0 * x)
     t, size = torch.from_numpy(many), many.size
@@ -40,7 +40,7 @@ def measure_rates(parameter_bytes: float, repeats: int = 30) -> Rates:
 
 
 def elementwise(function: str, x: Float32, y: Float32, repeats: int = 1) -> Callable[[], Float32]:
-    """One of the library's `Function`s on arrays of a multiple of 16."""
+    """One of the native library's functions, on arrays whose size is a multiple of 16."""
     native = library()
     a, b, out = (aligned(x.size) for _ in range(3))
     a[:], b[:] = x, y
@@ -53,7 +53,7 @@ def elementwise(function: str, x: Float32, y: Float32, repeats: int = 1) -> Call
 
 
 def product(a: Float32, b: Float32) -> Callable[[], Float32]:
-    """The library's a · b; columns are a multiple of 16."""
+    """The native library's matrix product; the number of columns is a multiple of 16."""
     (rows, depth), columns = a.shape, b.shape[1]
     x = np.ascontiguousarray(a)
     y, out = (aligned(n * columns).reshape(n, columns) for n in (depth, rows))
@@ -67,7 +67,7 @@ def product(a: Float32, b: Float32) -> Callable[[], Float32]:
 
 
 def aligned(size: int) -> Float32:
-    """Zeros that begin a cache line."""
+    """Zeros that start at a cache line."""
     memory = np.zeros(size + _LINE, np.float32)
     start = -(memory.ctypes.data // 4) % _LINE
     return memory[start : start + size]

@@ -1,8 +1,8 @@
 """Bare ping-pong: the messages of a control step between two processes, and nothing else.
 
-What the graph could do at most: the same types, sizes, topics' quality of service and executor,
-but no arena, no policy, no encoding (the messages are made once).
-`python -m benchmarks.pingpong` is the side that answers.
+An upper bound for the graph: the same types, sizes, quality of service and executor, but no arena,
+no policy and no encoding (the messages are made once). `python -m benchmarks.pingpong` is the side
+that answers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
 from pa_ros.wire.step import encode_clock, encode_command, encode_observation, encode_verdict
 
-# In the order in which sim_node sends them; the answer is to the last that the agent needs.
+# In the order in which sim_node publishes them.
 _QUESTION = (topics.OBJECT_FEATURES, topics.VERDICT, topics.CLOCK)
 WARM_UP = 200  # round trips
 SETTLE_S = 0.5
@@ -26,10 +26,10 @@ SETTLE_S = 0.5
 def measure_round_trips(
     node: Any, seconds: float, timeout_s: float = 30.0, work_us: float = 0.0
 ) -> float:
-    """Round trips per second with an answering process, over `seconds`; 0 if none answers.
+    """Round trips per second with an answering process, over `seconds`; 0 if no process answers.
 
-    `work_us` is spent computing before each question: what a pause does to the transport (caches,
-    threads and cores that have gone to sleep) is then part of the round trip.
+    `work_us` is spent computing before each question, so that what a pause does to the transport
+    (colder caches, sleeping threads and cores) is part of the round trip.
     """
     from pa_ros.ros.executor import spin_until
 
@@ -55,15 +55,15 @@ def measure_round_trips(
         ask()
 
     answering = _bare(topics.JOINT_COMMANDS).subscribe(node, receive)
-    heard = writers[: _QUESTION.index(topics.CLOCK)]
+    read = writers[: _QUESTION.index(topics.CLOCK)]
     spin_until(
         node,
-        lambda: all(w.get_subscription_count() for w in heard) and answering.get_publisher_count(),
+        lambda: all(w.get_subscription_count() for w in read) and answering.get_publisher_count(),
         timeout_s,
     )
-    spin_until(node, lambda: False, SETTLE_S)  # the other side has found us too
+    spin_until(node, lambda: False, SETTLE_S)  # until the other side has discovered us too
     ask()
-    # One spin for all of it: between two executors a message can go unnoticed.
+    # A single spin: between two of them a message could be missed.
     finished = spin_until(node, lambda: bool(started) and ended - started > seconds, timeout_s)
     return (answers - WARM_UP) / (ended - started) if finished else 0.0
 

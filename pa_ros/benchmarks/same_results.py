@@ -1,8 +1,8 @@
-"""Do two builds learn the same? `make same-results BASE=COMMIT`.
+"""Do two builds learn the same bits? `make same-results BASE=COMMIT`.
 
-Hashes depend on the processor, so none is written down: both builds run here, and their weights are
-compared after short runs in one process, and version by version after a short run of the graph.
-The builds are told apart by their `pa_ros` command alone; this file needs the standard library.
+Hashes depend on the processor, so none are stored: both builds run here. Their weights are compared
+after short runs in one process, and version by version after a short run of a graph. A build is
+known by its `pa_ros` command only; this file needs nothing but the standard library.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ CASES = (
     *(Case("2-L", "ours", "fast", name) for name in ("distilled-critic", "canonical")),
 )
 GRAPH_S = 40.0  # of a graph that learns, its start included
-FEWEST_VERSIONS = 20  # that both graphs must have come to
+FEWEST_VERSIONS = 20  # that both graphs must publish
 STOP_S = 60.0
 
 # Run by each build's own Python.
@@ -78,7 +78,7 @@ class Build:
         self._bin = environment / "bin"
 
     def weights(self, case: Case, frames: int) -> str:
-        """Hash of networks, targets and moments after a run in one process, seed 0."""
+        """The hash of networks, targets and moments after a run in one process with seed 0."""
         with tempfile.TemporaryDirectory() as folder:
             options = case._asdict() | {"seed": "0", "frames": str(frames)}
             options |= {"eval-every": "0", "out": folder}
@@ -87,7 +87,7 @@ class Build:
             return self._run("python", "-c", HASH_CHECKPOINT, f"{folder}/checkpoint").strip()
 
     def versions(self, domain: int) -> dict[str, str]:
-        """Hash of every version that a graph published within GRAPH_S, design 2-L."""
+        """The hash of every version that a graph with design 2-L publishes within GRAPH_S."""
         with tempfile.TemporaryDirectory() as folder:
             command = [
                 str(self._bin / "pa_ros"),
@@ -120,26 +120,26 @@ class Build:
 
 
 def _environment() -> dict[str, str]:
-    """Without what another build's wheels left in it."""
+    """The environment without what another build's wheels have set."""
     left_out = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH")
     kept = {name: value for name, value in os.environ.items() if name not in left_out}
     return kept | {"OMP_NUM_THREADS": "1"}
 
 
 def compare(builds: tuple[Build, Build], frames: int) -> Iterator[tuple[str, str, str]]:
-    """What was run, and what either build made of it."""
+    """Yield what was run, and the hash of each build."""
     with ThreadPoolExecutor(2) as pool:
         for case in CASES:
             ours, base = pool.map(partial(Build.weights, case=case, frames=frames), builds)
             yield f"{frames} frames of {' '.join(case)}", ours, base
     domains = random.SystemRandom().sample(range(1, 102), 2)
-    ours_heard, base_heard = map(Build.versions, builds, domains)
-    common = sorted(set(ours_heard) & set(base_heard), key=int)
+    ours_versions, base_versions = map(Build.versions, builds, domains)
+    common = sorted(set(ours_versions) & set(base_versions), key=int)
     if len(common) < FEWEST_VERSIONS:
         raise SystemExit(f"graph: expected {FEWEST_VERSIONS} versions of both, got {len(common)}")
-    wrong = [version for version in common if ours_heard[version] != base_heard[version]]
+    wrong = [version for version in common if ours_versions[version] != base_versions[version]]
     shown = wrong[0] if wrong else common[-1]
-    yield f"graph, {len(common)} versions, {shown}", ours_heard[shown], base_heard[shown]
+    yield f"graph, {len(common)} versions, {shown}", ours_versions[shown], base_versions[shown]
 
 
 def main() -> int:

@@ -115,7 +115,6 @@ def test_train_then_eval(tmp_path, capsys):
         (["ship", "x", "y", "--scores", "/dev/null/x"], "expected a folder at /dev/null, got"),
         (["ship", "unused", "../evil"], "name: expected letters, digits, '-' and '_', got"),
         (["ship", "unused", "3-D"], "expected a new one, got '3-D', which exists (--replace)"),
-        (["experiment", "summary"], "expected tables of programmable-2L or programmable-3D in "),
         (
             ["experiment", "programmable-2L", "--tag", "../x", "--learner.detectors.gain=2"],
             "tag: expected letters, digits, '-' and '_', also with dots between, got '../x'",

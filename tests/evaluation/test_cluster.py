@@ -11,16 +11,23 @@ from typing import Any
 
 import pytest
 
-from helpers.seeds_on_cluster import SMALL
 from pa_ros.cli.main import main
 from pa_ros.core.errors import PaError
 from pa_ros.evaluation import cluster
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.cluster import SeedJob, write_files
-from pa_ros.evaluation.experiments import run_seed
+from pa_ros.evaluation.experiments import experiment_named, run_seed
 from pa_ros.evaluation.seeds import folder_of, train_seeds
 from pa_ros.evaluation.tables import CURVE, EvaluationError, frames_done
 from pa_ros.learning.folder import claim
+
+SMALL = replace(
+    experiment_named("programmable-2L"),
+    frames=400,
+    evaluate_every_frames=200,
+    evaluation_episodes=1,
+    options={"learner.replay.warmup_frames": 100, "learner.replay.batch_size": 8},
+)
 
 
 class LocalRay:
@@ -74,13 +81,12 @@ def test_a_lost_part_is_repeated_and_a_failed_seed_does_not_stop_the_others(tmp_
 
 
 def test_on_one_machine_too_a_failed_seed_does_not_stop_the_others(tmp_path, capsys) -> None:
-    short = replace(SMALL, frames=500)
     with (
         claim(folder_of(tmp_path, 0)),
         pytest.raises(EvaluationError, match="seed 0: .*another run writes into"),
     ):
-        train_seeds(short, (0, 1), tmp_path, jobs=1)
-    assert frames_done(folder_of(tmp_path, 1) / CURVE) == 500
+        train_seeds(SMALL, (0, 1), tmp_path, jobs=1)
+    assert frames_done(folder_of(tmp_path, 1) / CURVE) == SMALL.frames
     printed = capsys.readouterr().out  # without a terminal the bar is shown only at the end
     assert "seed 0 failed" in printed and "seed 1 is trained" in printed
 

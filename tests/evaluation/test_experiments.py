@@ -19,7 +19,6 @@ from pa_ros.evaluation.experiments import (
     check_run,
     experiment_named,
     final_scores,
-    headline,
     run_seed,
     summarize,
     under_protocol,
@@ -269,15 +268,3 @@ def test_curves_with_other_columns_leave_the_existing_table_unchanged(tmp_path):
     with pytest.raises(EvaluationError, match=r"expected columns .*wall_s.*seeds \[1\]"):
         write_table(tmp_path, SMALL, {0: [row], 1: [{**row, "mean_q": 1.0}]}, summaries)
     assert table.read_text() == before
-
-
-def test_the_summary_counts_solved_seeds_by_design_and_arm(tmp_path):
-    write_table(tmp_path, SMALL, {0: rows(0.1)}, [summarize(0, rows(0.1))])
-    slow = replace(SMALL, preset="paper")
-    write_table(tmp_path, slow, {3: rows(0.95)}, [summarize(3, rows(0.95))])
-    write_table(tmp_path, replace(slow, protocol="paper"), {4: rows(0.1)}, [summarize(4, rows(0))])
-    assert headline(tmp_path) == {
-        "frames_to_solve.2-L.median": "inf", "solved.2-L": 0, "seeds.2-L": 1,
-        "frames_to_solve.2-L.paper-arm.median": 1000.0,
-        "solved.2-L.paper-arm": 1, "seeds.2-L.paper-arm": 1,
-    }  # fmt: skip

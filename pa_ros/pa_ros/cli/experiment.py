@@ -16,12 +16,10 @@ from pa_ros.cli.options import (
     add_learning,
     add_setting,
     add_settings,
-    file_to_write,
     folder_to_write,
     learning_given,
 )
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.text import write_report
 from pa_ros.language import MIN_MAX, logic_named
 
 if TYPE_CHECKING:
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
 
 PUBLISHED = Path("docs/results")
 STUDIES = ("generalization", "detectors", "equalities")  # of the trained seeds of STUDIED
-TABLES = ("variants", "algorithms", "summary")  # read tables that experiments wrote
+TABLES = ("variants", "algorithms")  # read tables that experiments wrote
 STUDIED = "programmable-3D"
 
 
@@ -65,7 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "head, as many at a time as it has processors (processes on this machine)",
     )  # fmt: skip
     add_results(parser)
-    parser.add_argument("--json", type=file_to_write, help="summary: also write the figures here")
 
 
 def add_results(parser: argparse.ArgumentParser) -> None:
@@ -84,8 +81,6 @@ def add_results(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Train the missing seeds and write tables, or do a study of trained seeds."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    if options.name == "summary":
-        return _summarize(options)
     if options.name == "variants":
         return _compare(options.results)
     if options.name == "algorithms":
@@ -175,18 +170,6 @@ def _figure(value: float, width: int, digits: int = 0, unit: str = "") -> str:
     """A number with its unit, or a dash for NaN."""
     text = "–" if math.isnan(value) else f"{value:.{digits}f}{unit}"
     return f"{text:>{width + len(unit)}}"
-
-
-def _summarize(options: argparse.Namespace) -> int:
-    from pa_ros.evaluation.experiments import headline
-
-    if not (found := headline(options.results)):
-        raise ConfigError(
-            "summary: expected tables of programmable-2L or programmable-3D in "
-            f"{options.results}, found none"
-        )
-    write_report(options.json, found)
-    return 0
 
 
 def _compare(results: Path) -> int:

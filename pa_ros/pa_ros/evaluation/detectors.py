@@ -1,4 +1,4 @@
-"""What an actor's detectors answer: a table by word, and the best and the worst scenes.
+"""Judge an actor's detectors: a table by word, and the best and the worst scenes.
 
 (paper, figure 6 right and appendix "Detector visualizations")
 """
@@ -23,21 +23,21 @@ from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
 
 KNOWN, UNSEEN = "eval", "reach-new-both"
-"""Conditions of the scenes; where the second means something, it shows new shapes and colors."""
+"""Conditions of the scenes; the second one, if the design has it, shows new properties."""
 
-EVERY = 20  # control steps between the observations of an episode that are looked at
+EVERY = 20  # control steps between the observations that are judged
 
 
 @dataclass(frozen=True)
 class Look:
-    """Φ and p at one moment of one episode under its program."""
+    """Φ and p at one step of one episode under its program."""
 
     episode: Episode
     step: int
     targets: tuple[int, ...]  # objects that the program names
     words: tuple[str, ...]
     phi: Float32  # [V, N]
-    logic: Logic  # that Φ is sharpened for
+    logic: Logic  # by which the agent acts; Φ is sharpened for it
     p: NDArray[np.float64]  # [N]
     observation: Observation
     hand: tuple[float, float]  # m, table frame
@@ -45,14 +45,17 @@ class Look:
 
     @property
     def margin(self) -> float:
-        """p of the least relevant target less that of the most relevant distractor, in [-1, 1]."""
+        """p of the least relevant target minus p of the most relevant distractor, in [-1, 1]."""
         others = [i for i in range(1, len(self.p)) if i not in self.targets]
         highest = max((float(self.p[i]) for i in others), default=0.0)
         return min(float(self.p[i]) for i in self.targets) - highest
 
 
 class DetectorView:
-    """Φ of a trained agent, along the episodes in which it acts. ConfigError if it has no Φ."""
+    """Φ of a trained agent, along the episodes in which it acts.
+
+    Raises ConfigError for an agent without detectors.
+    """
 
     def __init__(self, agent: TrainedAgent) -> None:
         network = actor_config(agent.snapshot.architecture)
@@ -64,7 +67,7 @@ class DetectorView:
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
     def looks(self, condition: str, episodes: int) -> Iterator[Look]:
-        """Every EVERY steps of episodes 0 … `episodes` − 1 of a condition."""
+        """Yield a look every EVERY steps of episodes 0 … `episodes` − 1 of a condition."""
         act, task = self._agent.policy, self._task
         for index in range(episodes):
             observation, verdict = task.reset(index, condition)
@@ -76,7 +79,7 @@ class DetectorView:
                 observation, verdict = task.step(act(observation, task.program))
 
     def show(self, look: Look) -> ReachTask:
-        """The arena at that moment, for a picture; valid until the next call."""
+        """The arena at the step of a look, for a picture; valid until the next call."""
         act, task = self._agent.policy, self._task
         observation, _ = task.reset_to(look.episode)
         while observation.step < look.step:
@@ -95,9 +98,9 @@ class DetectorView:
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """What one seed's detectors answer for one word, over all looks of a condition's episodes.
+    """How well one seed's detectors know one word, over all looks of a condition's episodes.
 
-    A word is judged where a block has the property. `right`: share of blocks whose degree is on
+    Only looks count in which a block has the property. `right`: share of blocks whose degree is on
     the right side of one half. `separated`: share of looks in which every block with the property
     has a higher degree than every block without.
     """
@@ -108,16 +111,15 @@ class Accuracy:
     seen: bool  # in training
     looks: int
     on: float  # mean degree of the blocks that have the property
-    best_distractor: float  # mean over looks of the highest degree of those that have not
+    best_distractor: float  # mean over looks of the highest degree of the other blocks
     right: float
     separated: float
 
 
 def accuracies(seed: int, design: Design, condition: str, looks: Sequence[Look]) -> list[Accuracy]:
-    """A row for each word of the design, and for "new shape" and "new color" where they occur.
+    """A row for each word of the design, and for "new shape" and "new color" if they occur.
 
-    The degree of a new property is that of the program that names it (appendix, exclusion or
-    inclusion).
+    A new property is judged by the program that names it (appendix, exclusion or inclusion).
     """
     rows = []
     for word, expression, true_of in _properties(design):
@@ -134,7 +136,7 @@ def accuracies(seed: int, design: Design, condition: str, looks: Sequence[Look])
 
 
 def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
-    """Name, expression, and the true words of what it should be high for."""
+    """Name, expression, and the true words of the blocks for which it should be high."""
     found = [(word, word, frozenset({word})) for word in design.words]
     for group in design.schema.slices:
         spare, new = design.spare(group), design.novel.get(group)
@@ -145,7 +147,7 @@ def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
 
 
 def _degrees(look: Look, expression: str, design: Design) -> NDArray[np.float64]:
-    """Soft truth of an expression for each block, [N - 1], by the logic in which the agent acts.
+    """Degree of an expression for each block, [N - 1], by the logic that the agent acts by.
 
     The hand is object 0.
     """
@@ -172,7 +174,7 @@ def extremes(looks: Sequence[Look]) -> tuple[Look, Look]:
 
 
 def detector_conditions(design: Design) -> tuple[str, ...]:
-    """KNOWN (or `train`, where nothing is held out), and UNSEEN where it means something."""
+    """KNOWN (or `train`, if nothing is held out), and UNSEEN if the design has it."""
     known = KNOWN if design.held_out else "train"
     try:
         condition_named(UNSEEN, design)

@@ -1,4 +1,4 @@
-"""Pictures: learning curves, and Φ beside the arena it was detected in (paper, appendix C)."""
+"""Pictures of one run: its learning curve, and Φ beside the arena (paper, appendix C)."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ def learning_curve(
     title: str,
     references: tuple[float, float] | None = None,
 ) -> None:
-    """Reward per step against frames, as acted; NaN leaves a gap.
+    """Draw reward per step against frames; NaN leaves a gap.
 
-    `train` is of exploring episodes, `held_out` of greedy ones on programs never trained on.
-
-    `references` draws the (random, scripted) levels on the held-out programs.
+    `train` is of exploring episodes, `held_out` of greedy ones with programs never trained on.
+    `references` are the rewards of random and script on the held-out programs.
     """
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
     for values, label, color in (
@@ -93,7 +92,7 @@ def heat_map(
     relevance: NDArray[np.floating],
     words: Sequence[str],
 ) -> None:
-    """Φ transposed and p as numbers on colors; `kinds` are the blocks', the rest as above."""
+    """Draw Φ [V, N] transposed and p [N] as numbers on colors; `words` [V], `kinds` of blocks."""
     objects = ["HAND", *(str(kind).lower() for kind in kinds)]
     table = np.concatenate([phi, relevance[None]]).T  # [N, V + 1]
     axes.imshow(table, cmap="viridis", vmin=0, vmax=1, aspect="auto")
@@ -108,7 +107,7 @@ def heat_map(
 def _top_view(
     axes: Axes, blocks: Sequence[tuple[Kind, float, float]], hand: tuple[float, float]
 ) -> None:
-    """Blocks, hand and base as seen from above, in metres."""
+    """Draw blocks, hand and base as seen from above, in metres."""
     reach = max([0.75, *(max(abs(x), abs(y)) + 0.1 for _, x, y in blocks)])
     axes.add_patch(Rectangle((-reach, -reach), 2 * reach, 2 * reach, color="#e6e0d2"))
     axes.plot([0, hand[0]], [0, hand[1]], color="#888888", linewidth=5, solid_capstyle="round")
@@ -123,7 +122,7 @@ def _top_view(
 
 
 def save(figure: Figure, path: Path, colors: int | None = None) -> None:
-    """Write a PNG, its folder too, and close the figure; `colors` makes one of a palette, small."""
+    """Write a PNG and close the figure; a palette of `colors` makes the file small."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)

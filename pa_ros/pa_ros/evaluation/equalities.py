@@ -1,9 +1,10 @@
-"""Programs that mean the same: how differently does an agent relate to and act on them?
+"""Logically equal programs: how differently does an agent act under them?
 
-Over soft sets double negation, De Morgan, order and grouping hold exactly: the agent must act alike
-to float precision. Idempotence, distribution and absorption do by the smaller and the greater of
-degrees; by products (x and x is x²) only where the detectors say 0 or 1, so there the difference
-measures how crisp the grounding is (paper, eq. logic). The excluded middle holds in neither.
+Over soft sets double negation, De Morgan, order and grouping hold exactly, so the agent must act
+alike up to float precision. Idempotence, distribution and absorption hold if AND and OR are the
+smaller and the greater degree. With products (x and x is x²) they hold only where detectors say 0
+or 1, so the difference measures how crisp the detectors are (paper, eq. logic). The excluded middle
+holds in neither.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ from pa_ros.networks.relevance import program_tensors, relevant_objects
 from pa_ros.world.programs import ProgramTable
 
 CONDITIONS = ("eval", "depth-3")
-"""Of the scenes and of the programs that the laws are applied to."""
+"""Conditions of the scenes, and of the programs that the laws are applied to."""
 
 Pair = tuple[Expression, Expression]
 
 
 @dataclass(frozen=True)
 class Law:
-    """Two ways to say the same of what expression `e` names: a thing of color c and shape s."""
+    """Two equal expressions made of `e`, which names a block of color c and shape s."""
 
     name: str
-    exact: frozenset[str]  # logics in which it holds over soft sets, too
+    exact: frozenset[str]  # names of the logics in which it holds over soft sets too
     pair: Callable[[Expression, Word, Word], Pair]
 
 
@@ -58,7 +59,7 @@ LAWS = (
 
 
 def de_morgan(expression: Expression) -> Expression:
-    """Every AND as NOT OR NOT, and every OR as NOT AND NOT."""
+    """The expression with every AND written as NOT OR NOT, and every OR as NOT AND NOT."""
     match expression:
         case Word():
             return expression
@@ -71,7 +72,7 @@ def de_morgan(expression: Expression) -> Expression:
 
 
 def commuted(expression: Expression) -> Expression:
-    """All operands in reverse order."""
+    """The expression with all operands in reverse order."""
     match expression:
         case Word():
             return expression
@@ -95,10 +96,10 @@ def _distributive(
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The largest differences between both programs of one law, over one seed's episodes.
+    """The largest differences between the two programs of a law, over one seed's episodes.
 
     p and action are compared at every observation of the episodes in which the agent executes the
-    left program; the score is the reward per step of executing one or the other.
+    left program; scores are the rewards per step of executing either.
     """
 
     seed: int
@@ -109,7 +110,7 @@ class Difference:
     p: float
     action: float  # of any joint, in [0, 2]
     score: float
-    mean_score: float  # mean difference, right less left
+    mean_score: float  # mean difference, right minus left
 
 
 class _Comparison:
@@ -125,7 +126,7 @@ class _Comparison:
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
     def measure(self, law: Law, condition: str, index: int) -> tuple[float, float, float]:
-        """Largest difference of p and of the action, and right less left score, of an episode."""
+        """An episode's largest differences of p and of the action; right minus left score."""
         task = self._task
         task.reset(index, condition)
         (target,) = task.verifier.targets
@@ -145,7 +146,7 @@ class _Comparison:
         )
 
     def _execute(self, program: Program) -> tuple[list[Observation], float]:
-        """The task's present episode from its start under another program."""
+        """Execute a program in the task's current episode, from its start."""
         self._task.reset_to(self._task.episode)
         observation, verdict = self._task.set_program(program)
         seen, total = [observation], 0.0
@@ -170,7 +171,7 @@ class _Comparison:
 
 
 def differences(seed: int, agent: TrainedAgent, episodes: int) -> list[Difference]:
-    """One row for each law and each of CONDITIONS; `agent` must be a programmable one."""
+    """A row for each law and each of CONDITIONS; `agent` must be a programmable one."""
     comparison = _Comparison(agent)
     rows = []
     for condition in CONDITIONS:

@@ -23,7 +23,6 @@ from pa_ros.arena import (
 )
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
-from pa_ros.core.text import Report
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.evaluate import TrainingScores
 from pa_ros.evaluation.scorer import Benchmark, Scorer
@@ -31,7 +30,6 @@ from pa_ros.evaluation.scores import normalized, rewards
 from pa_ros.evaluation.tables import (
     CURVE,
     EvaluationError,
-    read_rows,
     write_cells,
     write_rows,
     write_setting,
@@ -359,30 +357,3 @@ def write_table(
 def seeds_table(curves: Path) -> Path:
     """The path of the table of seeds that belongs to a table of curves."""
     return curves.with_name(f"{curves.stem}-seeds.csv")
-
-
-def headline(folder: Path) -> Report:
-    """Seeds solved and median frames to solve of the tables in `folder`, by design and arm.
-
-    A seed that is not solved counts as infinitely many frames ("inf" if the median is).
-    """
-    report: dict[str, float | int | str] = {}
-    for name, design in (("programmable-2L", "2-L"), ("programmable-3D", "3-D")):
-        for preset, suffix in (("fast", ""), ("paper", ".paper-arm")):
-            usual = replace(EXPERIMENTS[name], preset=preset)
-            label = usual.label
-            path = seeds_table(folder / f"{label}.csv")
-            if not path.exists():
-                continue
-            seeds = read_rows(path, SeedSummary)
-            frames = [
-                math.inf if math.isnan(seed.frames_to_solve) else seed.frames_to_solve
-                for seed in seeds
-            ]
-            median = float(np.median(frames))
-            report[f"frames_to_solve.{design}{suffix}.median"] = (
-                median if math.isfinite(median) else "inf"
-            )
-            report[f"solved.{design}{suffix}"] = sum(seed.solved for seed in seeds)
-            report[f"seeds.{design}{suffix}"] = len(seeds)
-    return report

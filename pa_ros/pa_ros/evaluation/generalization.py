@@ -1,7 +1,7 @@
 """The generalization figure: trained agents under every condition (paper, section 5).
 
-Every agent is scored on the same episodes of a condition, and so are references: the scripted and
-the random one, which fix the scale, and the blind ones, which ignore the program.
+All agents are scored on the same episodes of a condition, and so are the references: the scripted
+and the random one, which define the scale, and the blind ones, which ignore the program.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pa_ros.evaluation.scores import gain_over, normalized, normalized_interval,
 from pa_ros.evaluation.tables import EvaluationError
 
 RANDOM_WEIGHTS = "random"
-"""The condition whose agents have random weights; its episodes are those of `train`."""
+"""A condition on the episodes of `train`, for networks with random weights."""
 
 CONDITIONS = (
     *("train", RANDOM_WEIGHTS, "eval", "only-color", "only-shape", "not-color", "not-shape"),
@@ -32,12 +32,12 @@ CONDITIONS = (
     *("ignore-new", "reach-new-shape", "reach-new-color", "reach-new-both"),
     *(f"depth-{depth}" for depth in (3, 4, 5, 6)),
 )
-"""The paper's, in the order of its figure, then the longer programs."""
+"""Those of the paper, in the order of its figure, then the longer programs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One episode of one seed; rewards are per step, the references' are of the same episode."""
+    """One episode of one seed: rewards per step of the agent and of all references."""
 
     seed: int
     condition: str
@@ -54,9 +54,9 @@ class Row:
 
 
 def conditions_of(design: Design) -> tuple[str, ...]:
-    """All that mean something in a design: those of CONDITIONS, then its own in its order.
+    """All conditions of a design: those of CONDITIONS, then custom ones in the design's order.
 
-    Of numbers of blocks, those of CONDITIONS alone.
+    Numbers of blocks are only those of CONDITIONS.
     """
     known = conditions_for(design)
     ours = [name for name in CONDITIONS if name in (*known, RANDOM_WEIGHTS)]
@@ -73,8 +73,8 @@ def generalize(
 ) -> list[Row]:
     """Score agents (by seed) under `conditions` (default: all of their design), seed by seed.
 
-    `report` gets a line for each seed and condition. Raises ConfigError unless all agents share
-    design and arena, or for an unknown condition.
+    `report` receives a line for each seed and condition. Raises ConfigError for agents of different
+    designs or arenas and for an unknown condition.
     """
     design, arena = _one_setting(agents.values())
     benchmark = Benchmark(design=design, arena=arena, episodes=episodes)
@@ -138,7 +138,7 @@ class Summary:
 
 
 def summarize(rows: Sequence[Row]) -> list[Summary]:
-    """One summary for each condition, in the order of the rows."""
+    """A summary of each condition, in the order of the rows."""
     names = dict.fromkeys(row.condition for row in rows)
     return [_summary(name, [row for row in rows if row.condition == name]) for name in names]
 
@@ -180,7 +180,7 @@ def _summary(condition: str, rows: Sequence[Row]) -> Summary:
 
 
 def setting(agents: Mapping[int, TrainedAgent], episodes: int) -> dict[str, object]:
-    """What a table was made of, to be kept beside it as JSON."""
+    """How a table was made, to be stored beside it as JSON."""
     design, arena = _one_setting(agents.values())
     return {
         "design": design.name,

@@ -1,4 +1,4 @@
-"""Pictures of zero-shot performance, and of detectors in the scenes they answer best and worst.
+"""Pictures of zero-shot scores, and of detectors in their best and worst scenes.
 
 (paper, figures 5 and 6 and appendix "Detector visualizations")
 """
@@ -30,7 +30,7 @@ from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, Row, Summary, summa
 BOX, SEEDS, SCRIPT, BLIND_MARK = "#8fb8de", "#1f4e79", "#555555", "#c0392b"
 COLORS = 256  # of the palette
 GROUPS = ("only-color", "blocks-2", "ignore-new", "reach-new-shape", "depth-3")
-"""Conditions before which a line is drawn."""
+"""A vertical line is drawn before these conditions."""
 WORDS = {
     "train": "trained programs",
     RANDOM_WEIGHTS: "random weights",
@@ -47,10 +47,10 @@ WORDS = {
 
 
 def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
-    """Reward per step under each condition: boxes over all episodes, a dot for each seed's mean.
+    """Draw the reward per step under each condition: boxes over all episodes, a dot for each seed.
 
-    Beside them the mean of the scripted reference and of the best reference that ignores the
-    program, on the same episodes. Whiskers reach the 5th and the 95th percentile.
+    Lines show the means of the scripted reference and of the best blind one on the same episodes.
+    Whiskers reach the 5th and the 95th percentile.
     """
     summaries = summarize(rows)
     figure, axes = plt.subplots(
@@ -100,10 +100,10 @@ def _column(axes: Axes, x: int, rows: Sequence[Row], summary: Summary) -> None:
 
 
 def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) -> None:
-    """Arena, Φ transposed and p for known and unseen properties, a good and a bad case of each.
+    """Draw the arena, Φ transposed and p, for known and unseen properties, a good and a bad case.
 
-    The good case is the look with the greatest margin of all episodes of the condition, the bad
-    one that with the least: p of the least relevant target less p of the best distractor.
+    The good case is the look with the largest margin of the condition's episodes, the bad one that
+    with the smallest (`detectors.Look.margin`).
     """
     conditions = detector_conditions(agent.design)
     count = 2 * len(conditions)
@@ -146,7 +146,7 @@ def _case(axes: Sequence[Axes], task: ReachTask, look: Look) -> None:
 
 
 def _picture(task: ReachTask) -> tuple[NDArray[np.uint8], float | None]:
-    """Rendered where there is OpenGL, else from above with half its side in m; [H, W, 3]."""
+    """A picture [H, W, 3]: rendered with OpenGL, or else from above with half its side in m."""
     try:
         return render(task.simulation, 400, 300), None
     except RenderError:
