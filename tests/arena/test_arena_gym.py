@@ -174,7 +174,7 @@ def test_the_program_of_an_episode_can_be_chosen() -> None:
 
 
 def same(one: object, other: object) -> bool:
-    """Whether two observations, or parts of them, are equal to the last bit."""
+    """Whether two observations have the same bits."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
     return np.array_equal(np.asarray(one), np.asarray(other))

@@ -1,4 +1,4 @@
-"""Blocks that are moved, added and taken away while an episode goes on."""
+"""Moving, adding and removing blocks during an episode."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def hold(task: ReachTask, steps: int = 1):
     return seen
 
 
-def test_rearranging_nothing_changes_nothing():
+def test_rearranging_to_the_same_places_changes_nothing():
     task, other = begun(), begun()
     rearrange(task, kinds_of(task), bodies(task)[1:])
     for _ in range(20):
@@ -44,11 +44,11 @@ def test_rearranging_nothing_changes_nothing():
     assert ours.stamp_ns == theirs.stamp_ns and ours.step == theirs.step == 25
 
 
-def test_a_block_lies_where_it_is_put_and_the_arm_goes_on():
+def test_a_block_rests_at_its_new_place_and_the_arm_continues():
     task = begun()
     before = task.simulation.joint_position
     moved = bodies(task)[1:]
-    moved[1] = Body.at_rest(FAR, FLAT)  # below the table's top: lifted onto it
+    moved[1] = Body.at_rest(FAR, FLAT)  # inside the table, so it is raised onto it
     rearrange(task, kinds_of(task), moved)
     assert np.array_equal(task.simulation.joint_position, before)
     hold(task, 10)
@@ -57,7 +57,7 @@ def test_a_block_lies_where_it_is_put_and_the_arm_goes_on():
     assert place[2] == pytest.approx(task.simulation.rest_height(kinds_of(task)[1]), abs=1e-3)
 
 
-def test_a_block_in_the_air_falls_and_a_push_moves_one():
+def test_a_block_in_the_air_falls_and_a_pushed_one_moves():
     task = begun()
     changed = bodies(task)[1:]
     changed[0] = Body.at_rest(FAR + [0, 0, 0.3], FLAT)
@@ -69,19 +69,19 @@ def test_a_block_in_the_air_falls_and_a_push_moves_one():
     assert task.simulation.positions[3][0] > slow[0] + 0.003
 
 
-def test_velocities_are_told_as_they_were_given():
+def test_poses_and_velocities_are_reported_as_given():
     task = begun()
     spun = bodies(task)[1:]
     turned = np.array([np.sin(0.4), 0.0, 0.0, np.cos(0.4)])  # not about the vertical
     given = Body(FAR + [0, 0, 0.4], turned, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
     spun[0] = given
     rearrange(task, kinds_of(task), spun)
-    told = bodies(task)[1]
+    reported = bodies(task)[1]
     for name in ("position", "quaternion", "linear", "angular"):
-        assert getattr(told, name) == pytest.approx(getattr(given, name), abs=1e-6), name
+        assert getattr(reported, name) == pytest.approx(getattr(given, name), abs=1e-6), name
 
 
-def test_the_program_stays_in_force_though_its_target_goes_and_comes():
+def test_the_program_stays_while_its_target_is_removed_and_added_again():
     task = begun()
     kinds, placed = kinds_of(task), bodies(task)[1:]
     target = kinds[0]
@@ -108,7 +108,7 @@ def test_the_program_stays_in_force_though_its_target_goes_and_comes():
         (None, FLAT, "to every other block"),
     ],
 )
-def test_poses_that_cannot_be_are_refused_and_nothing_changes(position, quaternion, says):
+def test_impossible_poses_are_rejected_and_nothing_changes(position, quaternion, says):
     task = begun()
     placed = bodies(task)[1:]
     where = placed[1].position if position is None else position

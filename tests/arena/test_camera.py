@@ -1,4 +1,4 @@
-"""Pictures show each block where the camera's numbers say that it is."""
+"""Pictures show each block at the pixel that the camera's numbers give."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def task() -> ReachTask:
 
 
 def first_seen(model: mujoco.MjModel, data: mujoco.MjData, eye, place) -> str:
-    """The geom that a look from `eye` towards a place meets."""
+    """The first geom on the line from `eye` to a place."""
     geom = np.zeros(1, dtype=np.int32)
     mujoco.mj_ray(model, data, eye, place - eye, None, 1, -1, geom)
     return str(model.geom(int(geom[0])).name)
 
 
 def hue(rgb) -> np.ndarray:
-    """What light and gloss leave of a color."""
+    """The color without light and gloss."""
     colorful = rgb - rgb.min()
     assert colorful.max() > 0.1, "grey"
     return colorful / np.linalg.norm(colorful)
@@ -45,7 +45,7 @@ def test_a_block_is_at_the_pixel_to_which_it_projects(task: ReachTask, view, wid
     matrix, pose = intrinsics(model, view, width, height), optical_pose(model, view)
     seen = 0
     try:
-        for episode in range(4):  # other blocks each time: other models
+        for episode in range(4):  # other blocks, so other models
             task.reset(episode)
             simulation = task.simulation
             camera.look(simulation)
@@ -65,7 +65,7 @@ def test_a_block_is_at_the_pixel_to_which_it_projects(task: ReachTask, view, wid
     assert seen >= 12  # of 16
 
 
-def test_what_is_closer_to_the_axis_of_the_picture_is_in_its_middle(task: ReachTask):
+def test_the_optical_axis_is_in_the_middle_of_the_picture(task: ReachTask):
     task.reset(0)
     matrix = intrinsics(task.simulation.model, "above", 201, 101)
     pose = optical_pose(task.simulation.model, "above")
@@ -74,7 +74,7 @@ def test_what_is_closer_to_the_axis_of_the_picture_is_in_its_middle(task: ReachT
     assert right[0] > 100 and right[1] < 50  # x to the right, y up, seen from above
 
 
-def test_shadows_are_drawn_where_they_are_asked_for(task: ReachTask):
+def test_shadows_are_optional(task: ReachTask):
     pictures = []
     for shadows in (False, True):
         camera = Camera(task.simulation.model, "overview", 160, 120, shadows)
@@ -87,6 +87,6 @@ def test_shadows_are_drawn_where_they_are_asked_for(task: ReachTask):
 @pytest.mark.parametrize(
     ("name", "value"), [("width", 0), ("height", 5000), ("rate_hz", -1.0), ("view", "behind")]
 )
-def test_a_camera_that_cannot_be_is_refused(name, value):
+def test_impossible_camera_settings_are_rejected(name, value):
     with pytest.raises(ConfigError, match=f"camera.{name}: expected"):
         CameraConfig(**{name: value})

@@ -22,7 +22,6 @@ from pa_ros.arena.designs import Design
 from pa_ros.arena.render import top_view
 from pa_ros.cli.main import main
 from pa_ros.core import extensions
-from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.tools.launch_params import Parameters
 
@@ -61,15 +60,6 @@ def test_blocks_differ_in_size_in_the_simulation_and_in_the_features(
     edges = observation.objects[1:, -1]
     np.testing.assert_allclose(lengths, edges / 2, atol=2e-4)
     assert top_view(task, 120).shape == (120, 120, 3)
-
-
-def test_the_verifier_distinguishes_sizes(design: Design, arena: ArenaConfig) -> None:
-    task = ReachTask(arena, design, seed=1)
-    task.reset(0)
-    for word in ("SMALL", "LARGE"):
-        task.set_program(parse(f"NEAR(HAND, {word})", design.vocabulary))
-        named = {task.episode.blocks[i - 1].kind["size"] for i in task.verifier.targets}
-        assert named == {word}
 
 
 def test_every_group_has_its_conditions(design: Design, arena: ArenaConfig) -> None:

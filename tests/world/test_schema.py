@@ -19,7 +19,7 @@ SIZE = PropertyGroup(
 SIZED = ObjectSchema((*PAPER.groups, SIZE))
 
 
-def test_the_papers_objects_have_sixteen_features() -> None:
+def test_objects_of_the_paper_have_sixteen_features() -> None:
     names = ("x", "y", "z", "qx", "qy", "qz", "qw", "shape_cube", "shape_sphere", "shape_cylinder",
              "shape_capsule", "color_red", "color_green", "color_blue", "color_yellow",
              "color_magenta")  # fmt: skip
@@ -29,7 +29,7 @@ def test_the_papers_objects_have_sixteen_features() -> None:
     assert PAPER.vocabulary.words == SHAPES + COLORS
 
 
-def test_a_group_of_numbers_is_one_more() -> None:
+def test_a_schema_can_have_a_group_of_numbers() -> None:
     assert SIZED.feature_names[16:] == ("size_m",) and SIZED.slices["size"] == slice(16, 17)
     row = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "LARGE"})
     assert row[16] == np.float32(0.08) and set(np.flatnonzero(row)) == {7, 13, 16}

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
     )
     export.add_argument("--format", help="npz or parquet (npz)")
-    film = actions.add_parser("film", help="an episode as a GIF or MP4, from what was recorded")
+    film = actions.add_parser("film", help="draw a recorded episode as a film (WebP, GIF or MP4)")
     film.add_argument("--out", type=file_to_write, required=True, metavar="FILE.gif|FILE.mp4")
     film.add_argument("--episode", type=int, required=True, metavar="N")
     film.add_argument("--evaluation", action="store_true", help="the evaluation episode N")

@@ -28,7 +28,7 @@ COMMANDS = {
     "ship": ("pa_ros.cli.ship", "make a run's policy one of the package's own"),
     "figures": ("pa_ros.cli.figures", "draw the pictures of the experiments' tables"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
-    "film": ("pa_ros.cli.film", "an agent that executes six programs, as a GIF or MP4"),
+    "film": ("pa_ros.cli.film", "an agent that executes six programs, as a film"),
     "launch": ("pa_ros.cli.launch", "start nodes and show one live table"),
     "send": ("pa_ros.cli.send", "send a program to a running graph"),
     "record": ("pa_ros.cli.record", "record a running graph into a rosbag2 bag"),
