@@ -1,4 +1,4 @@
-"""Spinning: the fast executor, made to stop when asked."""
+"""Spin nodes with rclpy's fast executor, in a way that can be stopped."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ POLL_S = 0.1
 
 
 def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Any:
-    """A timer of wall time, whatever the node's clock is."""
+    """Create a timer that runs on wall time, whatever the node's clock is."""
     return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def spin_until(
     node: Node, condition: Callable[[], bool], timeout_s: float | None, *others: Node
 ) -> bool:
-    """Serve callbacks on this thread until the condition holds or the time is up; whether it holds.
+    """Run callbacks of a node and others until a condition is true; whether it became true in time.
 
-    The condition is looked at every POLL_S. Callbacks of `others` are served too. Signals raise
-    Interrupted (`signals_interrupt`) between callbacks, never in one or in the executor's C++.
+    The condition is checked every POLL_S. A signal raises Interrupted (`signals_interrupt`) between
+    callbacks, never within one.
 
-    EventsExecutor is three times as fast as the others, but its `spin()` never returns, and its
-    time-outs don't fire under continuous traffic: a timer completes a future instead. The timer
-    also lets Python run its signal handlers.
+    EventsExecutor is three times as fast as rclpy's other executors, but its `spin()` never returns
+    and its time-outs don't fire under continuous traffic. So a timer checks the condition and
+    completes a future. The timer also lets Python run its signal handlers.
     """
     clock = Clock(clock_type=ClockType.STEADY_TIME)
     deadline = None if timeout_s is None else clock.now().nanoseconds + int(timeout_s * 1e9)
@@ -60,14 +60,17 @@ _executors: WeakKeyDictionary[Node, Any] = WeakKeyDictionary()
 _polls: WeakSet[Any] = WeakSet()
 
 
-def is_of_spinning(entity: object) -> bool:
-    """Whether it is a timer of `spin_until`, which without it would not end."""
+def is_poll_timer(entity: object) -> bool:
+    """Whether an entity is the timer of `spin_until`, which never returns if it is destroyed."""
     return entity in _polls
 
 
 def _executor_of(node: Node, others: tuple[Node, ...]) -> Any:
-    """One executor for a node's whole life: what comes between two spins would go unnoticed by
-    a new one, and its readers lag behind by as much ever after."""
+    """The executor of a node, made at its first spin.
+
+    It is kept, because a new one doesn't notice messages that arrived before it was made, and its
+    subscriptions then lag behind by as many.
+    """
     executor = _executors.get(node)
     if executor is None:
         executor = _executors[node] = EventsExecutor()
@@ -78,7 +81,7 @@ def _executor_of(node: Node, others: tuple[Node, ...]) -> Any:
 
 
 def release(node: Node) -> None:
-    """Take a node that was spun out of its executor; call before destroying it."""
+    """Shut down a node's executor; call before destroying the node."""
     executor = _executors.pop(node, None)
     if executor is not None:
         executor.shutdown()

@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import servers_of
-from pa_ros.ros.executor import is_of_spinning
+from pa_ros.ros.executor import is_poll_timer
 from pa_ros.ros.health import ERROR, LIFECYCLE, WARN, HealthReporter
 from pa_ros.ros.parameters import NodeParameters
 from pa_ros.ros.refusals import Refusals
@@ -219,7 +219,7 @@ class ManagedNode(LifecycleNode, ABC):
         for destroy, entity in [*self._entities()]:
             of_clock = getattr(entity, "callback", None) == on_clock
             permanent = id(entity) in self._permanent or of_clock
-            if not permanent and not is_of_spinning(entity):
+            if not permanent and not is_poll_timer(entity):
                 destroy(entity)
         for server in servers_of(self):
             server.rest()

@@ -1,4 +1,4 @@
-"""The parameters file of a launch: which nodes it starts, and with what. Needs no ROS."""
+"""Parameters files: which nodes a launch starts, and with which parameters. Needs no ROS."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from pa_ros.learning.folder import refuse_used
 from pa_ros.ros.environment import check_namespace
 
 CONFIG = Path(__file__).parents[1] / "config"
-NODES = ("sim_node", "learner_node", "agent_node")  # in the order in which they are started
+NODES = ("sim_node", "learner_node", "agent_node")  # in the order of starting
+MAX_ARENAS = 64
 _EVERY = "**"
 _KEY = "ros__parameters"
 
-MOST_ARENAS = 64
-
 Parameters = dict[str, dict[str, Any]]
-"""Parameters by node, in the order of NODES: `sim_node`, or `arena1/sim_node` in a fleet."""
+"""Parameters by node: `sim_node`, or `arena1/sim_node` if there are several arenas."""
 
 
 def packaged(name: str) -> Path:
-    """A parameters file that comes with the package, by its name without ending."""
+    """The path of a packaged parameters file, named without its ending. Raises ConfigError."""
     path = CONFIG / f"{name}.yaml"
     if not path.is_file():
         raise ConfigError(f"parameters: expected one of {packaged_names()}, got {name!r}")
@@ -35,23 +34,21 @@ def packaged(name: str) -> Path:
 
 
 def packaged_names() -> list[str]:
-    """Names of the parameters files that come with the package."""
+    """Names of the packaged parameters files."""
     return sorted(found.stem for found in CONFIG.glob("*.yaml"))
 
 
 def chosen(named: str) -> Path:
-    """A file's path, or that of the packaged file of this name."""
+    """The packaged file of this name if there is one, else the name as a path."""
     return packaged(named) if named in packaged_names() else Path(named)
 
 
 def load_parameters(path: Path) -> Parameters:
-    """Read a ROS 2 parameters file: each node that it names is started.
+    """Read a ROS 2 parameters file. Every node that it names is to be started.
 
-    Keys are names of nodes or `/**`, whose parameters go to every node started; a file with `/**`
-    alone starts all three. Where all keys name one namespace (`/arena1/sim_node`, `/**/sim_node`)
-    the last part counts; nodes of several (`/arena1/sim_node`, `/arena2/sim_node`, `/learner_node`)
-    are a fleet, and keep theirs. Raises ConfigError if the file is missing, is not YAML, names two
-    learners or has another structure.
+    The parameters of `/**` go to all nodes; a file with `/**` alone starts all three. If all keys
+    have the same namespace, only the nodes' names count. Nodes in several namespaces
+    (`/arena1/sim_node`, `/arena2/sim_node`, `/learner_node`) are a fleet. Raises ConfigError.
     """
     try:
         content = read_yaml(path.read_text())
@@ -61,7 +58,7 @@ def load_parameters(path: Path) -> Parameters:
         shown = type(content).__name__ if content else "nothing"
         raise ConfigError(f"parameters: {path}: expected nodes by name, got {shown}")
     common: dict[str, Any] = {}
-    wild: Parameters = {}  # of every node of a name, wherever it is
+    wild: Parameters = {}  # of all nodes with a name, in any namespace
     named: Parameters = {}
     for key, value in content.items():
         name, values = _node_name(path, key), _values(path, key, value)
@@ -81,13 +78,13 @@ def load_parameters(path: Path) -> Parameters:
 
 
 def fleet(parameters: Parameters, arenas: int) -> Parameters:
-    """The same nodes with `arenas` arenas, each with its agent in a namespace `arenaK` of its own
-    and a seed of its own (the file's, then the next ones), and one learner that hears them all.
+    """Several arenas, each with its agent, and one learner that learns from all of them.
 
-    Raises ConfigError for a number outside 1 to MOST_ARENAS, or for a fleet already.
+    Arena K and its agent are in the namespace `arenaK`; their seed is the file's plus K - 1. Raises
+    ConfigError for a number outside 1 to MAX_ARENAS, or if there are several arenas already.
     """
-    if not 1 <= arenas <= MOST_ARENAS:
-        raise ConfigError(f"arenas: expected 1 to {MOST_ARENAS}, got {arenas}")
+    if not 1 <= arenas <= MAX_ARENAS:
+        raise ConfigError(f"arenas: expected 1 to {MAX_ARENAS}, got {arenas}")
     if "sim_node" not in parameters:
         raise ConfigError(
             f"arenas: expected one sim_node to make {arenas} of, got {', '.join(parameters)}"
@@ -104,8 +101,10 @@ def fleet(parameters: Parameters, arenas: int) -> Parameters:
 
 
 def gathered(parameters: Parameters) -> Parameters:
-    """A fleet whose agents bear their arenas' names unless the file says otherwise, and whose
-    learner is told where its arenas are, and the names of its agents in their order."""
+    """Connect a fleet: name its agents after their arenas, and give the learner both lists.
+
+    What the file says about these parameters is kept.
+    """
     arenas = arenas_of(parameters)
     if not arenas or "learner_node" not in parameters:
         return parameters
@@ -120,18 +119,18 @@ def gathered(parameters: Parameters) -> Parameters:
 
 
 def arenas_of(parameters: Parameters) -> list[str]:
-    """Namespaces of a fleet's arenas; none: it is not one."""
+    """Namespaces of the arenas of a fleet; empty if there is only one arena, without namespace."""
     arenas = [_namespace(place) for place in parameters if place.endswith("/sim_node")]
     return [] if arenas == [""] else arenas
 
 
 def in_step(parameters: Parameters, way: str) -> Parameters:
-    """Parameters whose learner is told who waits for whom. ConfigError if there is no learner."""
+    """Set who waits for whom (`learner.schedule.in_step`). ConfigError without a learner."""
     return merged(parameters, {"learner_node": {"learner.schedule.in_step": way}})
 
 
 def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> Parameters:
-    """Parameters with some replaced or added; ConfigError for a node that is not started."""
+    """Replace or add parameters. Raises ConfigError for a node that isn't started."""
     absent = set(changes) - set(parameters)
     if absent:
         raise ConfigError(f"parameters: expected nodes of {list(parameters)}, got {sorted(absent)}")
@@ -139,7 +138,7 @@ def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> 
 
 
 def extended(parameters: Parameters, extensions: Sequence[str]) -> Parameters:
-    """Parameters whose nodes all import some extensions, after those that they already do."""
+    """Let all nodes import more extensions, after those that they already import."""
     if not extensions:
         return parameters
     more = [str(Path(name).resolve()) if name.endswith(".py") else name for name in extensions]
@@ -157,7 +156,7 @@ def _seed(parameters: Parameters, place: str) -> int:
 
 
 def _listed(parameters: Parameters, place: str, name: str) -> list[str]:
-    """A list that is to be added to; empty if there is none."""
+    """The value of a list parameter; empty if it isn't set."""
     found = parameters.get(place, {}).get(name, [])
     if not isinstance(found, list):
         raise ConfigError(f"parameters: {place}: {name}: expected a list of texts, got {found!r}")
@@ -165,7 +164,7 @@ def _listed(parameters: Parameters, place: str, name: str) -> list[str]:
 
 
 def new_folder(kind: str) -> Path:
-    """A folder runs/KIND-TIME that is not there yet; it is made, so that no other has it."""
+    """Make and return a new folder runs/KIND-TIME, with a number if that exists already."""
     stem = Path("runs") / f"{kind}-{time.strftime('%Y%m%d-%H%M%S')}"
     for number in itertools.count(1):
         folder = stem if number == 1 else Path(f"{stem}-{number}")
@@ -180,9 +179,9 @@ def new_folder(kind: str) -> Path:
 
 
 def learning_into(folder: Path, parameters: Parameters) -> Parameters:
-    """Parameters whose learner, unless told where, writes into the launch's own folder.
+    """Let the learner write into the launch's folder, unless the file names another one.
 
-    Raises FolderUsedError if that holds a run that is not to be resumed.
+    Raises FolderTakenError if that folder already contains a run that isn't resumed.
     """
     learner = parameters.get("learner_node")
     if learner is None:
@@ -194,7 +193,7 @@ def learning_into(folder: Path, parameters: Parameters) -> Parameters:
 
 
 def write_parameters(path: Path, parameters: Parameters, namespace: str = "") -> None:
-    """Write what is really used, under the nodes' full names, for `--params-file`."""
+    """Write parameters under the nodes' full names, for `--params-file`."""
     prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     content = {f"{prefix}/{name}": {_KEY: values} for name, values in parameters.items() if values}
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -202,7 +201,7 @@ def write_parameters(path: Path, parameters: Parameters, namespace: str = "") ->
 
 
 class _Plain(yaml.SafeDumper):
-    """YAML without aliases, which rcl refuses: a list in two places is written twice."""
+    """YAML without aliases, which rcl rejects: a list used twice is written twice."""
 
     def ignore_aliases(self, data: object) -> bool:
         return True
@@ -228,7 +227,7 @@ def _last(place: str) -> str:
 def _fleet_of(
     path: Path, common: dict[str, Any], wild: Parameters, named: Parameters
 ) -> Parameters:
-    """Nodes of several namespaces: an arena in each, and one learner in none."""
+    """Nodes in several namespaces: each has an arena, and the learner has no namespace."""
     places = dict(named)
     if "learner_node" in wild:
         places.setdefault("learner_node", {})
@@ -244,7 +243,7 @@ def _fleet_of(
 
 
 def _values(path: Path, key: object, value: object) -> dict[str, Any]:
-    """The parameters under one node's key; names are text."""
+    """The parameters of one node in a file."""
     if not isinstance(value, dict) or set(value) != {_KEY}:
         raise ConfigError(f"parameters: {path}: {key}: expected {_KEY} alone, got {value!r:.200}")
     values = value[_KEY]
