@@ -43,7 +43,7 @@ def run_episodes(session: Session, count: int) -> list[tuple[bool, int, str]]:
     return found
 
 
-def test_evaluation_episodes_come_after_every_so_many_and_are_numbered_apart():
+def test_evaluation_episodes_are_interleaved_and_numbered_apart():
     config = SimConfig(episode_steps=2, eval_every_episodes=2)
     assert run_episodes(Session(config, "x"), 7) == [
         (False, 0, "x/train/0"), (False, 1, "x/train/1"), (True, 0, "x/eval/0"),
@@ -52,7 +52,7 @@ def test_evaluation_episodes_come_after_every_so_many_and_are_numbered_apart():
     ]  # fmt: skip
 
 
-def test_a_resumed_arena_goes_on_with_the_same_episodes():
+def test_a_resumed_arena_continues_with_the_same_episodes():
     config = SimConfig(episode_steps=2, eval_every_episodes=2)
     resumed = SimConfig(episode_steps=2, eval_every_episodes=2, first_episode=4)
     assert run_episodes(Session(config, "x"), 9)[6:] == run_episodes(Session(resumed, "x"), 3)
@@ -77,7 +77,7 @@ def test_a_persons_program_lasts_until_the_generators_next_episode():
     assert ids == ["mine", "mine", "mine", "x/train/1"]
 
 
-def test_where_programs_come_by_topic_the_scene_stays_and_the_program_too():
+def test_with_programs_by_topic_the_scene_and_the_program_stay():
     session = Session(SimConfig(program_source="topic"), "x")
     frame = session.begin()
     assert frame.observation.program_id == "" and not frame.verdict.satisfied
@@ -95,7 +95,7 @@ def test_where_programs_come_by_topic_the_scene_stays_and_the_program_too():
     assert session.frame.observation.program_id == "mine"
 
 
-def test_a_refused_reset_changes_nothing():
+def test_a_rejected_reset_changes_nothing():
     session = Session(SimConfig(), "x")
     session.begin()
     before = session.frame
@@ -106,7 +106,7 @@ def test_a_refused_reset_changes_nothing():
     assert (frame.observation.episode, frame.observation.step) == (0, 1)
 
 
-def test_an_id_keeps_its_meaning_and_the_arenas_own_are_its_own():
+def test_a_program_id_keeps_its_text_and_the_arenas_prefix_is_reserved():
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
     red, blue = (ProgramRequest("mine", f"NEAR(HAND, {word})") for word in ("RED", "BLUE"))
@@ -129,7 +129,7 @@ def test_an_id_keeps_its_meaning_and_the_arenas_own_are_its_own():
     assert session.frame is stands
 
 
-def test_a_frame_tells_the_program_that_it_is_under():
+def test_a_frame_names_its_program():
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
     drawn = session.frame.program
@@ -162,8 +162,8 @@ def test_parameters_that_do_not_fit_together_are_rejected(config, wrong):
         config(**wrong)
 
 
-@pytest.mark.parametrize("episode", [2**62 + 1, 2**63, 2**64 - 2])
-def test_a_reset_to_an_episode_whose_followers_have_no_number_is_refused(episode):
+@pytest.mark.parametrize("episode", [2**62 + 1, 2**64 - 2])
+def test_a_reset_to_an_episode_number_beyond_the_last_is_rejected(episode):
     session = Session(SimConfig(episode_steps=2), "x")
     stands = session.begin()
     with pytest.raises(ArenaError, match=f"up to {2**62}, got {episode}"):
@@ -195,7 +195,7 @@ def test_a_command_is_a_share_of_the_speed_limits_and_counted():
 
 
 @pytest.mark.parametrize("wrong", [{"episode": 1}, {"step": 1}, {"stamp_ns": 1}])
-def test_in_lockstep_only_the_step_that_stands_is_answered(wrong):
+def test_in_lockstep_a_command_must_answer_the_current_step(wrong):
     session = Session(SimConfig(), "x")
     session.begin()
     check_answer(session, answer_to(session))
@@ -207,7 +207,7 @@ def test_in_lockstep_only_the_step_that_stands_is_answered(wrong):
         check_answer(without, answer_to(without))
 
 
-def test_a_step_that_stands_is_judged_under_its_own_program():
+def test_a_step_is_judged_under_its_own_program():
     asked, later = Session(SimConfig(), "x"), Session(SimConfig(), "x")
     verdict, frame = asked.begin().verdict, later.begin()
     blocks = later.task.episode.blocks
@@ -219,7 +219,7 @@ def test_a_step_that_stands_is_judged_under_its_own_program():
     assert frame.verdict == verdict
 
 
-def test_an_episodes_score_leaves_the_resets_reward_out(monkeypatch):
+def test_the_reward_of_a_reset_is_not_counted(monkeypatch):
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
     verdict = session.task.verdict

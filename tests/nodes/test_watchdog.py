@@ -51,7 +51,7 @@ def speed(frame: Frame) -> float:
     return float(np.abs(frame.observation.joint_velocity).max())
 
 
-def test_a_command_holds_for_its_time_and_then_the_arm_holds_still(
+def test_a_command_is_repeated_for_its_time_and_then_the_arm_holds_still(
     session: Session, watchdog: Watchdog
 ) -> None:
     watchdog.offer(command(session))
@@ -64,7 +64,7 @@ def test_a_command_holds_for_its_time_and_then_the_arm_holds_still(
     assert speed(last) < 0.05 and watchdog.holds == 3
 
 
-def test_only_the_step_that_a_command_answers_is_its_agents(
+def test_only_the_step_that_a_command_answers_counts_as_executed(
     session: Session, watchdog: Watchdog
 ) -> None:
     """What a held-over command leads to is nobody's choice at that step."""
@@ -106,7 +106,7 @@ def test_a_command_does_not_reach_into_the_next_episode(eval_every: int) -> None
     assert speed(tick(watchdog, session)) < 0.05
 
 
-def test_what_is_too_old_of_another_episode_or_out_of_order_is_refused(
+def test_commands_that_are_old_out_of_order_or_for_another_episode_are_rejected(
     session: Session, watchdog: Watchdog
 ) -> None:
     for _ in range(5):
@@ -124,7 +124,7 @@ def test_what_is_too_old_of_another_episode_or_out_of_order_is_refused(
     watchdog.offer(command(session, age=2))  # the same again
 
 
-def test_without_a_program_nothing_moves_and_nobody_is_blamed() -> None:
+def test_without_a_program_nothing_moves_and_no_hold_is_counted() -> None:
     session = Session(SimConfig(mode="real_time", program_source="topic"), "x")
     session.begin()
     watchdog = Watchdog(session, 0.3)

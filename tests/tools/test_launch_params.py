@@ -43,7 +43,7 @@ def written(tmp_path, text: str):
     return path
 
 
-def test_nodes_named_are_started_with_what_is_common_and_their_own(tmp_path):
+def test_named_nodes_are_started_with_common_and_own_parameters(tmp_path):
     parameters = load_parameters(written(tmp_path, GOOD))
     assert parameters == {
         "sim_node": {"seed": 4, "design": "2-L"},
@@ -51,32 +51,23 @@ def test_nodes_named_are_started_with_what_is_common_and_their_own(tmp_path):
     }
 
 
-def test_common_parameters_alone_start_all_three(tmp_path):
-    parameters = load_parameters(written(tmp_path, "/**: {ros__parameters: {seed: 1}}"))
-    assert parameters == dict.fromkeys(("sim_node", "agent_node", "learner_node"), {"seed": 1})
-
-
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("", "got nothing"),
-        ("[1, 2]", "got list"),
-        ("sim_node: [", "params.yaml"),
         ("sim_nod: {ros__parameters: {}}", "'sim_nod'"),
         ("sim_node: {seed: 1}", "ros__parameters alone"),
-        ("sim_node: {ros__parameters: 3}", "names and values"),
         ("sim_node: {ros__parameters: {1: 2}}", "names and values"),
         ("!!python/object/apply:os.system ['true']: 1", "python/object"),
     ],
 )
-def test_refusals_say_what_came(tmp_path, text, reason):
+def test_an_error_says_what_was_received(tmp_path, text, reason):
     with pytest.raises(ConfigError, match=reason):
         load_parameters(written(tmp_path, text))
 
 
 @pytest.mark.parametrize(
-    "keys", [("/arena1/sim_node", "/agent_node"), ("/arena1/sim_node", "/a/learner_node"),
-             ("/arena1/sim_node", "/arena2/agent_node")]
+    "keys", [("/arena1/sim_node", "/a/learner_node"), ("/arena1/sim_node", "/arena2/agent_node")]
 )  # fmt: skip
 def test_nodes_that_belong_to_no_arena_are_refused(tmp_path, keys):
     text = yaml.dump({key: {"ros__parameters": {"seed": i}} for i, key in enumerate(keys)})
@@ -94,7 +85,7 @@ FLEET = """
 """
 
 
-def test_nodes_of_several_namespaces_are_a_fleet(tmp_path):
+def test_nodes_in_several_namespaces_are_a_fleet(tmp_path):
     parameters = load_parameters(written(tmp_path, FLEET))
     assert parameters == {
         "arena1/sim_node": {"extra": 1, "seed": 4, "design": "2-L"},
@@ -123,42 +114,18 @@ def test_one_arena_becomes_many(tmp_path):
     assert load_parameters(path) == many
 
 
-@pytest.mark.parametrize("arenas", [-1, 0, 65, 1000])
+@pytest.mark.parametrize("arenas", [0, 65])
 def test_no_arenas_and_too_many_are_refused(arenas):
     with pytest.raises(ConfigError, match=f"expected 1 to 64, got {arenas}"):
         fleet(load_parameters(packaged("train_2l")), arenas)
 
 
-def test_a_fleet_of_a_fleet_or_of_no_arena_is_refused():
-    with pytest.raises(ConfigError, match="expected one sim_node"):
-        fleet({"learner_node": {}}, 2)
-
-
-def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="absent.yaml"):
-        load_parameters(tmp_path / "absent.yaml")
-
-
-def test_changes_replace_and_add_but_only_for_nodes_that_are_started():
-    parameters = {"sim_node": {"seed": 1, "design": "2-L"}}
-    assert merged(parameters, {"sim_node": {"seed": 2}}) == {
-        "sim_node": {"seed": 2, "design": "2-L"}
-    }
-    with pytest.raises(ConfigError, match="learner_node"):
-        merged(parameters, {"learner_node": {}})
-
-
-def test_what_is_written_is_read_back_and_bears_full_names(tmp_path):
+def test_written_parameters_are_read_back_and_have_full_names(tmp_path):
     parameters = {"sim_node": {"design": "2-L", "rate": 0.5, "on": True}, "agent_node": {}}
     path = tmp_path / "run" / "params.yaml"
     write_parameters(path, parameters, "arena1")
     assert list(yaml.safe_load(path.read_text())) == ["/arena1/sim_node"]
     assert load_parameters(path)["sim_node"] == parameters["sim_node"]
-
-
-def test_an_unknown_packaged_file_names_the_known_ones():
-    with pytest.raises(ConfigError, match="train_2l"):
-        packaged("absent")
 
 
 def test_a_packaged_file_is_chosen_by_name_and_any_other_by_its_path(tmp_path):
@@ -178,7 +145,7 @@ def test_a_list_used_twice_is_written_twice_since_rcl_refuses_aliases(tmp_path):
     assert "&" not in path.read_text()
 
 
-def test_each_launch_has_a_folder_of_its_own_and_learns_into_it(tmp_path, monkeypatch):
+def test_each_launch_has_its_own_folder_and_learns_into_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folders = [new_folder("launch") for _ in range(3)]
     assert len(set(folders)) == 3 and all(folder.is_dir() for folder in folders)
@@ -188,7 +155,7 @@ def test_each_launch_has_a_folder_of_its_own_and_learns_into_it(tmp_path, monkey
     assert learning_into(folders[0], chosen_by_hand) == chosen_by_hand
 
 
-def test_a_launch_over_an_earlier_ones_work_is_refused_before_anything_starts(tmp_path):
+def test_a_launch_into_a_folder_with_a_run_is_rejected(tmp_path):
     (tmp_path / "checkpoint").mkdir()
     (tmp_path / "checkpoint" / "LATEST").write_text("version-000000001")
     with pytest.raises(FolderTakenError, match="expected a folder without a run"):
@@ -200,7 +167,7 @@ def test_a_launch_over_an_earlier_ones_work_is_refused_before_anything_starts(tm
 LEARNING: Parameters = {"sim_node": {}, "agent_node": {"learning": True}, "learner_node": {}}
 
 
-def test_a_fleets_agents_bear_their_arenas_names_and_its_learner_knows_their_order():
+def test_agents_of_a_fleet_are_named_after_their_arenas_and_the_learner_gets_the_list():
     spread = fleet(LEARNING, 2)
     assert [spread[f"arena{i}/agent_node"]["agent_id"] for i in (1, 2)] == ["arena1", "arena2"]
     assert spread["learner_node"] == {
@@ -213,7 +180,7 @@ def test_a_fleets_agents_bear_their_arenas_names_and_its_learner_knows_their_ord
     assert greedy["learner_node"]["agents"] == [] and "agent_id" not in greedy["arena1/agent_node"]
 
 
-def test_what_would_mix_up_a_fleet_is_refused():
+def test_a_fleet_with_ambiguous_agents_is_rejected():
     both = LEARNING | {"agent_node": {"learning": True, "agent_id": "me"}}
     with pytest.raises(ConfigError, match=r"agent_id: expected another one in each arena"):
         fleet(both, 2)
@@ -226,7 +193,7 @@ def test_what_would_mix_up_a_fleet_is_refused():
         in_step({"sim_node": {}}, "exact")
 
 
-def test_what_an_earlier_start_used_stays_beside_what_the_next_one_uses(tmp_path):
+def test_parameters_of_an_earlier_start_are_kept_beside_the_newer_ones(tmp_path):
     class Idle(Supervisor):
         """Starts nothing."""
 
@@ -242,8 +209,8 @@ def test_what_an_earlier_start_used_stays_beside_what_the_next_one_uses(tmp_path
     assert seeds == [3, 4, 3]
 
 
-@pytest.mark.parametrize("seed", ["abc", None, 1.5, True])
-def test_a_seed_that_is_none_is_refused_before_a_fleet_counts_on_from_it(seed):
+@pytest.mark.parametrize("seed", ["abc", True])
+def test_a_seed_of_a_fleet_must_be_an_integer(seed):
     with pytest.raises(ConfigError, match="sim_node: seed: expected an integer, got"):
         fleet({"sim_node": {"seed": seed}}, 2)
 
@@ -261,7 +228,7 @@ def test_a_file_of_wrong_yaml_is_refused(tmp_path, text):
         load_parameters(tmp_path / "params.yaml")
 
 
-@pytest.mark.parametrize("key", ["/ä b/sim_node", "/a b/sim_node", "/1/sim_node", "/a//sim_node"])
+@pytest.mark.parametrize("key", ["/ä b/sim_node", "/1/sim_node"])
 def test_a_namespace_that_ros_refuses_is_refused(tmp_path, key):
     path = tmp_path / "params.yaml"
     path.write_text(yaml.dump({key: {"ros__parameters": {"seed": 1}}}, allow_unicode=True))
