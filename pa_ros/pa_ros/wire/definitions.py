@@ -50,18 +50,6 @@ def hash_of(type_name: str, definition: str) -> str:
         return ""
 
 
-def installed_definition(type_name: str, digest: str) -> str:
-    """Return the text of the installed type if it has this hash, else an empty string."""
-    store = installed_types()
-    try:
-        register(store, type_name)
-    except WireError:
-        return ""
-    if store.hash_rihs01(type_name) != digest:
-        return ""
-    return str(store.generate_msgdef(type_name, ros_version=2)[0])
-
-
 def message_class(type_name: str) -> Any:
     """Return the installed class of a type. Raises WireError."""
     package, kind, name = type_name.split("/")
