@@ -1,6 +1,6 @@
 """`pa_ros send TEXT`: hand a program to a running graph, and see what becomes of it.
 
-Without a text: what stands on the table, and programs that make sense there.
+Without a text it shows what is on the table, and programs that make sense there.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from pa_ros.tools.send import (
 from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
 from pa_ros.wire.services import ResetRequest
 
-SUGGEST_S = 2.0  # in which an arena shows what stands on its table
-OFFER_S = 5.0  # in which an agent's action is found, if there is one
+SUGGEST_S = 2.0  # wait so long for a sample of the table
+OFFER_S = 5.0  # wait so long for an agent's action
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 
 
@@ -45,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros send`."""
     parser.add_argument(
         "text", nargs="?",
-        help='a program: "NEAR(HAND, AND(RED, CUBE))"; without one, what stands on the table is '
-        "said, and what could be asked",
+        help='a program: "NEAR(HAND, AND(RED, CUBE))"; without one, show what is on the '
+        "table, and programs that make sense there",
     )  # fmt: skip
     parser.add_argument(
         "--scene", type=_scene, metavar="next|N",
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Send, or have it pursued as a goal; print what is said to it and what becomes of it."""
+    """Send the program, or a goal; print the answers and the outcome."""
     how = settings_from(options, SendOptions)
     of_goals = {"time_limit_s": "--time-limit", "hold_s": "--hold"}
     limits = [of_goals[name] for name in asked(options, SendOptions) if name in of_goals]
@@ -105,7 +105,7 @@ def _scene(text: str) -> ResetRequest:
 
 
 def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
-    """Say what stands there. NoAnswerError if no arena shows itself, or its table, in time."""
+    """Print what is on the table. Raises NoAnswerError if no sample arrives in time."""
     if not spin_with_notice(node, lambda: scene.known, timeout_s):
         if scene.arena is not None:
             raise NoAnswerError(
@@ -130,7 +130,7 @@ def _suggested(scene: Scene) -> str:
 
 
 def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
-    """As a goal of the agent's; None if none offers the action, as agents that learn don't."""
+    """Send a goal to the agent; None if it offers no action, as an agent that learns."""
     client = GoalClient(node)
     try:
         if not client.offered(min(OFFER_S, how.timeout_s)):
@@ -147,7 +147,7 @@ def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
 
 
 class _Feedback:
-    """Prints how a goal stands, once a second, from the first step under it on."""
+    """Prints the progress of a goal once a second, from its first step on."""
 
     def __init__(self) -> None:
         self._said_at = -math.inf
@@ -162,7 +162,7 @@ class _Feedback:
 
 
 def _send(node: Node, text: str, how: SendOptions) -> int:
-    """By the topic; with `wait` the verdicts are followed until it is clear what became of it."""
+    """Publish the program; with `wait`, follow its verdicts until the outcome is clear."""
     sender = ProgramSender(node, partial(spin_with_notice, node))
     try:
         answers = sender.send(text, how.timeout_s)
