@@ -63,10 +63,10 @@ class _Saved:
 
 
 class Learner:
-    """Consumes trajectories, publishes policies; one seed and one order, one result.
+    """Learns from trajectories and publishes policies; one seed and one order, one result.
 
-    `training_programs` are the ones that relabeling draws from; programs of trajectories
-    join the table as they arrive.
+    Relabeling draws from `training_programs`; programs of trajectories join the table as they
+    arrive.
     """
 
     def __init__(
@@ -78,11 +78,12 @@ class Learner:
         scoring: Scoring | None = None,
         n_objects: int | None = None,
     ) -> None:
-        """`config` says by which algorithm; ConfigError if it is not registered.
+        """`config` names the algorithm; ConfigError if it is not registered.
 
-        `scoring` is the arena's, which relabeling asks; unless given, the paper's reward
-        at the relations' own thresholds. `n_objects`: of the arena's scenes, the hand included;
-        None: as the first trajectory has them.
+        :param scoring: the arena's, by which relabeling computes rewards; None: the paper's reward
+            at the relations' default thresholds.
+        :param n_objects: objects of the arena's scenes, the hand included; None: as in the first
+            trajectory.
         """
         self.network = network
         self.scoring = scoring or Scoring.of(network.vocabulary.relations)
@@ -118,6 +119,7 @@ class Learner:
         if not self.replay.ledger.is_new(trajectory.key):
             self.replay.ledger.duplicates += 1
             return ConsumeReport(False, 0, self.counters.version)
+        # The learner's door: from here on the trajectory is trusted.
         self.replay.check(trajectory)
         program = self._row(trajectory.program)
         goals = NO_GOALS
@@ -132,6 +134,7 @@ class Learner:
         if updates >= SAVED_BEFORE:
             saved = _Saved(before, self.rng.bit_generator.state, self.engine.tensors())
         self.update(updates)
+        # Agents may act on these weights at once, so they are checked before they are published.
         newest = self._snapshot(self.counters.version + 1)
         self._check_finite(newest, saved)
         if trajectory.ends_episode:
@@ -171,7 +174,11 @@ class Learner:
             self.counters.updates += 1
 
     def batches(self, updates: int) -> Iterator[Batch]:
-        """Batches for this many updates, drawn at once: the replay buffer does not change."""
+        """Batches for this many updates.
+
+        All rows are drawn at once, since the replay buffer does not change meanwhile, and one large
+        draw is much cheaper than many small ones.
+        """
         size = self.config.replay.batch_size
         if updates == 0:
             return
@@ -246,7 +253,7 @@ class Learner:
     def _batch(
         self, index: Int64, following: Int64, program: Int32, reward: Float32, discount: Float32
     ) -> Batch:
-        """Gather rows; `take` along axis 0 costs half of indexing for so few."""
+        """Gather rows. For so few rows `take` costs half of what indexing costs."""
         arrays = self.replay.arrays
         return Batch(
             objects=arrays["objects"].take(index, 0),
