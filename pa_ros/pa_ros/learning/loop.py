@@ -92,7 +92,7 @@ def train(
                     if watcher is not None:
                         watcher.episode(frames, len(rewards), float(np.mean(rewards)))
                     if _crossed(before, frames, config.evaluate_every_frames):
-                        thread.drain()
+                        thread.drain()  # the learner must be idle while its weights are read
                         row = records.row(frames) | _scores(learner, evaluate)
                         records.add(row)
                         if watcher is not None:
