@@ -37,7 +37,7 @@ class ArenaConfig(Settings):
         "relations' own (NEAR: the paper's 0.20)",
     )
     arm_touches_blocks: bool = Field(
-        True, description="the arm always touches the table and never itself"
+        True, description="whether arm and blocks touch; it always touches the table"
     )
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
