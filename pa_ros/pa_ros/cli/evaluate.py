@@ -12,7 +12,7 @@ from pa_ros.cli.options import add_setting, add_settings, file_to_write, setting
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.core.text import Report, write_report
-from pa_ros.evaluation.agents import TrainedAgent, load_agent, without_training
+from pa_ros.evaluation.agents import TrainedAgent, load_agent
 from pa_ros.evaluation.evaluate import (
     REFERENCES,
     AgentPolicy,
@@ -23,6 +23,7 @@ from pa_ros.evaluation.evaluate import (
 )
 from pa_ros.evaluation.generalization import (
     RANDOM_WEIGHTS,
+    acting_under,
     condition_rows,
     conditions_of,
     summarize,
@@ -75,9 +76,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _agent_report(agent: TrainedAgent, options: argparse.Namespace) -> Report:
-    drawn_from = options.condition
-    if drawn_from == RANDOM_WEIGHTS:
-        agent, drawn_from = without_training(agent, options.seed), "train"
+    agent, drawn_from = acting_under(options.condition, agent, options.seed)
     report = _report(options, agent.design, agent.arena, agent.policy, drawn_from)
     return {**report, "eval.logic": agent.logic.name}
 

@@ -21,11 +21,11 @@ from typing import Any, Protocol
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.software import versions
-from pa_ros.evaluation.agents import load_agent, trained, without_training
+from pa_ros.evaluation.agents import load_agent, trained
 from pa_ros.evaluation.blind import BLIND
 from pa_ros.evaluation.evaluate import REFERENCES
 from pa_ros.evaluation.experiments import Experiment, frames_saved, run_seed
-from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, conditions_of
+from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, acting_under, conditions_of
 from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.evaluation.seeds import SeedsProgress, check_failures, folder_of, progress_bar
 from pa_ros.evaluation.tables import CURVE, EvaluationError
@@ -240,7 +240,7 @@ class SeedJob:
         return f"seed {self.seed}"
 
     def part(self) -> Part | None:
-        done, frames = frames_saved(self.folder, claimed=True), self.experiment.frames
+        done, frames = frames_saved(self.folder), self.experiment.frames
         if done >= frames:
             return None
         every = self.experiment.checkpoint_every_frames
@@ -323,34 +323,30 @@ def score_jobs(
     first, agent = next(iter(agents.items()))
     scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
     jobs = []
+
+    def add(name: str | int, condition: str, stored: Path) -> None:
+        run = runs[first if isinstance(name, str) else name]
+        score = partial(score_part, name, condition, episodes, logic)
+        jobs.append(ScoreJob(f"{condition}, {name}", run, cache, stored, score))
+
     for condition in conditions or conditions_of(agent.design):
-        drawn_from = "train" if condition == RANDOM_WEIGHTS else condition
-        for name in (*REFERENCES, *BLIND) if condition == drawn_from else ():
-            score = partial(score_reference, name, condition, episodes)
-            stored = scorer.path(name, condition)
-            jobs.append(ScoreJob(f"{condition}, {name}", runs[first], cache, stored, score))
+        for name in (*REFERENCES, *BLIND) if condition != RANDOM_WEIGHTS else ():
+            add(name, condition, scorer.path(name, condition))
         for seed, one in agents.items():
-            acting = without_training(one, seed) if condition == RANDOM_WEIGHTS else one
-            score = partial(score_agent, seed, condition, episodes, logic)
-            stored = scorer.path(acting.key, drawn_from)
-            jobs.append(ScoreJob(f"{condition}, seed {seed}", runs[seed], cache, stored, score))
+            acting, drawn_from = acting_under(condition, one, seed)
+            add(seed, condition, scorer.path(acting.key, drawn_from))
     return jobs
 
 
-def score_reference(name: str, condition: str, episodes: int, folder: Path) -> None:
-    """On a node: score a reference in the setting of the agent in `folder`."""
-    agent = load_agent(folder)
-    benchmark = Benchmark(design=agent.design, arena=agent.arena, episodes=episodes)
-    Scorer(benchmark, folder / SCORES).reference(name, condition)
-
-
-def score_agent(seed: int, condition: str, episodes: int, logic: Logic, folder: Path) -> None:
-    """On a node: score the agent in `folder`, which has this seed."""
+def score_part(name: str | int, condition: str, episodes: int, logic: Logic, folder: Path) -> None:
+    """On a node: score the agent in `folder`, with seed `name`, or a reference of this name."""
     agent = load_agent(folder, logic=logic)
     benchmark = Benchmark(design=agent.design, arena=agent.arena, episodes=episodes)
-    acting = without_training(agent, seed) if condition == RANDOM_WEIGHTS else agent
-    drawn_from = "train" if condition == RANDOM_WEIGHTS else condition
-    Scorer(benchmark, folder / SCORES).agent(acting, drawn_from)
+    scorer = Scorer(benchmark, folder / SCORES)
+    if isinstance(name, str):
+        scorer.reference(name, condition)
+    else:
+        scorer.agent(*acting_under(condition, agent, name))
 
 
 def score_files(folder: Path) -> Files:

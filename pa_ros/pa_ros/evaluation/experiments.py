@@ -6,7 +6,6 @@ import logging
 import math
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -39,7 +38,7 @@ from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import check_trained_with, read_metadata
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
-from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
+from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
 from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import LearningSettings
@@ -203,18 +202,17 @@ def run_seed(
     return folder / CURVE
 
 
-def frames_saved(folder: Path, claimed: bool = False) -> int:
+def frames_saved(folder: Path) -> int:
     """Frames of a run's newest undamaged checkpoint, which becomes its latest; 0 without any.
 
-    `claimed`: the caller has locked the folder. Raises CheckpointError if all are damaged.
+    Raises CheckpointError if all are damaged.
     """
     if not holds_checkpoint(folder):
         return 0
     newest, passed_over = newest_whole(checkpoint_of(folder))
     if passed_over:
-        with nullcontext() if claimed else claim(folder, resume=True):
-            log.warning(passed_over)
-            make_latest(newest)
+        log.warning(passed_over)
+        make_latest(newest)
     return int(read_metadata(newest)["counters"]["frames"])
 
 

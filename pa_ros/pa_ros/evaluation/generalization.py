@@ -102,11 +102,16 @@ def _one_setting(agents: Iterable[TrainedAgent]) -> tuple[Design, ArenaConfig]:
     return settings.pop()
 
 
+def acting_under(condition: str, agent: TrainedAgent, seed: int) -> tuple[TrainedAgent, str]:
+    """The agent that acts under a condition, and the condition of its episodes."""
+    if condition == RANDOM_WEIGHTS:
+        return without_training(agent, seed), "train"
+    return agent, condition
+
+
 def condition_rows(scorer: Scorer, seed: int, agent: TrainedAgent, condition: str) -> list[Row]:
     """Score one agent under one condition, RANDOM_WEIGHTS included."""
-    drawn_from = condition
-    if condition == RANDOM_WEIGHTS:
-        agent, drawn_from = without_training(agent, seed), "train"
+    agent, drawn_from = acting_under(condition, agent, seed)
     scores = scorer.agent(agent, drawn_from)
     references = [rewards(scorer.reference(name, drawn_from)) for name in (*REFERENCES, *BLIND)]
     return [
