@@ -1,5 +1,7 @@
-"""A link that loses, delays and reorders what goes over it: Ethernet frames, handed on between two
-interfaces by a process (not every kernel has `tc netem`). Needs root and the switch's namespace:
+"""A link that loses, delays and reorders Ethernet frames between two interfaces.
+
+A process forwards the frames, because not every kernel has `tc netem`. It needs root and the
+namespace of the switch:
 
     python tests/helpers/bad_link.py port2 up2 --loss 0.02 --delay-ms 20 --jitter-ms 10
 """
@@ -18,13 +20,13 @@ from array import array
 from itertools import count
 
 EVERY_PROTOCOL = 0x0003
-OUTGOING = 4  # a frame that was sent from here, heard again
+OUTGOING = 4  # our own frame, received again
 SIOCETHTOOL, SET_TX_CHECKSUM, SET_GSO, SET_TSO = 0x8946, 0x17, 0x24, 0x1F
 MOST = 65_536 + 18
 
 
 def raw(name: str) -> socket.socket:
-    """All frames of an interface."""
+    """A socket for all frames of an interface."""
     opened = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(EVERY_PROTOCOL))
     opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 24)
     opened.bind((name, 0))
@@ -33,7 +35,7 @@ def raw(name: str) -> socket.socket:
 
 
 def no_offload(name: str) -> None:
-    """Have the sender finish its frames itself: a veth leaves checksums to a card it hasn't got."""
+    """Make the sender compute checksums: a veth leaves them to a network card that it lacks."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
         for command in (SET_TX_CHECKSUM, SET_GSO, SET_TSO):
             value = array("B", struct.pack("II", command, 0))
@@ -42,7 +44,7 @@ def no_offload(name: str) -> None:
 
 
 class BadLink:
-    """Frames wait their time in a heap; whose delay is shorter overtakes."""
+    """Frames wait in a heap until they are due, so that one with a shorter delay overtakes."""
 
     def __init__(self, loss: float, delay_s: float, jitter_s: float, seed: int) -> None:
         self._loss, self._delay_s, self._jitter_s = loss, delay_s, jitter_s
@@ -58,18 +60,18 @@ class BadLink:
         heapq.heappush(self._waiting, (due, next(self._numbers), towards, frame))
 
     def hand_on(self) -> float:
-        """Send what is due; seconds until the next is."""
+        """Send the frames that are due; the seconds until the next one."""
         while self._waiting and self._waiting[0][0] <= time.monotonic():
             *_, towards, frame = heapq.heappop(self._waiting)
             try:
                 towards.send(frame)
                 self.carried += 1
-            except OSError:  # the cable is pulled, or its queue is full
+            except OSError:  # the cable is unplugged, or its queue is full
                 self.lost += 1
         return max(0.0, self._waiting[0][0] - time.monotonic()) if self._waiting else 0.1
 
     def run(self, one: socket.socket, other: socket.socket) -> None:
-        """Until it is ended."""
+        """Forward frames until the process ends."""
         across = {one: other, other: one}
         while True:
             ready, _, _ = select.select(list(across), [], [], self.hand_on())

@@ -1,4 +1,4 @@
-"""Networks, batches and bounds for holding the fused engine to the formulas in float64."""
+"""Networks, batches and bounds for comparing the fused engine with the formulas in float64."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SMALL = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 
 @dataclass
 class Setting:
-    """A learner's networks, configuration, programs and initial tensors."""
+    """Networks, settings, programs and initial tensors of a learner."""
 
     network: NetworkConfig
     config: DPGConfig
@@ -51,7 +51,7 @@ class Setting:
         return FusedEngine(self.network, config, self.table, self.actor, self.critic)
 
     def reference(self) -> StraightforwardEngine:
-        """The formulas as they stand, in float64."""
+        """The plain formulas, in float64."""
         config = dpg(self.config, engine__dtype="float64")
         return StraightforwardEngine(self.network, config, self.table, self.actor, self.critic)
 
@@ -65,15 +65,15 @@ def setting(
     relations: tuple[str, ...] = ("NEAR",),
     **sizes: Any,
 ) -> Setting:
-    """Random networks; `scale` multiplies the detectors: large, and p is near 0 and 1. The programs
-    ask for `relations` in turn."""
+    """Random networks. `scale` multiplies the detectors; a large one moves p near 0 and 1. The
+    programs use `relations` in turn."""
     vocabulary = vocabulary.asking(*relations)
     network = NetworkConfig(
         world=World(schema, vocabulary, joints), family=kind, actor_output_scale=0.3, **sizes
     )  # type: ignore[arg-type]
     table = ProgramTable(vocabulary)
     words = set(vocabulary.words)
-    for text, relation in zip(PROGRAMS, cycle(relations)):  # noqa: B905 - without end
+    for text, relation in zip(PROGRAMS, cycle(relations)):  # noqa: B905 - endless
         program = replace(parse(text, VOCABULARY), relation=relation)
         if words.issuperset(program.words):
             table.add(program)
@@ -135,7 +135,7 @@ def assert_close(ours: dict[str, np.ndarray], theirs: dict[str, np.ndarray], bou
 
 
 def expected_gradients(reference: StraightforwardEngine, batch: Batch) -> dict[str, np.ndarray]:
-    """By the names of `FusedEngine.gradients`."""
+    """Gradients under the names of `FusedEngine.gradients`."""
     gradients = reference.gradients(batch)
     return {f"{o}.{k}": g.numpy() for o, named in gradients.items() for k, g in named.items()}
 

@@ -72,7 +72,7 @@ class Hosts:
             ip("-n", self._switch, "link", "set", f"port{host}", "master", "bridge", "up")
 
     def worsen(self, host: int, *options: str, log: Path = Path(os.devnull)) -> None:
-        """Put a bad link (its options: `bad_link.py`) between a host's port and the switch."""
+        """Put a bad link between a host and the switch; for its options see `bad_link.py`."""
         inside = ["ip", "netns", "exec"]
         ip("-n", self._switch, "link", "set", f"port{host}", "nomaster", "promisc", "on")
         ip("-n", self._switch, "link", "add", f"up{host}", "type", "veth", "peer", "name",
@@ -92,7 +92,7 @@ class Hosts:
         subprocess.run([*within, sys.executable, "-c", code], check=True, cwd=BAD_LINK.parent)
 
     def cable(self, host: int, plugged: bool) -> None:
-        """Pull a host's cable, or plug it in."""
+        """Plug or unplug the cable of a host."""
         ip("-n", self._switch, "link", "set", f"port{host}", "up" if plugged else "down")
 
     def run(

@@ -1,7 +1,7 @@
 """A stand-in for `launch` and `launch_ros`, which are not on the Python index.
 
-It knows the classes that our launch files use, by the names and arguments of the real ones (Jazzy),
-and resolves them to command lines. It is no proof that `ros2 launch` does the same.
+It has the classes that our launch files use, with the names and arguments of Jazzy, and resolves
+them to command lines. It does not prove that `ros2 launch` does the same.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Node:
     condition: IfCondition | None = None
 
     def command(self, context: Context) -> list[str]:
-        """What is run, as launch_ros has it."""
+        """The command line of the node, as launch_ros builds it."""
         words = [text(word, context) for word in self.arguments] + ["--ros-args"]
         namespace = text(self.namespace, context)
         words += ["-r", f"__node:={self.name}"]
@@ -128,7 +128,7 @@ class LaunchDescription:
         return [one for one in self.entities if isinstance(one, DeclareLaunchArgument)]
 
     def started(self, **given: str) -> list[tuple[Node, list[str]]]:
-        """The nodes that would be started, each with its arguments."""
+        """The nodes that would start, each with its arguments."""
         unknown = set(given) - {one.name for one in self.arguments}
         assert not unknown, f"no such argument: {unknown}"
         context: Context = {}
@@ -155,7 +155,7 @@ MODULES: dict[str, list[type]] = {
 
 
 def described(path: Path) -> LaunchDescription:
-    """What a launch file describes, `launch` being this module."""
+    """The description of a launch file, with this module as `launch`."""
     modules = {}
     for name, classes in MODULES.items():
         modules[name] = ModuleType(name)

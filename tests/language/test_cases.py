@@ -1,4 +1,4 @@
-"""The language's cases, as files: what each text means, or where and why it is refused."""
+"""Cases in files: the meaning of each valid text, and the error of each wrong one."""
 
 from __future__ import annotations
 
