@@ -51,7 +51,7 @@ def contacts(task: ReachTask) -> set[str]:
 
 
 def pushed(config: ArenaConfig) -> tuple[float, set[str]]:
-    """Drive the hand at the target's center: the farthest that a block moved (m), and the contacts."""
+    """Drive the hand at the target: the farthest that a block moved (m), and the contacts."""
     task = ReachTask(config, design_named("2-L"), seed=0)
     farthest, touching = 0.0, set()
     for episode in range(6):
