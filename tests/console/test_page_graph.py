@@ -83,10 +83,10 @@ def shot(page, name):
 
 
 def enter(page, program):
-    """Type as people do: viser's form drops a text that is put in at once just after a message."""
+    """Type the end as people do: viser drops a text that is put in at once just after a message."""
     field = page.locator("form input").first
-    field.fill("")
-    field.press_sequentially(program)
+    field.fill(program[:-2])
+    field.press_sequentially(program[-2:], delay=100)
 
 
 def step_of(page) -> int:
