@@ -53,11 +53,9 @@ lint: install-dev  ## ruff and mypy only
 	$(BIN)/mypy
 	$(BIN)/mypy tests
 
-# Then, where atheris can be installed, cases led by coverage. `make test` tries a thousandth.
+# `make test` tries a thousandth.
 fuzz: install-dev  ## a million programs, messages, damaged checkpoints and bags
 	PA_ROS_FUZZ=1 $(BIN)/python -m pytest -q tests/fuzz
-	-$(PIP_INSTALL) $(call requirements,e['fuzz'])
-	$(BIN)/python tests/fuzz/guided.py -max_total_time=120
 
 sanitize: sanitize-none sanitize-address,undefined sanitize-thread  ## C++ tests with sanitizers
 sanitize-%: install-dev

@@ -22,10 +22,9 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, LEARNER_ID, PROGRESS_S, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor
-from pa_ros.wire import Message
+from pa_ros.wire import Message, WireError
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import encode_provenance
-from pa_ros.wire.errors import WireError
 from pa_ros.wire.learning import decode_trajectory, encode_learner_info, encode_weights
 from pa_ros.wire.step import arena_of
 from pa_ros.world import reward_from

@@ -7,8 +7,7 @@ until it is too old; then the arm holds still.
 from __future__ import annotations
 
 from pa_ros.wire.step import Command
-from sim_node.errors import SimError
-from sim_node.session import Frame, Session
+from sim_node.session import Frame, Session, SimError
 
 
 def check_answer(session: Session, command: Command) -> None:

@@ -14,13 +14,10 @@ from pa_ros.arena.rearranging import bodies, rearrange
 from pa_ros.core.experience import Body
 from pa_ros.wire.simulator import Category, Entity, EntityFilter, ResultCode, SpawnCode, Spawning
 from pa_ros.wire.views import Solid
-from sim_node.errors import SimulatorError
-from sim_node.session import Session
+from sim_node.session import Session, SimulatorError
 
 HAND = "hand"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*\Z")
-LONGEST_NAME = 200
-MOST_BLOCKS = 32
 
 
 class Entities:
@@ -42,7 +39,7 @@ class Entities:
         found = [Entity(HAND, Category.ROBOT, (), "the arm's hand", hand)]
         for name, kind, body in zip(self._names, self._kinds(), states, strict=True):
             tags = tuple(sorted(kind.words))
-            found.append(Entity(name, Category.DYNAMIC_OBJECT, tags, f"a {label(kind)}", body))
+            found.append(Entity(name, Category.DYNAMIC_OBJECT, tags, f"a {kind}", body))
         return found if wanted is None else list(filter(_test_of(wanted), found))
 
     def named(self, name: str) -> Entity:
@@ -68,9 +65,6 @@ class Entities:
         self._name_blocks()
         kind = self._kind_of(request)
         name = self._free_name(request, kind)
-        if len(self._names) >= MOST_BLOCKS:
-            text = f"blocks: expected at most {MOST_BLOCKS}, got one more"
-            raise SimulatorError(text, ResultCode.OPERATION_FAILED)
         placed = [*bodies(self._session.task)[1:], request.body]
         self._rearrange([*self._names, name], [*self._kinds(), kind], placed)
         self._spawned[name] = request.body
@@ -109,7 +103,7 @@ class Entities:
             return
         self._named_episode, self._names, self._spawned = episode, [], {}
         for kind in self._kinds():
-            self._names.append(_numbered(_snake(label(kind)), self._names))
+            self._names.append(_numbered(_snake(str(kind)), self._names))
 
     def _kinds(self) -> list[Kind]:
         return [block.kind for block in self._session.task.episode.blocks]
@@ -143,9 +137,9 @@ class Entities:
         return known[request.uri]
 
     def _free_name(self, request: Spawning, kind: Kind) -> str:
-        name = request.name or (_snake(label(kind)) if request.allow_renaming else "")
-        if not NAME.match(name) or len(name) > LONGEST_NAME:
-            text = f"spawn_entity.name: expected letters, digits and _, got {name[:LONGEST_NAME]!r}"
+        name = request.name or (_snake(str(kind)) if request.allow_renaming else "")
+        if not NAME.match(name):
+            text = f"spawn_entity.name: expected letters, digits and _, got {name!r}"
             raise SimulatorError(text, SpawnCode.NAME_INVALID)
         taken = [HAND, *self._names]
         if name in taken and not request.allow_renaming:
@@ -173,13 +167,8 @@ def solids(model: Any, blocks: Sequence[Entity]) -> list[Solid]:
     return found
 
 
-def label(kind: Kind) -> str:
-    """Return a kind in words: "RED CUBE"."""
-    return str(kind)
-
-
 def _uri_of(kind: Kind) -> str:
-    return f"block:{_snake(label(kind))}"
+    return f"block:{_snake(str(kind))}"
 
 
 def _snake(text: str) -> str:
@@ -196,7 +185,7 @@ def _numbered(name: str, taken: Sequence[str]) -> str:
 
 
 def _not_found(name: str, known: Sequence[str]) -> SimulatorError:
-    text = f"entity: expected one of {list(known)}, got {name[:LONGEST_NAME]!r}"
+    text = f"entity: expected one of {list(known)}, got {name!r}"
     return SimulatorError(text, ResultCode.NOT_FOUND)
 
 

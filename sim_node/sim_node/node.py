@@ -42,9 +42,8 @@ from pa_ros.wire.step import (
 from sim_node.commands import Watchdog, check_answer
 from sim_node.config import SimConfig
 from sim_node.entities import Entities
-from sim_node.errors import SimError
 from sim_node.services import Services
-from sim_node.session import ActiveProgram, Frame, Session
+from sim_node.session import ActiveProgram, Frame, Session, SimError
 from sim_node.stepping import SteppingAction
 from sim_node.viewers import CameraView, Samples, Views
 
@@ -122,12 +121,12 @@ class SimNode(ManagedNode):
     def _create_services(self) -> None:
         """Services, and what people look at. Raises RenderError for a camera without OpenGL."""
         entities = Entities(self.session)
-        Services(self, self, entities, self.refusals)
-        SteppingAction(self, self, self.refusals)
+        Services(self, entities)
+        SteppingAction(self)
         with_camera = self.config.camera.rate_hz > 0
-        self._camera = CameraView(self, self, self.refusals) if with_camera else None
-        Views(self, self, entities, self._camera)
-        Samples(self, self)
+        self._camera = CameraView(self) if with_camera else None
+        Views(self, entities, self._camera)
+        Samples(self)
 
     # One control step
 

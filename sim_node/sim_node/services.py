@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
-
-from rclpy.node import Node
+from typing import TYPE_CHECKING, Any
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Body
 from pa_ros.ros import topics
-from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import Message
 from pa_ros.wire.services import Outcome, ResetRequest, decode_reset, decode_speed, encode_outcome
 from pa_ros.wire.simulator import (
@@ -35,9 +32,11 @@ from pa_ros.wire.simulator import (
     encode_spawnables,
     encode_spawned,
 )
-from sim_node.entities import Entities, label
-from sim_node.errors import SimulatorError
-from sim_node.session import Session
+from sim_node.entities import Entities
+from sim_node.session import SimulatorError
+
+if TYPE_CHECKING:
+    from sim_node.node import SimNode
 
 ABOUT = "time never goes back; moved blocks are seen from the next step on; docs/simulator.md"
 TIME_CONTINUES = "done, except for the time: the clock never goes back"
@@ -47,40 +46,11 @@ INVALID_POSES = {"set_entity_state": INVALID_POSE, "spawn_entity": SpawnCode.INV
 Answer = Callable[[Message, Any], Any]
 
 
-class ArenaControl(Protocol):
-    """What the node does for its services."""
-
-    session: Session
-    paused: bool
-    active: bool
-
-    def check_active(self) -> None:
-        """Raise SimError unless the arena is active."""
-
-    def begin(self, request: ResetRequest) -> None:
-        """Begin an episode. Raises PaError."""
-
-    def hold(self, steps: int) -> None:
-        """Run control periods while the arm holds still. Raises SimError unless paused."""
-
-    def pause(self, paused: bool) -> None:
-        """Pause simulation time, or let it continue."""
-
-    def set_speed(self, factor: float) -> None:
-        """Set the real-time factor. Raises SimError in lockstep."""
-
-    @property
-    def speed(self) -> float:
-        """The real-time factor; 0 in lockstep."""
-
-
 class Services:
-    """Offers the services on a node, in its namespace. A PaError is answered with its cause."""
+    """Offers the services of an arena, in its namespace. A PaError is answered with its cause."""
 
-    def __init__(
-        self, node: Node, arena: ArenaControl, entities: Entities, refusals: Refusals
-    ) -> None:
-        self._arena, self._entities, self._refusals = arena, entities, refusals
+    def __init__(self, arena: SimNode, entities: Entities) -> None:
+        self._arena, self._entities = arena, entities
         self._stopped_at = -1  # stamp at which the arena was stopped and reset; -1: it was not
         own: dict[tuple[str, Any], Callable[[Message], None]] = {
             topics.RESET: lambda request: arena.begin(decode_reset(request)),
@@ -101,12 +71,12 @@ class Services:
             topics.SET_ENTITY_STATE: self._set_entity,
         }
         for (name, kind), act in own.items():
-            node.create_service(kind, name, self._own(name, act), qos_profile=topics.SERVICE)
+            arena.create_service(kind, name, self._own(name, act), qos_profile=topics.SERVICE)
         for (name, kind), answer in standard.items():
-            node.create_service(kind, name, self._standard(name, answer))
+            arena.create_service(kind, name, self._standard(name, answer))
         # An inactive arena answers this one, too.
         name, kind = topics.GET_SIMULATOR_FEATURES
-        node.create_service(kind, name, lambda _, response: encode_features(response, ABOUT))
+        arena.create_service(kind, name, lambda _, response: encode_features(response, ABOUT))
 
     def _own(self, name: str, act: Callable[[Message], None]) -> Answer:
         def answer(request: Message, response: Any) -> Any:
@@ -115,7 +85,7 @@ class Services:
                 self._arena.check_active()
                 act(request)
             except PaError as error:
-                self._refusals.refuse(name, error)
+                self._arena.refusals.refuse(name, error)
                 code, reason = error.code, str(error)
             now = self._arena.session.frame.observation
             speed = self._arena.speed
@@ -130,7 +100,7 @@ class Services:
                 self._arena.check_active()
                 return answer(request, response)
             except PaError as error:
-                self._refusals.refuse(name, error)
+                self._arena.refusals.refuse(name, error)
                 code = getattr(error, "result", ResultCode.OPERATION_FAILED)
                 if error.code == "arena.scene":
                     code = INVALID_POSES.get(name, code)
@@ -196,7 +166,7 @@ class Services:
 
     def _get_spawnables(self, _request: Message, response: Any) -> Any:
         kinds = self._entities.spawnable()
-        described = {uri: f"a {label(kind)}" for uri, kind in kinds.items()}
+        described = {uri: f"a {kind}" for uri, kind in kinds.items()}
         return _ok(encode_spawnables(response, described))
 
     def _spawn(self, request: Message, response: Any) -> Any:

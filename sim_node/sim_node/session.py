@@ -12,12 +12,13 @@ import numpy as np
 
 from pa_ros import provenance
 from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
+from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Executed, Float64, Observation, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
+from pa_ros.wire import WireError
 from pa_ros.wire.arena import ArenaDescription, Mode
 from pa_ros.wire.diagnostics import Origin
-from pa_ros.wire.errors import WireError
 from pa_ros.wire.program import ProgramRequest, program_id_of
 from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
@@ -26,6 +27,18 @@ from sim_node.config import LAST_EPISODE, SimConfig
 
 RECENT_EPISODES = 20  # the reported mean rewards are over this many
 REMEMBERED_PROGRAMS = 4096
+
+
+class SimError(PaError):
+    """A message or request that the arena rejects; `code` says why."""
+
+
+class SimulatorError(SimError):
+    """A rejected request of the standard simulator's services; `result` is the standard's code."""
+
+    def __init__(self, text: str, result: int) -> None:
+        super().__init__(text, code="arena.request")
+        self.result = int(result)
 
 
 @dataclass

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from rclpy.node import Node
+from typing import TYPE_CHECKING, Any
 
 from pa_ros.core.errors import PaError
 from pa_ros.ros.actions import SIMULATE_STEPS, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.refusals import Refusals
 from pa_ros.wire import Message
 from pa_ros.wire.simulator import (
     ResultCode,
@@ -17,8 +14,10 @@ from pa_ros.wire.simulator import (
     encode_steps_feedback,
     encode_steps_result,
 )
-from sim_node.errors import SimulatorError
-from sim_node.services import ArenaControl
+from sim_node.session import SimulatorError
+
+if TYPE_CHECKING:
+    from sim_node.node import SimNode
 
 ROUND_S = 0.001  # wall time between two steps, in which the node serves other callbacks
 
@@ -26,12 +25,12 @@ ROUND_S = 0.001  # wall time between two steps, in which the node serves other c
 class SteppingAction:
     """Executes one goal at a time; a second one is aborted."""
 
-    def __init__(self, node: Node, arena: ArenaControl, refusals: Refusals) -> None:
-        self._node, self._arena, self._refusals = node, arena, refusals
+    def __init__(self, arena: SimNode) -> None:
+        self._arena = arena
         self._goal: Goal | None = None
         self._steps = self._done = 0
         self._timer: Any = None
-        GoalServer(node, SIMULATE_STEPS, self._start, self._cancel)
+        GoalServer(arena, SIMULATE_STEPS, self._start, self._cancel)
 
     def _start(self, goal: Goal) -> None:
         try:
@@ -44,7 +43,7 @@ class SteppingAction:
             self._abort(goal, error)
             return
         self._goal, self._steps, self._done = goal, steps, 0
-        self._timer = steady_timer(self._node, ROUND_S, self._step)
+        self._timer = steady_timer(self._arena, ROUND_S, self._step)
 
     def _step(self) -> None:
         goal = self._goal
@@ -71,8 +70,8 @@ class SteppingAction:
 
     def _end(self) -> None:
         self._goal = None
-        self._node.destroy_timer(self._timer)
+        self._arena.destroy_timer(self._timer)
 
     def _abort(self, goal: Goal, error: PaError) -> None:
-        self._refusals.refuse(SIMULATE_STEPS[0], error)
+        self._arena.refusals.refuse(SIMULATE_STEPS[0], error)
         goal.abort(Message(encode_steps_result(ResultCode.OPERATION_FAILED, str(error))))

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
-
-from rclpy.node import Node
+from typing import TYPE_CHECKING
 
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.arena.errors import RenderError
@@ -17,7 +16,6 @@ from pa_ros.arena.urdf import urdf
 from pa_ros.core.experience import Body
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.refusals import Refusals
 from pa_ros.wire.step import StepContext, encode_observation, encode_verdict
 from pa_ros.wire.views import (
     encode_camera_info,
@@ -27,7 +25,9 @@ from pa_ros.wire.views import (
     encode_transform,
 )
 from sim_node.entities import Entities, solids
-from sim_node.services import ArenaControl
+
+if TYPE_CHECKING:
+    from sim_node.node import SimNode
 
 VIEWS_S = 0.1  # wall time between two sets of poses and markers
 SAMPLES_S = 0.25  # wall time between two samples
@@ -45,9 +45,9 @@ class CameraView:
 
     pose: Body  # of the optical frame
 
-    def __init__(self, node: Node, arena: ArenaControl, refusals: Refusals) -> None:
+    def __init__(self, arena: SimNode) -> None:
         """Call after an episode has begun. Raises RenderError where there is no OpenGL."""
-        self._arena, self._refusals = arena, refusals
+        self._arena = arena
         session = self._session = arena.session
         self._config = session.config.camera
         model, config = session.task.simulation.model, self._config
@@ -55,12 +55,12 @@ class CameraView:
         shape = config.view, config.width, config.height
         self._camera = self._thread.submit(Camera, model, *shape).result()
         self._matrix, self.pose = intrinsics(model, *shape), optical_pose(model, config.view)
-        self._image = topics.CAMERA_IMAGE.publisher(node)
-        self._info = topics.CAMERA_INFO.publisher(node)
+        self._image = topics.CAMERA_IMAGE.publisher(arena)
+        self._info = topics.CAMERA_INFO.publisher(arena)
         self._rendering: Future[None] | None = None
         self._last = (-1, -CAMERA_STILL_S)  # period of simulation time, wall time of a picture
         self.pictures = 0
-        steady_timer(node, CAMERA_POLL_S, self._poll)
+        steady_timer(arena, CAMERA_POLL_S, self._poll)
 
     def close(self) -> None:
         """Free the camera; call before the node is destroyed."""
@@ -79,7 +79,7 @@ class CameraView:
         self._last = period, now
         if self._rendering is not None and (error := self._rendering.exception()) is not None:
             lost = RenderError(f"expected a picture, got {type(error).__name__}: {error}")
-            self._refusals.refuse("camera", lost)
+            self._arena.refusals.refuse("camera", lost)
         self._camera.look(self._session.task.simulation)
         self._rendering = self._thread.submit(self._publish, stamp_ns)
 
@@ -93,19 +93,17 @@ class CameraView:
 class Views:
     """The arm's URDF, the poses of hand, blocks and camera, and the blocks as markers."""
 
-    def __init__(
-        self, node: Node, arena: ArenaControl, entities: Entities, camera: CameraView | None
-    ) -> None:
+    def __init__(self, arena: SimNode, entities: Entities, camera: CameraView | None) -> None:
         """Call after an episode has begun."""
         self._arena, self._session = arena, arena.session
         self._entities, self._camera = entities, camera
-        self._transforms = topics.TRANSFORMS.publisher(node)
-        self._markers = topics.MARKERS.publisher(node)
+        self._transforms = topics.TRANSFORMS.publisher(arena)
+        self._markers = topics.MARKERS.publisher(arena)
         self._shown = 0  # markers in the last message
         limits, model = self._session.arena.joint_speed_limits, self._session.task.simulation.model
-        self._description = topics.ROBOT_DESCRIPTION.publisher(node)
+        self._description = topics.ROBOT_DESCRIPTION.publisher(arena)
         self._description.publish(encode_text(urdf(model, self._session.arena.arm, limits)))
-        steady_timer(node, VIEWS_S, self._show)
+        steady_timer(arena, VIEWS_S, self._show)
 
     def _show(self) -> None:
         if not self._arena.active:
@@ -126,10 +124,10 @@ class Views:
 class Samples:
     """The current step, four times a second however fast the arena is."""
 
-    def __init__(self, node: Node, arena: ArenaControl) -> None:
+    def __init__(self, arena: SimNode) -> None:
         self._arena = arena
-        self._publishers = {part: topic.publisher(node) for part, topic in topics.SAMPLES.items()}
-        steady_timer(node, SAMPLES_S, self._show)
+        self._publishers = {part: topic.publisher(arena) for part, topic in topics.SAMPLES.items()}
+        steady_timer(arena, SAMPLES_S, self._show)
 
     def _show(self) -> None:
         watched = any(one.get_subscription_count() for one in self._publishers.values())

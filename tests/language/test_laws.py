@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from pa_ros.language import (
@@ -13,12 +13,10 @@ from pa_ros.language import (
     Not,
     Or,
     Program,
-    ProgramError,
     Vocabulary,
     Word,
     parse,
     relevance,
-    satisfying,
 )
 from pa_ros.language.parser import MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from pa_ros.language.syntax import walk
@@ -36,9 +34,6 @@ words = st.sampled_from(VOCABULARY.words).map(Word)
 expressions: st.SearchStrategy[Expression] = st.recursive(words, wider, max_leaves=20)
 rows = st.lists(st.floats(0, 1), min_size=OBJECTS, max_size=OBJECTS)
 soft = st.lists(rows, min_size=len(VOCABULARY.words), max_size=len(VOCABULARY.words))
-worlds = st.lists(
-    st.frozensets(st.sampled_from(VOCABULARY.words)), min_size=OBJECTS, max_size=OBJECTS
-)
 space = st.text(" \t\r\n\f\v", max_size=3)
 
 
@@ -70,30 +65,6 @@ def test_the_span_of_each_node_contains_its_text(target: Expression) -> None:
     program = parse(text, VOCABULARY)
     for node in (program, *walk(program.target)):
         assert text[node.span.start : node.span.end] == str(node)
-
-
-@given(st.text(max_size=60) | st.text("NEARHDOTU(), \n\té（", max_size=60))
-@example("\ud800")
-@example("NEAR(HAND, \u202eRED)")
-def test_any_text_is_a_program_or_is_rejected_inside_it(text: str) -> None:
-    try:
-        program = parse(text, VOCABULARY)
-    except ProgramError as error:
-        assert 0 <= error.position <= len(text)
-        assert error.code.startswith("program.")
-        assert str(error).isascii() and str(error).replace("\n", "").isprintable()
-    else:
-        assert parse(str(program), VOCABULARY) == program
-
-
-@given(expressions, worlds)
-def test_crisp_is_soft_on_zeros_and_ones(target: Expression, world: list[frozenset[str]]) -> None:
-    phi = [[float(word in properties) for properties in world] for word in VOCABULARY.words]
-    p = relevance(Program(target), phi, VOCABULARY.row, HAND)
-    crisp = satisfying(Program(target), world, HAND)
-    assert p[HAND] == 1.0 and crisp[HAND] is False
-    assert [bool(degree) for degree in p[1:]] == list(crisp[1:])
-    assert set(p) <= {0.0, 1.0}
 
 
 @given(expressions, expressions, soft)

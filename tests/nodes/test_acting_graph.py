@@ -10,11 +10,10 @@ import pytest
 from agent_node.node import AgentNode
 from helpers.graph import Probe, graph
 from pa_ros.ros import topics
-from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.fields import header_stamp, read_stamp
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
 from pa_ros.wire.services import ResetRequest, encode_reset, encode_speed
 from pa_ros.wire.simulator import encode_steps_request
-from pa_ros.wire.step import decode_clock
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -56,7 +55,7 @@ def test_the_clock_never_goes_back_not_even_at_a_reset(probe):
         assert probe.call(topics.RESET, encode_reset(ResetRequest(episode))).success
         ticks = probe.count(topics.CLOCK)
         assert probe.until(lambda: probe.count(topics.CLOCK) > ticks + 20)  # noqa: B023
-    stamps = [decode_clock(m) for m in probe.heard["clock"]]
+    stamps = [read_stamp(m.clock) for m in probe.heard["clock"]]
     assert stamps == sorted(stamps)
 
 

@@ -29,10 +29,11 @@ from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.health import WARN
 from pa_ros.wire.arena import encode_arena_info
+from pa_ros.wire.fields import read_stamp
 from pa_ros.wire.learning import encode_trajectory
 from pa_ros.wire.program import ProgramGoal, decode_goal_result, encode_goal
 from pa_ros.wire.services import ResetRequest, encode_reset
-from pa_ros.wire.step import Command, decode_clock, encode_command
+from pa_ros.wire.step import Command, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -80,7 +81,7 @@ def test_time_stands_in_an_inactive_arena_which_refuses_requests() -> None:
         assert user.ask(ACTIVATE) == (True, "active")
         assert comes(probe, topics.CLOCK) and arena.session.arena_id == arena_id
         assert arena.session.frame.observation.stamp_ns > stamp
-        stamps = [decode_clock(message) for message in probe.heard["clock"]]
+        stamps = [read_stamp(tick.clock) for tick in probe.heard["clock"]]
         assert stamps == sorted(stamps)
 
 

@@ -14,14 +14,13 @@ from pa_ros.arena import ArenaError, ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import CommandKey, Executed
 from pa_ros.language import ProgramError
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 from pa_ros.wire.program import ProgramRequest, program_id_of
 from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
 from sim_node.commands import check_answer
 from sim_node.config import SimConfig
-from sim_node.errors import SimError
-from sim_node.session import Frame, Session
+from sim_node.session import Frame, Session, SimError
 
 
 def step(session: Session) -> Frame:

@@ -19,16 +19,13 @@ from msgs_schema.msg import Bounds
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS
-from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.fields import header_stamp, read_stamp
 from pa_ros.wire.simulator import (
     ALREADY_IN_TARGET_STATE,
     INVALID_POSE,
     ResultCode,
     SpawnCode,
-    decode_entity_state,
-    decode_result,
 )
-from pa_ros.wire.step import decode_clock
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -78,18 +75,19 @@ def ask(probe: Probe, service: tuple[str, Any], **fields: Any) -> Any:
 
 
 def code(probe: Probe, service: tuple[str, Any], **fields: Any) -> int:
-    return decode_result(ask(probe, service, **fields))[0]
+    return int(ask(probe, service, **fields).result.result)
 
 
 def place(probe: Probe, entity: str) -> np.ndarray:
     answer = ask(probe, topics.GET_ENTITY_STATE, entity=entity)
-    assert decode_result(answer) == (OK, "") and answer.state.header.frame_id == "world"
-    return decode_entity_state(answer.state).position
+    assert answer.result.result == OK and answer.state.header.frame_id == "world"
+    spot = answer.state.pose.position
+    return np.array([spot.x, spot.y, spot.z])
 
 
 def names(probe: Probe, service: tuple[str, Any] = topics.GET_ENTITIES, **fields: Any) -> list[str]:
     answer = ask(probe, service, **fields)
-    assert decode_result(answer)[0] == OK
+    assert answer.result.result == OK
     return list(answer.entities)
 
 
@@ -142,9 +140,7 @@ def test_time_pauses_advances_step_by_step_and_never_goes_back(probe):
     session = probe.nodes[0].session
 
     def state() -> int:
-        answer = ask(probe, topics.GET_SIMULATION_STATE)
-        assert decode_result(answer)[0] == OK
-        return answer.state.state
+        return int(ask(probe, topics.GET_SIMULATION_STATE).state.state)
 
     set_state = partial(code, probe, topics.SET_SIMULATION_STATE)
     step = partial(code, probe, topics.STEP_SIMULATION)
@@ -160,7 +156,7 @@ def test_time_pauses_advances_step_by_step_and_never_goes_back(probe):
     assert state() == PLAYING and probe.reaches(5)
     assert step() == FAILED  # only a paused arena can be stepped
     stamps = [header_stamp(m) for m in probe.heard["object_features"]]
-    clock = [decode_clock(m) for m in probe.heard["clock"]]
+    clock = [read_stamp(m.clock) for m in probe.heard["clock"]]
     assert clock == sorted(clock) and stamps == sorted(set(stamps))
 
 
@@ -266,8 +262,8 @@ def test_entities_are_found_by_name_category_tags_and_bounds(probe):
 )
 def test_wrong_requests_are_answered_with_the_standards_code(probe, service, fields, expected):
     before, count = place(probe, "red_cube"), probe.nodes[0].refusals.total
-    answered, text = decode_result(ask(probe, service, **fields))
-    assert answered == expected and "expected" in text
+    result = ask(probe, service, **fields).result
+    assert result.result == expected and "expected" in result.error_message
     assert np.array_equal(place(probe, "red_cube"), before)
     assert probe.nodes[0].refusals.total == count + 1
 
@@ -292,7 +288,7 @@ def test_steps_as_an_action_are_counted_and_can_be_cancelled(probe):
     def result(handle: Any) -> tuple[int, int]:
         future = handle.get_result_async()
         assert probe.until(future.done)
-        return future.result().status, decode_result(future.result().result)[0]
+        return future.result().status, future.result().result.result.result
 
     before = session.steps
     assert result(start(5)) == (GoalStatus.STATUS_SUCCEEDED, OK)

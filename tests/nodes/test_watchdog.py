@@ -13,8 +13,7 @@ from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
 from sim_node.commands import Watchdog
 from sim_node.config import SimConfig
-from sim_node.errors import SimError
-from sim_node.session import Frame, Session
+from sim_node.session import Frame, Session, SimError
 
 PERIOD_NS = 100_000_000
 

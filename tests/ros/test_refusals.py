@@ -14,7 +14,7 @@ from pa_ros.ros.refusals import (
     Refusals,
     answer_program,
 )
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 from pa_ros.wire.program import ProgramRequest
 
 RED = ProgramRequest("1", "NEAR(HAND, RED)")

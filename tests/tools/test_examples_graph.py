@@ -19,7 +19,6 @@ from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.step import decode_objects
-from pa_ros.wire.views import encode_pose
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs/examples"
@@ -75,12 +74,14 @@ class Tracker:
         if self.silent:
             return
         name, placed = message.child_frame_id, message.transform
-        place, turn = placed.translation, placed.rotation
-        pose = np.array([place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w])
+        measured = PoseStamped(header=message.header)
+        place = measured.pose.position
+        place.x, place.y, place.z = (getattr(placed.translation, axis) for axis in "xyz")
+        measured.pose.orientation = placed.rotation
         if name not in self._speakers:
             topic = topics.Topic(f"poses/{name}", PoseStamped, topics.STEP, topics.STEP)
             self._speakers[name] = topic.publisher(self._node)
-        self._speakers[name].publish(encode_pose(pose, message.header.frame_id, 0))
+        self._speakers[name].publish(measured)
 
     def on_features(self, name, heard, message) -> None:
         self.newest[name] = header_stamp(message)

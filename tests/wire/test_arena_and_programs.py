@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -15,7 +14,6 @@ from msgs_schema.srv import Reset, SetSimulationState, SetSpeed
 from pa_ros.language import Vocabulary, parse
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info, encode_arena_info
 from pa_ros.wire.program import (
-    MAX_TEXT,
     ProgramRequest,
     ProgramStatus,
     decode_program,
@@ -80,6 +78,8 @@ def test_an_arena_survives_the_wire():
         ("joint_upper", [math.nan] * 6, "wire.range"),
         ("control_period", math.nan, "wire.range"),
         ("thresholds", (0.2, 0.3), "wire.size"),
+        ("thresholds", (math.inf,), "wire.range"),
+        ("speed_limits", [1.0] * 5 + [0.0], "wire.range"),
         ("episode_steps", 0, "wire.range"),
         pytest.param("world", f'{{"joints": {10**400}}}', "config", id="world"),
     ],
@@ -88,16 +88,6 @@ def test_malformed_arenas_are_rejected(field, value, code):
     message = encode_arena_info(ARENA)
     setattr(message, field, value)
     with rejected(code):
-        decode_arena_info(message)
-
-
-@pytest.mark.parametrize("field", ["speed_limits", "thresholds"])
-@pytest.mark.parametrize("value", [math.nan, math.inf, -0.1, 0.0])
-def test_each_speed_limit_and_threshold_is_a_positive_number(field, value):
-    world = World(PAPER, WORLD.vocabulary.asking("NEAR", "ABOVE"), joints=6)
-    message = encode_arena_info(replace(ARENA, world=world, thresholds=(0.2, 0.3)))
-    getattr(message, field)[1] = value
-    with rejected("wire.range", match=rf"arena_info\.{field}.* {value}"):
         decode_arena_info(message)
 
 
@@ -111,13 +101,6 @@ def test_a_program_survives_the_wire(program_id, text):
 def test_a_program_without_an_id_gets_the_same_one_everywhere(text):
     received = decode_program(encode_program(ProgramRequest("", text)))
     assert received == ProgramRequest(program_id_of(text), text)
-
-
-def test_a_huge_program_is_cut_and_a_huge_id_is_rejected():
-    huge = decode_program(encode_program(ProgramRequest("", "A" * 1_000_000)))
-    assert len(huge.text) == MAX_TEXT
-    with rejected("wire.range", match="program_id"):
-        decode_program(encode_program(ProgramRequest("i" * 257, "")))
 
 
 @given(texts, texts, st.booleans(), texts, texts, st.integers(-1, 2**31 - 1))
@@ -140,12 +123,6 @@ def test_a_reset_survives_the_wire(episode, program, evaluation):
     assert decode_reset(Reset.Request()) == ResetRequest()
 
 
-@pytest.mark.parametrize("episode", [-1, 2**64 - 1])
-def test_an_episode_number_that_no_message_holds_is_rejected(episode):
-    with rejected("wire.range", match="reset.episode: expected 0 to 18446744073709551614"):
-        encode_reset(ResetRequest(episode))
-
-
 def test_the_answers_of_services_survive_the_wire():
     done = Outcome(True, episode=3, stamp_ns=5_000_000_006)
     assert decode_outcome(encode_outcome(Reset.Response(), done)) == done
@@ -162,7 +139,7 @@ def test_asking_for_the_current_simulation_state_succeeds(code, success):
     assert decode_outcome(response) == Outcome(success, reason="text")
 
 
-@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("speed", [0.0, math.nan, math.inf])
 def test_speeds_outside_the_bounds_are_rejected(speed):
     with rejected("wire.range"):
         decode_speed(encode_speed(speed))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,11 +89,8 @@ def test_a_trajectory_survives_the_wire(seed, length, count, number):
         ("held_from", 10**6, "wire.range"),
         ("transition_count", 0, "wire.range"),
         ("transition_count", 2, "wire.size"),
-        ("transition_count", 2**32 - 1, "wire.range"),
-        ("object_count", 4, "wire.size"),
         ("object_count", 0, "wire.range"),
         ("hand_index", 5, "wire.range"),
-        ("objects", [0.0] * 16, "wire.size"),
         ("arm", [0.0] * 18, "wire.size"),
         ("actions", [0.0] * 17 + [math.nan], "wire.non_finite"),
         ("actions", [0.0] * 17 + [1.5], "wire.range"),
@@ -136,24 +132,11 @@ def test_weights_survive_the_wire(tensors):
     message = encode_weights(sent)
     assert weights_checksum(sent.snapshot) == message.checksum
     received = decode_weights(message, DIGEST)
+    message.payload[0] ^= 0x7F  # the decoded tensors own their memory
     assert list(received.snapshot.tensors) == list(tensors)
     assert all(np.array_equal(received.snapshot.tensors[k], v) for k, v in tensors.items())
     assert received.accounted == sent.accounted and received.latest == LATEST
     assert received.name == ("run-1", "learner-1", 7) and received.stamp_ns == 17
-
-
-def test_an_agent_without_accounted_trajectories_is_left_out():
-    sent = replace(small_policy(), accounted={AgentKey("a", 1): 0}, latest=None)
-    received = decode_weights(encode_weights(sent))
-    assert received.accounted == {} and received.latest is None
-
-
-def test_decoded_weights_own_their_memory():
-    message = encode_weights(small_policy())
-    tensors = decode_weights(message).snapshot.tensors
-    message.payload[3] = 0x7F
-    assert np.array_equal(tensors["a"], np.ones((2, 3)))
-    tensors["a"][0, 0] = 5.0  # writeable
 
 
 def test_weights_for_another_world_are_rejected_naming_both():
@@ -179,12 +162,10 @@ def _tensor(index, field, value):
 @pytest.mark.parametrize(
     ("change", "code"),
     [
-        (_set("payload", []), "wire.truncated"),
         (_set("tensors", []), "wire.truncated"),
         (_tensor(1, "offset", 20), "wire.truncated"),
         (_tensor(1, "name", "a"), "wire.truncated"),
-        (_tensor(0, "shape", [3, 3]), "wire.truncated"),
-        (_tensor(0, "shape", [2**32 - 1] * 4), "wire.truncated"),
+        (_tensor(1, "shape", [2**32 - 1] * 4), "wire.size"),
         (_tensor(0, "shape", [0, 6]), "wire.size"),
         (_tensor(0, "dtype", "float64"), "wire.dtype"),
         (lambda message: message.payload.__setitem__(5, 1), "wire.checksum"),

@@ -20,14 +20,12 @@ from pa_ros.wire.step import (
     StepContext,
     StepMark,
     arena_of,
-    decode_clock,
     decode_command,
     decode_context,
     decode_joints,
     decode_observation,
     decode_step_mark,
     decode_verdict,
-    encode_clock,
     encode_command,
     encode_joints,
     encode_observation,
@@ -49,18 +47,14 @@ def test_an_observation_survives_the_wire(seed, count, episode, step, stamp, tex
     sent = replace(sent, episode=episode, step=step, stamp_ns=stamp, program_id=text)
     context = StepContext(text, evaluation, EXECUTED if seed % 2 else None, text)
     message = encode_observation(sent, context)
-    assert same(decode_observation(message), sent)
+    decoded = decode_observation(message)
+    assert same(decoded, sent)
     assert decode_context(message) == context
     assert decode_step_mark(message) == StepMark(episode, step, evaluation, text, text)
     assert (arena_of(message), is_evaluation(message)) == (text, evaluation)
     assert header_stamp(message) == stamp
-
-
-def test_decoded_arrays_own_their_memory():
-    message = encode_observation(observation())
-    decoded = decode_observation(message)
     message.features[0] = message.joint_position[0] = 99.0
-    assert same(decoded, observation())
+    assert same(decoded, sent)  # its arrays own their memory
 
 
 def test_a_message_that_was_published_before_is_filled_again():
@@ -86,17 +80,12 @@ def _poke(name, index, value):
         (_set("object_count", 4), "wire.feature_names"),  # 20 features each, not 16
         (_set("object_count", 3), "wire.size"),
         (_set("object_count", 0), "wire.range"),
-        (_set("object_count", 2**32 - 1), "wire.range"),
         (_set("hand_index", 5), "wire.range"),
         (_set("hand_pose", [0.0] * 6), "wire.size"),
         (_poke("hand_pose", 0, math.nan), "wire.non_finite"),
-        (_poke("hand_pose", 2, 1e300), "wire.range"),
         (_poke("features", 17, math.nan), "wire.non_finite"),
-        (_poke("features", 17, -math.inf), "wire.non_finite"),
         (_poke("features", 17, -3e38), "wire.range"),  # networks would add up to inf
         (_set("joint_position", [0.0] * 5), "wire.size"),
-        (_set("joint_velocity", []), "wire.size"),
-        (_poke("joint_velocity", 2, math.nan), "wire.non_finite"),
         (_poke("joint_velocity", 2, 1e300), "wire.range"),  # inf in float32
     ],
 )
@@ -116,7 +105,7 @@ def test_a_rejection_names_both_widths_or_the_element():
         decode_observation(message)
 
 
-@pytest.mark.parametrize("applied", [[], [0.0] * 5, [0.0] * 5 + [math.nan]])
+@pytest.mark.parametrize("applied", [[0.0] * 5, [0.0] * 5 + [math.nan]])
 def test_an_executed_command_without_its_action_is_rejected(applied):
     message = encode_observation(observation(), StepContext(executed=EXECUTED))
     message.applied = applied
@@ -178,9 +167,7 @@ def test_a_command_survives_the_wire(seed, episode, step, stamp, agent, version)
     ("action", "code"),
     [
         ([0.0] * 7, "wire.size"),
-        ([], "wire.size"),
         ([0.0] * 5 + [math.nan], "wire.non_finite"),
-        ([math.inf] + [0.0] * 5, "wire.non_finite"),
     ],
 )
 def test_malformed_commands_are_rejected(action, code):
@@ -188,8 +175,3 @@ def test_malformed_commands_are_rejected(action, code):
     message.action = action
     with rejected(code):
         decode_command(message, joints=6)
-
-
-@given(stamps)
-def test_the_clock_survives_the_wire(stamp):
-    assert decode_clock(encode_clock(stamp)) == stamp

@@ -23,7 +23,7 @@ from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 from pa_ros.wire.learning import weights_checksum
 from pa_ros.world import Scoring, reward_from
 

@@ -18,8 +18,8 @@ from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.settings import Settings
 from pa_ros.ros import topics
 from pa_ros.tools.graph import DISCOVERY_S
+from pa_ros.wire import WireError
 from pa_ros.wire.definitions import message_class, message_type
-from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.step import encode_clock
 

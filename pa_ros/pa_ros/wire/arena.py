@@ -15,7 +15,7 @@ import numpy as np
 
 from msgs_schema import msg
 from pa_ros.language import Program, parse
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
 from pa_ros.world import Sparse
 from pa_ros.world.relations import RELATIONS

@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 
 # NumPy types of ROS types that NumPy does not know by name.
 _DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}

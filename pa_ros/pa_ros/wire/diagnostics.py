@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from msgs_schema import msg
 from pa_ros.core.settings import read_json
 from pa_ros.language import Program
+from pa_ros.wire import WireError
 from pa_ros.wire.arena import (
     NO_STAMP,
     WIRE_VERSION,
@@ -20,7 +21,6 @@ from pa_ros.wire.arena import (
     read_world,
     write_world,
 )
-from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import copy_fields, fields_of, read_stamp, write_stamp
 from pa_ros.world.world import World
 

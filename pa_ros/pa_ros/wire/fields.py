@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 
 NS = 1_000_000_000
 LARGEST_FLOAT32 = float(np.finfo(np.float32).max)

@@ -19,8 +19,8 @@ from pa_ros.core.experience import (
     TrajectoryKey,
 )
 from pa_ros.language import parse
+from pa_ros.wire import WireError
 from pa_ros.wire.arena import WIRE_VERSION, check_positive, check_version
-from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import (
     copy_fields,
     fields_of,
@@ -195,37 +195,30 @@ def _mark(key: TrajectoryKey) -> msg.SequenceMark:
 
 
 def _read_tensors(message: msg.PolicyWeights) -> dict[str, Float32]:
+    """Return the tensors, which must have unique names and cover the payload without a gap."""
     payload = memoryview(message.payload)
-    _check_coverage(message, len(payload))
     digest = hashlib.sha256(payload).hexdigest()
     if digest != message.checksum:
         field = "policy_weights.checksum"
         raise WireError(field, digest, message.checksum, code="wire.checksum")
-    tensors: dict[str, Float32] = {}
+    end, tensors = 0, dict[str, Float32]()
     for tensor in message.tensors:
-        values = np.frombuffer(payload, "<f4", math.prod(tensor.shape), tensor.offset)
-        if not np.isfinite(values).all():
-            field = f"policy_weights.{tensor.name}"
-            raise WireError(field, "finite numbers", "others", code="wire.non_finite")
-        tensors[tensor.name] = values.astype(np.float32).reshape(tuple(tensor.shape))
-    return tensors
-
-
-def _check_coverage(message: msg.PolicyWeights, size: int) -> None:
-    """Check that the tensors have unique names and cover the payload without a gap."""
-    end, names = 0, set()
-    for tensor in message.tensors:
-        where = f"policy_weights.tensors[{tensor.name!r}]"
+        where, shape = f"policy_weights.tensors[{tensor.name!r}]", tuple(tensor.shape)
+        count = math.prod(shape)
         if tensor.dtype != DTYPE:
             raise WireError(f"{where}.dtype", DTYPE, tensor.dtype, code="wire.dtype")
-        if len(tensor.shape) > MAX_DIMENSIONS or 0 in tensor.shape:
-            expected = f"at most {MAX_DIMENSIONS} sizes, none of them 0"
-            raise WireError(f"{where}.shape", expected, list(tensor.shape), code="wire.size")
-        if tensor.name in names or tensor.offset != end:
+        if len(shape) > MAX_DIMENSIONS or not 0 < ITEM_BYTES * count <= len(payload) - end:
+            expected = f"1 to {(len(payload) - end) // ITEM_BYTES} numbers"
+            raise WireError(f"{where}.shape", expected, shape, code="wire.size")
+        if tensor.name in tensors or tensor.offset != end:
             expected = f"{end}, and a name that no other tensor has"
             raise WireError(f"{where}.offset", expected, tensor.offset, code="wire.truncated")
-        names.add(tensor.name)
-        end += ITEM_BYTES * math.prod(tensor.shape)
-    if end != size or not names:
+        values = np.frombuffer(payload, "<f4", count, end)
+        if not np.isfinite(values).all():
+            raise WireError(where, "finite numbers", "others", code="wire.non_finite")
+        tensors[tensor.name] = values.astype(np.float32).reshape(shape)
+        end += ITEM_BYTES * count
+    if end != len(payload) or not tensors:
         expected = f"{end} bytes, more than 0"
-        raise WireError("policy_weights.payload", expected, size, code="wire.truncated")
+        raise WireError("policy_weights.payload", expected, len(payload), code="wire.truncated")
+    return tensors

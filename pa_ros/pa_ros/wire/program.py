@@ -9,14 +9,10 @@ from math import inf, isfinite
 import numpy as np
 
 from msgs_schema import action, msg
+from pa_ros.wire import WireError
 from pa_ros.wire.arena import NO_STAMP
-from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import float32_field, read_stamp, write_stamp
 
-# The language's own limit is lower and is the one that rejects a text with a reason. This one only
-# keeps a huge text from being passed on.
-MAX_TEXT = 100_000  # characters
-MAX_ID = 256  # characters
 NEVER = -1.0  # time_to_reach_s of a goal that was not reached
 LONGEST_S = 1e9
 
@@ -86,16 +82,8 @@ def encode_program(request: ProgramRequest) -> msg.Program:
 
 
 def decode_program(message: msg.Program) -> ProgramRequest:
-    """Return a request whose text is not checked yet: the parser does that.
-
-    Raises WireError (`wire.range`) for an id that is too long.
-    """
-    if len(message.program_id) > MAX_ID:
-        expected, size = f"at most {MAX_ID} characters", len(message.program_id)
-        raise WireError("program.program_id", expected, size, code="wire.range")
-    return ProgramRequest(
-        message.program_id or program_id_of(message.text), message.text[:MAX_TEXT]
-    )
+    """Return a request whose text is not checked yet: the parser does that."""
+    return ProgramRequest(message.program_id or program_id_of(message.text), message.text)
 
 
 def encode_program_status(status: ProgramStatus) -> msg.ProgramStatus:
@@ -144,7 +132,7 @@ def decode_goal(message: action.ExecuteProgram.Goal) -> ProgramGoal:
         if not (isfinite(value) and 0.0 <= value <= LONGEST_S):
             expected = f"0 to {LONGEST_S:g} s"
             raise WireError(f"execute_program.{field}", expected, value, code="wire.range")
-    return ProgramGoal(message.program[:MAX_TEXT], message.time_limit_s, message.hold_s)
+    return ProgramGoal(message.program, message.time_limit_s, message.hold_s)
 
 
 def encode_goal_feedback(progress: GoalProgress) -> action.ExecuteProgram.Feedback:
@@ -159,10 +147,7 @@ def encode_goal_feedback(progress: GoalProgress) -> action.ExecuteProgram.Feedba
 
 
 def decode_goal_feedback(message: action.ExecuteProgram.Feedback) -> GoalProgress:
-    """Raises WireError (`wire.size`) unless there is no relevance, or one number per object."""
-    if len(message.relevance) not in (0, len(message.objects)):
-        field, expected = "execute_program.relevance", f"0 or {len(message.objects)}"
-        raise WireError(field, expected, len(message.relevance), code="wire.size")
+    """Return the current state of a goal's execution."""
     return GoalProgress(
         message.distance,
         message.satisfied,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from msgs_schema import msg, srv
+from pa_ros.wire import WireError
 from pa_ros.wire.arena import NO_STAMP
-from pa_ros.wire.errors import WireError
 from pa_ros.wire.fields import read_stamp, write_stamp
 
 SPEEDS = (0.01, 100.0)  # least and largest real-time factor
@@ -38,12 +38,8 @@ class Outcome:
 
 
 def encode_reset(request: ResetRequest) -> srv.Reset.Request:
-    """Return the request for an episode. Raises WireError for a number that no message holds."""
-    episode, following = request.episode, srv.Reset.Request.EPISODE_NEXT
-    if episode is None:
-        episode = following
-    elif not 0 <= episode < following:
-        raise WireError("reset.episode", f"0 to {following - 1}", episode, code="wire.range")
+    """Return the request for an episode."""
+    episode = srv.Reset.Request.EPISODE_NEXT if request.episode is None else request.episode
     return srv.Reset.Request(
         episode=episode, program=request.program, evaluation=request.evaluation
     )

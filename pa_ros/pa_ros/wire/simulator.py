@@ -11,7 +11,7 @@ import numpy as np
 
 from msgs_schema import action, msg, srv
 from pa_ros.core.experience import Body, Float64
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 from pa_ros.wire.fields import read_vector, write_stamp, write_vector
 
 WORLD = "world"  # the frame of poses: the arm's base, on the table
@@ -195,19 +195,9 @@ def encode_steps_result(code: int, message: str = "") -> action.SimulateSteps.Re
     return encode_result(action.SimulateSteps.Result(), code, message)
 
 
-def decode_result(response: Any) -> tuple[int, str]:
-    """Return code and message of an answer."""
-    return response.result.result, response.result.error_message
-
-
 def decode_names(response: Any) -> list[str]:
     """Return the names of the entities, the hand first."""
     return [str(name) for name in response.entities]
-
-
-def decode_entity_state(state: msg.EntityState) -> Body:
-    """Return where an entity is, and how it moves."""
-    return _body(state.pose, state.twist)
 
 
 # Requests

@@ -15,14 +15,13 @@ from sensor_msgs.msg import JointState
 
 from msgs_schema import msg
 from pa_ros.core.experience import CommandKey, Executed, Float32, Float64, Observation, Verdict
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 from pa_ros.wire.fields import (
     float32_field,
     float64_field,
     header_stamp,
     read_float32,
     read_float64,
-    read_stamp,
     write_stamp,
 )
 
@@ -139,21 +138,13 @@ def decode_context(message: msg.ObjectFeatures, joints: int | None = None) -> St
 
     :param joints: number of joints of the arena's arm; None: any.
     """
-    executed = decode_executed(message, joints)
+    executed = None
+    if message.commanded_by:
+        agent = message.commanded_by, message.commanded_incarnation
+        shape = (len(message.applied) if joints is None else joints,)
+        action = read_float32("object_features.applied", message.applied, shape)
+        executed = Executed(CommandKey(*agent, message.command_id), action)
     return StepContext(message.arena_id, bool(message.evaluation), executed, message.program)
-
-
-def decode_executed(message: msg.ObjectFeatures, joints: int | None = None) -> Executed | None:
-    """Return the command that, unaltered, led to this step; None if no command did.
-
-    :param joints: number of joints of the arena's arm; None: any. Raises WireError.
-    """
-    if not message.commanded_by:
-        return None
-    command = CommandKey(message.commanded_by, message.commanded_incarnation, message.command_id)
-    shape = (len(message.applied) if joints is None else joints,)
-    action = read_float32("object_features.applied", message.applied, shape)
-    return Executed(command, action)
 
 
 def decode_observation(
@@ -303,11 +294,3 @@ def encode_clock(stamp_ns: int, into: Clock | None = None) -> Clock:
     message = into or Clock()
     write_stamp(message.clock, stamp_ns)
     return message
-
-
-def decode_clock(message: Clock) -> int:
-    """Return simulation time in nanoseconds. Raises WireError for a time before zero."""
-    stamp_ns = read_stamp(message.clock)
-    if stamp_ns < 0 or message.clock.sec < 0:
-        raise WireError("clock", "a time of at least zero, in ns", stamp_ns, code="wire.range")
-    return stamp_ns

@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Body, Float64
-from pa_ros.wire.errors import WireError
+from pa_ros.wire import WireError
 from pa_ros.wire.fields import read_float64, read_vector, write_stamp, write_vector
 from pa_ros.wire.simulator import WORLD
 from pa_ros.wire.step import LARGEST
@@ -137,16 +137,6 @@ def _color(marker: Any, rgba: Sequence[float]) -> None:
 
 
 # For trackers and controllers
-
-
-def encode_pose(pose: Float64, frame: str, stamp_ns: int) -> PoseStamped:
-    """Return a pose [7]: position (m) and unit quaternion xyzw."""
-    message = PoseStamped()
-    message.header.frame_id = frame
-    write_stamp(message.header.stamp, stamp_ns)
-    write_vector(message.pose.position, pose[:3])
-    write_vector(message.pose.orientation, pose[3:], "xyzw")
-    return message
 
 
 def decode_pose(message: PoseStamped) -> tuple[str, Float64]:
