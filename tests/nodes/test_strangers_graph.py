@@ -83,12 +83,12 @@ def strange_arena(probe: Probe) -> Any:
 
 
 def forged_arena(probe: Probe) -> Any:
-    arena = decode_arena_info(probe.last(topics.ARENA_INFO))
+    arena = decode_arena_info(probe.heard["arena_info"][0])
     return encode_arena_info(replace(arena, thresholds=(9.0,)))
 
 
 def forged_learner(probe: Probe) -> Any:
-    learner = decode_learner_info(probe.last(topics.LEARNER_INFO))
+    learner = decode_learner_info(probe.heard["learner_info"][0])
     return encode_learner_info(replace(learner, thresholds=(9.0,), stamp_ns=2**62))
 
 
@@ -97,26 +97,66 @@ def nobodys_weights(probe: Probe) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("topic", "make", "said"),
+    "strangers",
     [
-        (topics.ARENA_INFO, forged_arena, "is described differently than before"),
-        (topics.ARENA_INFO, strange_arena, "describes itself, but sends nothing else"),
-        (topics.LEARNER_INFO, forged_learner, "is described differently than before"),
-        (topics.POLICY_WEIGHTS, nobodys_weights, "never described itself"),
+        [
+            (topics.ARENA_INFO, forged_arena, "is described differently than before"),
+            (topics.ARENA_INFO, strange_arena, "strange describes itself, but sends nothing else"),
+        ],
+        [
+            (topics.LEARNER_INFO, forged_learner, "is described differently than before"),
+            (topics.POLICY_WEIGHTS, nobodys_weights, "nobody never described itself"),
+        ],
     ],
+    ids=["arena", "learner"],
 )
-def test_a_strangers_latched_message_is_an_error_and_stops_nothing(probe, topic, make, said):
-    speaker = probe.create_publisher(topic.type, topic.name, topic.writer)
-    assert probe.until(lambda: speaker.get_subscription_count() >= 2)
-    heard = len(probe.heard[topic.name])
-    kept = list(probe.heard[topic.name])
-    speaker.publish(make(probe))
-    assert probe.until(lambda: said in probe.message("agent_node"))
+def test_a_strangers_latched_messages_are_errors_and_stop_nothing(probe, strangers) -> None:
+    messages = [make(probe) for _, make, _ in strangers]
+    for (topic, _, _), message in zip(strangers, messages, strict=True):
+        probe.speaker(topic).publish(message)
+    said = [text for _, _, text in strangers]
+    assert probe.until(lambda: all(text in probe.message("agent_node") for text in said))
     assert probe.health["/agent_node"].level == ERROR
     assert learns_on(probe)
-    assert heard  # the real one was published before
-    probe.destroy_publisher(speaker)
-    probe.heard[topic.name][:] = kept  # other tests look at the real ones
+
+
+def test_the_commands_of_a_second_agent_move_nothing(probe: Probe) -> None:
+    stranger = topics.JOINT_COMMANDS.publisher(probe)
+
+    def answer(features: Any) -> None:
+        where = features.episode, features.step, header_stamp(features)
+        action = np.ones(6, np.float32)
+        stranger.publish(encode_command(Command(*where, "second", 0, action, 1, features.step)))
+
+    answering = topics.OBJECT_FEATURES.subscribe(probe, answer)
+    seen = probe.count(topics.OBJECT_FEATURES)
+    said = "a second agent is ignored (second/1 sends, too): stop it"
+    assert probe.until(lambda: probe.message("sim_node").startswith(said))
+    assert probe.health["/sim_node"].level == ERROR
+    assert learns_on(probe)
+    probe.destroy_subscription(answering)
+    moved_by = {message.commanded_by for message in probe.heard["object_features"][seen:]}
+    assert moved_by <= {"", "real"}
+    assert probe.until(lambda: probe.message("sim_node") == "running")
+
+
+def test_the_steps_of_a_second_arena_are_ignored(probe: Probe) -> None:
+    arena, agent, _ = probe.nodes
+    describes, steps = probe.speaker(topics.ARENA_INFO), topics.OBJECT_FEATURES.publisher(probe)
+    describes.publish(encode_arena_info(replace(ARENA, arena_id="second")))
+
+    def repeat(features: Any) -> None:
+        if features.arena_id != "second":
+            features.arena_id = "second"
+            features.features = [0.5] * len(features.features)
+            steps.publish(features)
+
+    repeating = topics.OBJECT_FEATURES.subscribe(probe, repeat)
+    said = "a second arena is ignored (second sends, too): stop it"
+    assert probe.until(lambda: probe.message("agent_node").startswith(said))
+    assert probe.health["/agent_node"].level == ERROR
+    assert learns_on(probe) and agent.arena.arena_id == arena.session.arena_id
+    probe.destroy_subscription(repeating)
 
 
 @pytest.mark.parametrize("held_from", [0, 10**6])
