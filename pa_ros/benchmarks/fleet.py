@@ -141,6 +141,6 @@ def _run(arenas: int, seed: int, score: HeldOutScore, compose: bool) -> tuple[fl
     began = policies[min(policies)][0]
     times = (at - began for _, (at, policy) in sorted(policies.items()) if score(policy) >= GOAL)
     seconds = next(times, None)
-    said = "not reached" if seconds is None else f"after {seconds:.0f} s"
-    print(f"{arenas} arenas, seed {seed}: {rate:.0f} frames/s, {GOAL} {said}", flush=True)
+    reached = "not reached" if seconds is None else f"after {seconds:.0f} s"
+    print(f"{arenas} arenas, seed {seed}: {rate:.0f} frames/s, {GOAL} {reached}", flush=True)
     return rate, seconds

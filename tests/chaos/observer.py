@@ -221,11 +221,11 @@ class Ledger:
         lost with it, and no further loss. Negative if more was learned than published.
         """
         accounted = lost = 0
-        for agent, heard in self._published.items():
+        for agent, seen in self._published.items():
             ever = self._ever.get(agent, 0)
             dead = agent.agent_id not in living
             # Some subscribers receive what a killed agent was just sending, others do not.
-            sent = heard + (dead and ever > heard)
+            sent = seen + (dead and ever > seen)
             accounted += min(self._accounted.get(agent, 0), sent)
             lost += max(0, sent - ever) if dead else 0
         return accounted - self.version - reported + lost

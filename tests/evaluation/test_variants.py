@@ -80,14 +80,14 @@ def test_algorithms_are_compared_but_are_no_variants(tmp_path: Path) -> None:
         write_variants("programmable-2L", tmp_path)
 
 
-@pytest.mark.parametrize("said", ["{", "[]"])
-def test_a_damaged_setting_is_rejected(tmp_path, said, capsys) -> None:
+@pytest.mark.parametrize("text", ["{", "[]"])
+def test_a_damaged_setting_is_rejected(tmp_path, text, capsys) -> None:
     for experiment in (
         BASE,
         replace(BASE, tag="free", options={"learner.detectors.sparsity": 0.0}),
     ):
         table(tmp_path, experiment, {0: [0.1, 0.95]})
-    (tmp_path / "programmable-2L.free.json").write_text(said)
+    (tmp_path / "programmable-2L.free.json").write_text(text)
     for command in (["experiment", "variants"], ["figures", "programmable-2L.free"]):
         assert main([*command, "--results", str(tmp_path)]) == 2
         error = capsys.readouterr().err

@@ -146,7 +146,7 @@ def execute(folder: Path, design: Design, checkpoint: str, seed: int, speed: flo
         print(ROW.format("", "program", "from", "to", "satisfied", "after"))
         for program in demo_programs(design):
             scene = find_scene(preset_named(PRESET), design, seed, program)
-            # While the program is on its way time stands still, so that it starts in this scene.
+            # The arena is paused until both nodes have the program, so that no step is lost.
             services.pause(True, ANSWER_S)
             evaluation = scene.condition == FEWER
             services.reset(ResetRequest(scene.episode.index, evaluation=evaluation), ANSWER_S)

@@ -102,6 +102,7 @@ class Cluster:
         failed jobs. If jobs fail, the others are still done; then EvaluationError is raised. It is
         raised at once if a node cannot be used or one part is lost LOSSES times.
         """
+        # Ray must not retry by itself: a repeated part starts from newer files.
         task = self._ray.remote(num_cpus=1, max_retries=0)(do_part)
         software, lost = versions(), dict[str, int]()
         failures: dict[str, PaError] = {}

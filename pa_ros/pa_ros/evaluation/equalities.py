@@ -129,6 +129,7 @@ class _Comparison:
         """An episode's largest differences of p and of the action; right minus left score."""
         task = self._task
         task.reset(index, condition)
+        # The laws need a color and a shape that are true of the target.
         (target,) = task.verifier.targets
         kind = task.episode.blocks[target - 1].kind
         values = [Word(value) for value in kind.values()]

@@ -81,6 +81,7 @@ def run_episodes(
 ) -> Iterator[EpisodeScore]:
     """Run episodes 0 … episodes − 1 of a condition and score each."""
     for index in range(episodes):
+        # The verdict of the reset is left out: it rewards no action of the policy.
         observation, verdict = task.reset(index, condition)
         total, steps = 0.0, 0
         while not verdict.truncated:

@@ -279,6 +279,7 @@ def summarize(
     column = "eval_greedy.normalized"
     if column not in rows[-1]:
         column = "train_greedy.normalized"
+    # From the end backwards: a score that falls below the bound later was not solved before.
     first: dict[str, float] | None = None
     for row in reversed(rows):
         if not row[column] >= SOLVED:  # also for NaN

@@ -67,6 +67,7 @@ def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
     names = [in_words(summary.condition) for summary in summaries]
     axes.set_xticks(range(len(names)), names, rotation=45, ha="right")
     axes.set(ylabel="reward per step", ylim=(-1.05, 1.05), title=title)
+    # Below the axes, because the boxes leave no free corner.
     figure.legend(loc="outside lower center", fontsize=8, ncols=4, frameon=False)
     save(figure, path, COLORS)
 

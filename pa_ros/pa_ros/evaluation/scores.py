@@ -73,6 +73,7 @@ def gain_over(
     seed_weights, weights = _weights(seeds, rng), _weights(episodes, rng)
     gain = ((seed_weights @ gains) * weights).sum(1) / seeds  # [R]
     spans = weights @ span  # [R]
+    # A resample of few episodes can make both references equal; it has no scale.
     kept = spans != 0.0
     if not kept.any():
         return Interval(*[float("nan")] * 3)

@@ -138,6 +138,7 @@ def _processes(count: int, extended: Sequence[str]) -> Iterator[ProcessPoolExecu
 
     Seeds can be ended like this because they continue from their last checkpoint.
     """
+    # A forked process would share torch's threads and the parent's random state.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(count, context, _start_process, (extended,)) as pool:
         try:

@@ -31,6 +31,7 @@ class EpisodeTally:
 
     def observe(self, verdict: Verdict, evaluation: bool) -> None:
         """Add one verdict."""
+        # An arena repeats its last step until it is answered.
         if verdict.stamp_ns <= self._latest_ns:
             return
         self._latest_ns = verdict.stamp_ns
