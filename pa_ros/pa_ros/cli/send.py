@@ -37,6 +37,7 @@ from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
 from pa_ros.wire.services import ResetRequest
 
 SUGGEST_S = 2.0  # wait so long for a sample of the table
+VERDICT_S = 0.5  # wait so long for the verdict that belongs to a sample
 OFFER_S = 5.0  # wait so long for an agent's action
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 
@@ -119,6 +120,8 @@ def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
         raise NoAnswerError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )
+    # The verdict is a message of its own, just after the features; a robot may publish none.
+    spin_until(node, lambda: scene.verdict is not None, VERDICT_S)
     for label, text in scene.rows():
         print(f"{label}: {text}")
     print(_suggested(scene))
