@@ -6,13 +6,10 @@ import re
 import shlex
 import shutil
 import subprocess
-import tomllib
-from importlib.metadata import distributions
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
-from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).parents[1]
 
@@ -31,19 +28,3 @@ def test_the_constraints_are_named_in_one_word(tmp_path: Path, name: str) -> Non
     value = shlex.split(line)[0].removeprefix("PIP_CONSTRAINT=")
     assert not re.search(r"\s", value)
     assert Path(unquote(value.removeprefix("file://"))) == folder / "constraints.txt"
-
-
-def test_what_is_pinned_is_for_every_python_that_the_package_is_for() -> None:
-    """With one that a pin isn't for, `make PYTHON=…` ends in pip's error."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    ours = SpecifierSet(project["requires-python"])
-    versions = [f"3.{minor}.99" for minor in range(8, 40) if f"3.{minor}.99" in ours]
-    assert versions
-    refused = {
-        (found.name, version)
-        for found in distributions()
-        for version in versions
-        if version not in SpecifierSet(found.metadata["Requires-Python"] or "")
-        and not found.name.startswith("backports.")  # who needs it, needs it where it is for
-    }
-    assert not refused

@@ -11,7 +11,6 @@ import pytest
 
 from pa_ros.core.files import write_whole
 from pa_ros.core.text import write_report
-from pa_ros.learning.progress import Progress
 
 COMMAND = (sys.executable, "-m", "pa_ros")
 CHECK = ("program", "check", "NEAR(HAND, RED)")
@@ -40,20 +39,6 @@ def test_a_command_whose_output_has_no_room(redirection: str, status: int) -> No
     assert ended.returncode == status and "Traceback" not in ended.stderr
 
 
-def test_a_report_that_has_no_room_leaves_the_one_that_is_there(tmp_path: Path) -> None:
-    report = tmp_path / "eval.json"
-    report.write_text("before")
-    evaluate = ("eval", "--policy", "random", "--episodes", "1", "--json", str(report))
-    line = 'ulimit -f 0; exec "$@" >/dev/null'
-    ended = subprocess.run(
-        ["sh", "-c", line, "sh", *COMMAND, *evaluate], stderr=subprocess.PIPE, text=True
-    )
-    assert ended.returncode == 2
-    assert ended.stderr.startswith("pa_ros eval: [Errno 27]") and str(report) in ended.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["eval.json"]
-    assert report.read_text() == "before"
-
-
 def test_a_file_is_whole_and_a_link_stays_one(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     link = tmp_path / "link.txt"
@@ -74,8 +59,3 @@ def test_numbers_that_json_lacks_are_text(tmp_path: Path) -> None:
 def test_an_option_cut_short_is_refused_and_not_dropped() -> None:
     ended = run("", *CHECK, "--exten", "nosuch.py")
     assert ended.returncode == 2 and "--exten" in ended.stderr
-
-
-def test_a_curve_is_written_beside_and_renamed(tmp_path: Path) -> None:
-    Progress(tmp_path / "progress.csv").add({"frames": 1.0})
-    assert [path.name for path in tmp_path.iterdir()] == ["progress.csv"]

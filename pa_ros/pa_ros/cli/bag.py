@@ -1,4 +1,4 @@
-"""`pa_ros bag info|export|film BAG`: look at a recording, take it elsewhere."""
+"""`pa_ros bag info|export|film BAG`: inspect a recording, or convert it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pa_ros.cli.options import add_extension, file_to_write
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import printable_lines
 
-EXIT_PARTIAL = 1  # some of the bag could not be looked at
+EXIT_PARTIAL = 1  # parts of the bag could not be read
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_look(film)
     for action in (info, export, film):
         action.add_argument("bag", type=Path, metavar="BAG")
-        action.add_argument("--namespace", help="of the arena, if several were recorded")
+        action.add_argument("--namespace", help="namespace of the arena, if several were recorded")
         add_extension(action)
 
 

@@ -25,7 +25,9 @@ NICE = 5  # arena, agents and learner come first
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros console`."""
     add_settings(parser, ConsoleSettings, "port", "rate_hz", "token", "light")
-    parser.add_argument("--namespace", default="", help="of the arena to begin with")
+    parser.add_argument(
+        "--namespace", default="", help="namespace of the arena that is shown first"
+    )
     parser.add_argument("--bag", type=Path, metavar="BAG", help="show a recording instead")
     parser.epilog = "Ctrl-C stops it. Pages without the token are for viewing only."
 

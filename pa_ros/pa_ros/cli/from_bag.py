@@ -69,6 +69,7 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         "preset": origin.preset,
         "protocol": str(origin.parameters.get("protocol", "")),
         "algorithm": algorithm,
+        "network.family": network.family,
         "reward": bag.scoring.reward.to_json(),
     }
     _check_recorded(options, recorded)
@@ -118,6 +119,8 @@ def _check_recorded(options: argparse.Namespace, recorded: Mapping[str, object])
     """Raise ConfigError if an option was given that differs from the recording."""
     kinds = (ArenaChoice, LearningSettings, TrainConfig)
     given = {name: getattr(options, name) for kind in kinds for name in asked(options, kind)}
+    if family := getattr(options, "network.family", None):
+        given["network.family"] = family
     if "relations" in given:
         given["relations"] = tuple(given["relations"])
     if "reward" in given:

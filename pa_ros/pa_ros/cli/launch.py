@@ -47,12 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
     parser.add_argument(
         "--arenas", type=int, metavar="N",
-        help="make N of the file's arena and agent, in namespaces arena1 … with seeds of their "
-        "own, and one learner that hears them all",
+        help="start N copies of the file's arena and agent, in namespaces arena1, arena2 …, each "
+        "with its own seed, and one learner for all",
     )  # fmt: skip
     parser.add_argument(
         "--in-step", choices=get_args(Schedule.model_fields["in_step"].annotation),
-        help="who waits for whom: the learner's schedule.in_step (default: the file's)",
+        help="learner.schedule.in_step: whether agents and learner wait for each other "
+        "(default: as in the file)",
     )  # fmt: skip
     parser.add_argument(
         "--compose", action="store_true",
@@ -60,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--out", type=folder_to_write, metavar="DIR",
-        help="where parameters, logs and, if the file names no place, what is learned go "
+        help="folder of parameters and logs, and of checkpoints if the file names none "
         "(default: a new runs/launch-<time>)",
     )  # fmt: skip
     parser.add_argument(
@@ -68,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--console", action="store_true",
-        help="serve the page of `pa_ros console`, on a port that is free",
+        help="serve the page of `pa_ros console` on a free port",
     )  # fmt: skip
     parser.epilog = "Ctrl-C stops all nodes; exit status 1 if one failed or ended by itself"
 

@@ -1,6 +1,6 @@
 """Entry point of the `pa_ros` command.
 
-What takes time to import is imported in `main`, which ends in order when a signal comes.
+Slow imports happen inside `main`, which ends in order when a signal arrives.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from pa_ros.core.text import did_you_mean, printable_lines
 COMMANDS = {
     "program": ("pa_ros.cli.program", "check the text of a program"),
     "train": ("pa_ros.cli.train", "train in one process, without ROS"),
-    "experiment": ("pa_ros.cli.experiment", "several seeds of one setting, as a table"),
-    "ship": ("pa_ros.cli.ship", "make a run's policy one of the package's own"),
-    "figures": ("pa_ros.cli.figures", "draw the pictures of the experiments' tables"),
+    "experiment": ("pa_ros.cli.experiment", "train several seeds of one setting, or study them"),
+    "ship": ("pa_ros.cli.ship", "add the policy of a run to the package"),
+    "figures": ("pa_ros.cli.figures", "draw the tables of experiments"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
     "film": ("pa_ros.cli.film", "an agent that executes six programs, as a film"),
     "launch": ("pa_ros.cli.launch", "start nodes and show one live table"),
     "send": ("pa_ros.cli.send", "send a program to a running graph"),
     "record": ("pa_ros.cli.record", "record a running graph into a rosbag2 bag"),
-    "bag": ("pa_ros.cli.bag", "what a bag holds; its episodes as NPZ or as a film"),
+    "bag": ("pa_ros.cli.bag", "describe a bag; export its episodes as NPZ or as a film"),
     "play": ("pa_ros.cli.play", "publish a bag into a live graph"),
-    "verify": ("pa_ros.cli.verify", "make a recorded run again and compare it to the last bit"),
+    "verify": ("pa_ros.cli.verify", "repeat a recorded run and compare it bit for bit"),
     "console": ("pa_ros.cli.console", "a page in the browser: a running graph, or a bag"),
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 ABOUT = "Programmable agents: arms that execute declarative programs."
-EXIT_UNSAID = 1  # the work was done, but not all that was to be said of it could be written
-EXIT_REFUSED = 2  # the user's input was refused, as argparse does
-EXIT_PIPE = 141  # as a shell says of SIGPIPE
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # what standard output goes to
+EXIT_UNSAID = 1  # the work is done, but standard output could not be written
+EXIT_REFUSED = 2  # the user's input was rejected; argparse has the same status
+EXIT_PIPE = 141  # the status that a shell gives for SIGPIPE
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of standard output
 
 
 class _Parser(argparse.ArgumentParser):
@@ -79,7 +79,7 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
 
 
 def load_extensions(arguments: Sequence[str]) -> list[str]:
-    """Import them before the command's options are made, whose choices they add to; their names."""
+    """Import the extensions, which add to the choices of options, and return their names."""
     from pa_ros.cli.options import add_extension
     from pa_ros.core import extensions
 
@@ -94,7 +94,7 @@ def _run(arguments: Sequence[str], chosen: str | None) -> int:
     check_opengl()
     given = load_extensions(arguments)
     options = build_parser(chosen).parse_args(arguments)
-    options.extension = given  # those before the command, too
+    options.extension = given  # also those before the command's name
     return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
 
 
@@ -104,11 +104,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     chosen = next((a for a in arguments if a in COMMANDS), None)
     command = f"pa_ros {chosen}" if chosen else "pa_ros"
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # as standard error: text has … and —
+        sys.stdout.reconfigure(errors="backslashreplace")  # our texts contain … and —
     try:
         with signals_interrupt():
             status = _run(arguments, chosen)
-        if sys.stdout is not None:  # closed by who started it
+        if sys.stdout is not None:  # None if the parent process closed it
             sys.stdout.flush()
         return status
     except PaError as error:
@@ -118,11 +118,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return interrupted.status
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # `| head` has read enough; nothing is left to be flushed at the end
+    except BrokenPipeError:  # the reader, such as `| head`, has ended
         _say_no_more()
         return EXIT_PIPE
     except OSError as error:
-        if error.filename is not None:  # a path that the system refuses
+        if error.filename is not None:  # a path that the system rejects
             print(f"{command}: {printable_lines(str(error))}", file=sys.stderr)
             return EXIT_REFUSED
         if error.errno not in FULL:
@@ -133,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _say_no_more() -> None:
-    """What standard output has yet to write goes nowhere, also at the interpreter's end."""
+    """Discard what standard output has not written yet, also when the interpreter ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -17,10 +17,10 @@ REPORT_S = 5.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros verify`."""
-    parser.add_argument("bag", type=Path, metavar="BAG", help="recorded from the run's first step")
-    parser.add_argument("--namespace", help="of the arena, if several were recorded")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="a recording of a whole run")
+    parser.add_argument("--namespace", help="namespace of the arena, if several were recorded")
     parser.add_argument(
-        "--no-arena", action="store_true", help="compare weights only, not the transitions too"
+        "--no-arena", action="store_true", help="compare only the weights, not the transitions"
     )
     parser.epilog = "exit status: 0 equal, 1 different or incomplete, 2 not a recorded run"
 
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def conclusion(found: Verification) -> list[str]:
-    """What to tell a person."""
+    """The lines that are printed at the end."""
     lines = [
         found.note,
         f"repeated: {found.frames} transitions, {found.updates} updates, version {found.version}",
@@ -55,13 +55,13 @@ def conclusion(found: Verification) -> list[str]:
 
 
 class _Progress:
-    """A line every REPORT_S on standard error."""
+    """Prints a line every REPORT_S on standard error."""
 
     def __init__(self) -> None:
         self._said = time.monotonic()
 
     def report(self, found: Verification) -> None:
-        """Say how far it is, if it is time."""
+        """Print how far it is, if it is time."""
         if time.monotonic() - self._said >= REPORT_S:
             self._said = time.monotonic()
             print(f"version {found.version}: {found.compared} equal", file=sys.stderr, flush=True)
