@@ -19,7 +19,7 @@ from pa_ros.arena import (
 )
 from pa_ros.core.experience import Float64
 from pa_ros.core.text import Report
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 DESIGN = "2-L"
 

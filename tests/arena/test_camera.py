@@ -9,8 +9,7 @@ import pytest
 from helpers.pictures import opengl, pixel_of
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.appearance import look_of
-from pa_ros.arena.camera import Camera, CameraConfig, intrinsics, optical_pose
-from pa_ros.core.errors import ConfigError
+from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 
 SIZES = [("overview", 320, 240), ("above", 200, 200), ("above", 640, 360)]
 
@@ -72,21 +71,3 @@ def test_the_optical_axis_is_in_the_middle_of_the_picture(task: ReachTask):
     assert pixel_of(np.zeros(3), matrix, pose.position, pose.quaternion) == pytest.approx([100, 50])
     right = pixel_of(np.array([0.3, 0.1, 0.0]), matrix, pose.position, pose.quaternion)
     assert right[0] > 100 and right[1] < 50  # x to the right, y up, seen from above
-
-
-def test_shadows_are_optional(task: ReachTask):
-    pictures = []
-    for shadows in (False, True):
-        camera = Camera(task.simulation.model, "overview", 160, 120, shadows)
-        camera.look(task.simulation)
-        pictures.append(camera.picture().astype(float))
-        camera.close()
-    assert np.abs(pictures[0] - pictures[1]).mean() > 0.5
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("width", 0), ("height", 5000), ("rate_hz", -1.0), ("view", "behind")]
-)
-def test_impossible_camera_settings_are_rejected(name, value):
-    with pytest.raises(ConfigError, match=f"camera.{name}: expected"):
-        CameraConfig(**{name: value})

@@ -1,7 +1,6 @@
 """The Gymnasium environment."""
 
 import copy
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -16,9 +15,7 @@ from pa_ros.arena import (
     ReachEnv,
     conditions_for,
     design_named,
-    preset_named,
 )
-from pa_ros.arena.errors import ArenaError
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import ProgramError
 
@@ -121,28 +118,8 @@ def test_a_program_with_too_many_instructions_is_rejected() -> None:
 def test_wrong_options_are_rejected() -> None:
     with pytest.raises(ConfigError, match="reset"):
         ReachEnv().step(np.zeros(6, dtype=np.float32))
-    with pytest.raises(ConfigError, match="eval"):
-        ReachEnv(design="2-C", condition="eval").reset()
     with pytest.raises(ConfigError, match="arm: expected none beside an ArenaConfig of jaco, got"):
         ReachEnv(ArenaConfig(), arm="panda")
-    assert ReachEnv(preset_named("fast", "panda"), arm="panda").config.arm == "panda"
-
-
-@pytest.mark.parametrize("rows", [0, 2.5, 10**9])
-def test_a_wrong_number_of_program_rows_is_rejected(rows: Any) -> None:
-    with pytest.raises(ConfigError, match="program_rows: expected an integer of 1 to"):
-        ReachEnv(observation="structured", program_rows=rows)
-
-
-@pytest.mark.parametrize("action", [np.zeros(5), np.zeros(1), 0.5, np.full(6, np.nan)])
-def test_a_wrong_action_is_rejected_and_nothing_moves(action: Any) -> None:
-    env = ReachEnv()
-    env.reset(seed=0)
-    before = env.task.simulation.joint_position.copy()
-    with pytest.raises(ArenaError, match="expected"):
-        env.step(action)
-    np.testing.assert_array_equal(env.task.simulation.joint_position, before)
-    assert env.step(np.zeros(6, np.float32))[0].shape == env.observation_space.shape
 
 
 def test_a_reward_can_be_named() -> None:
@@ -164,20 +141,12 @@ def test_the_program_of_an_episode_can_be_chosen() -> None:
     np.testing.assert_array_equal(seen["objects"], other["objects"])
     assert not np.array_equal(seen["program"], other["program"])
     for options, error, said in (
-        ({"program": "NEAR(HAND"}, ProgramError, "expected"),
         ({"program": "NEAR(HAND, A)"}, ProgramError, "no such object"),
         ({"programme": "x"}, ConfigError, r"expected only 'program', got \['programme'\]"),
     ):
         with pytest.raises(error, match=said):
             env.reset(seed=0, options=options)  # type: ignore[arg-type]
     assert env.step(np.zeros(6, np.float32))[4]["program"]
-
-
-def same(one: object, other: object) -> bool:
-    """Whether two observations have the same bits."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
-    return np.array_equal(np.asarray(one), np.asarray(other))
 
 
 @pytest.mark.parametrize("observation", ["flat", "structured"])
@@ -201,11 +170,4 @@ def test_a_deep_copy_is_independent(observation: str) -> None:
     expected = later(reference)
     for env in (copied, original):
         for one, other in zip(later(env), expected, strict=True):
-            assert same(one[0], other[0]) and one[1:] == other[1:]
-
-
-def test_a_running_arena_cannot_be_pickled() -> None:
-    env = ReachEnv()
-    env.reset(seed=3)
-    with pytest.raises(ConfigError, match=r"expected copy.deepcopy"):
-        pickle.dumps(env)
+            np.testing.assert_equal(one, other)

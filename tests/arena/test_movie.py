@@ -61,13 +61,10 @@ def test_a_caption_is_below_the_picture_and_cut_to_its_width():
     assert captioned(picture, ["", ""]).min() == 0 and (captioned(picture, [""])[60:] == 255).all()
 
 
-@pytest.mark.parametrize("kind", ["webp", "gif", "mp4"])
-def test_a_file_that_cannot_be_written_is_rejected(tmp_path, kind):
-    if kind == "mp4":
-        pytest.importorskip("av")
+def test_a_file_that_cannot_be_written_is_rejected(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RenderError, match="file"):
-        write_movie(tmp_path / "file" / f"film.{kind}", pictures(2), 0.1)
+        write_movie(tmp_path / "file" / "film.webp", pictures(2), 0.1)
 
 
 def test_the_film_of_the_shipped_agent_shows_that_it_reaches_all_targets(
@@ -86,7 +83,6 @@ def test_the_film_of_the_shipped_agent_shows_that_it_reaches_all_targets(
     [
         (["--out", "x.avi"], "ends in .webp, .gif, .mp4"),
         (["--out", "x.gif", "--width", "9"], "expected 64 to 2000 pixels, got 9"),
-        (["--out", "x.gif", "--seed", "-1"], "got -1"),
         (["--out", "x.gif", "--checkpoint", "nowhere"], "nowhere"),
     ],
 )

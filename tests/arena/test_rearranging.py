@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena.appearance import look_of
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.rearranging import bodies, rearrange
@@ -54,7 +55,7 @@ def test_a_block_rests_at_its_new_place_and_the_arm_continues():
     hold(task, 10)
     place = task.simulation.positions[2]
     assert place[:2] == pytest.approx(FAR[:2], abs=1e-3)
-    assert place[2] == pytest.approx(task.simulation.rest_height(kinds_of(task)[1]), abs=1e-3)
+    assert place[2] == pytest.approx(look_of(kinds_of(task)[1]).rest_height, abs=1e-3)
 
 
 def test_a_block_in_the_air_falls_and_a_pushed_one_moves():

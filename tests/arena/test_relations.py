@@ -16,7 +16,7 @@ from pa_ros.arena import (
 from pa_ros.arena.references import nearest_target
 from pa_ros.arena.render import outline, top_view
 from pa_ros.core.errors import ConfigError
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 FAST, TWO_L = preset_named("fast"), design_named("2-L")
 SIX = TWO_L.with_relations(*RELATIONS)

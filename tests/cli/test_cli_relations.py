@@ -9,7 +9,7 @@ import pytest
 from pa_ros.arena.config import ArenaChoice
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 
 def test_a_choice_of_relations_is_the_designs() -> None:

@@ -3,7 +3,7 @@
 `pa_ros train --extension tests/extending/crane.py --arm crane` learns with it.
 """
 
-from pa_ros.arena import ARMS, Arm, Joint, JointSettings
+from pa_ros.arena import ARMS, Arm, Joint
 
 LARGE, SMALL = (2.5, 60.0, 40.0), (3.0, 15.0, 8.0)  # rad/s, N m, N m s/rad
 # Name, limits, motor; start and working range. At zero the arm is straight up.
@@ -15,12 +15,9 @@ JOINTS = (
 )
 
 
-def mjcf(settings: JointSettings, attributes: str) -> str:
+def mjcf(attributes: str) -> str:
     """Upper arm 0.35 m, forearm 0.30 m, hand 0.15 m."""
-    ranges = [
-        f'range="{low} {high}"'
-        for low, high in zip(settings.joint_lower, settings.joint_upper, strict=True)
-    ]
+    ranges = [f'range="{joint.lower} {joint.upper}"' for joint in JOINTS]
     return f"""
 <geom type="cylinder" pos="0 0 0.1" size="0.06 0.1" {attributes}/>
 <body name="turret" gravcomp="1" pos="0 0 0.3">

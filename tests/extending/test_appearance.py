@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import Any
-
 import pytest
 
 from pa_ros.arena import ReachTask, preset_named
-from pa_ros.arena.appearance import APPEARANCES, Look, look_of
+from pa_ros.arena.appearance import Look, look_of
 from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.core.errors import ConfigError
 from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
@@ -34,33 +30,4 @@ def test_a_custom_color_without_a_look_is_grey() -> None:
 def test_an_unknown_shape_is_rejected_before_the_first_episode() -> None:
     design = designed(shape=("CUBE", "CONE"), color=("RED", "BLUE"))
     with pytest.raises(ConfigError, match=r"shape: CONE: .* of \['CUBE'.*'CAPSULE'\], got 'CONE'"):
-        ReachTask(preset_named("fast"), design, 0)
-
-
-@pytest.fixture
-def weight(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """A group with a custom look."""
-    monkeypatch.setattr(APPEARANCES, "_items", {**dict(items()), "weight": request.param})
-    look_of.cache_clear()
-    yield "weight"
-    look_of.cache_clear()
-
-
-def items() -> Iterator[tuple[str, Any]]:
-    return ((name, APPEARANCES[name]) for name in APPEARANCES)
-
-
-@pytest.mark.parametrize(
-    ("weight", "why"),
-    [
-        (lambda look, value: replace(look, scale={"HEAVY": 2.0}[value]), "KeyError"),
-        (lambda look, value: None, "expected a Look, got None"),
-        (lambda look, value: replace(look, density=-1.0), "density: .* got -1.0"),
-        (lambda look, value: replace(look, rgba="1 1 1"), "rgba: .* got '1 1 1'"),
-    ],
-    indirect=["weight"],
-)
-def test_an_impossible_look_is_rejected_by_group_and_value(weight: str, why: str) -> None:
-    design = designed(color=("RED", "BLUE"), **{weight: ("LIGHT", "HEAVY")})
-    with pytest.raises(ConfigError, match=f"appearance of weight: LIGHT: .*{why}"):
         ReachTask(preset_named("fast"), design, 0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from pa_ros.core.experience import Float64
-from pa_ros.world.relations import Relation, circle, register
+from pa_ros.world.relation import Relation, circle, register
 
 RADIUS_M = 0.30
 

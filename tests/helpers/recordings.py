@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from helpers.waiting import DEADLINE_S, wait_for
-from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
+from pa_ros.arena import ARMS, Kind, ReachTask, design_named, preset_named
 from pa_ros.arena.rearranging import bodies, rearrange
 from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.reader import Bag
@@ -87,7 +87,7 @@ def rearranged() -> list[Step]:
             rearrange(task, kinds[1:], bodies(task)[2:])
         if step == 6:
             corners = [Body.at_rest(np.array([x, -0.4, 0.0]), UPRIGHT) for x in (-0.4, -0.3)]
-            spare = kinds[0].but(color="GREEN")
+            spare = Kind(**{**kinds[0], "color": "GREEN"})
             rearrange(task, [*kinds[1:], kinds[0], spare], [*bodies(task)[1:], *corners])
         found.append((observation, verdict, None, task.program, False))
         observation, verdict = task.step(np.full(6, 0.2))

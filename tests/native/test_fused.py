@@ -27,7 +27,7 @@ from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 
 

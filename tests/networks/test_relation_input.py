@@ -15,7 +15,7 @@ from pa_ros.networks.modules import goals_of
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.world.programs import ProgramTable
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 THREE = ("NEAR", "ABOVE", "LEFT_OF")
 TEXTS = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +15,6 @@ from pa_ros.language import (
     Not,
     Or,
     Program,
-    ProgramError,
     Vocabulary,
     Word,
     parse,
@@ -157,10 +155,3 @@ def test_a_table_keeps_equal_programs_once_and_pads_with_copies() -> None:
     assert table.arrays()[0] is op
     table.add(parse("NEAR(HAND, CUBE)", VOCABULARY))
     assert table.arrays()[0].shape == (3, 3)
-
-
-def test_a_program_of_another_vocabulary_is_not_added() -> None:
-    table = ProgramTable(VOCABULARY)
-    with pytest.raises(ProgramError, match="BLUE"):
-        table.add(parse("NEAR(HAND, BLUE)", Vocabulary.of(shape=("CUBE",), color=("BLUE",))))
-    assert len(table) == 0

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 from pa_ros.language.vocabulary import WordGroup
-from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, OneHot, PropertyGroup, Real
+from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 from pa_ros.world.world import World
 
 SIZE = PropertyGroup(
@@ -19,17 +17,8 @@ SIZE = PropertyGroup(
 SIZED = ObjectSchema((*PAPER.groups, SIZE))
 
 
-def test_objects_of_the_paper_have_sixteen_features() -> None:
-    names = ("x", "y", "z", "qx", "qy", "qz", "qw", "shape_cube", "shape_sphere", "shape_cylinder",
-             "shape_capsule", "color_red", "color_green", "color_blue", "color_yellow",
-             "color_magenta")  # fmt: skip
-    assert PAPER.feature_names == names and PAPER.width == 16
-    assert PAPER.slices == {"shape": slice(7, 11), "color": slice(11, 16)}
-    assert PAPER.properties == slice(7, 16)
-    assert PAPER.vocabulary.words == SHAPES + COLORS
-
-
 def test_a_schema_can_have_a_group_of_numbers() -> None:
+    assert PAPER.width == 16 and PAPER.slices == {"shape": slice(7, 11), "color": slice(11, 16)}
     assert SIZED.feature_names[16:] == ("size_m",) and SIZED.slices["size"] == slice(16, 17)
     row = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "LARGE"})
     assert row[16] == np.float32(0.08) and set(np.flatnonzero(row)) == {7, 13, 16}
@@ -72,8 +61,10 @@ def group(words: tuple[str, ...] = ("A",), name: str = "g", **changed: object) -
     [
         ({"tolerance": 0.5}, "more than twice the tolerance 0.5 apart, got A .* and B"),
         ({"scale": float("inf")}, "positive tolerance and scale"),
-        ({"of": {"A": (0.0, 1.0)}}, r"property group g: A: expected 1 numbers .* got \(0.0, 1.0\)"),
-        ({"scale": 1e300}, "scale of at most 1e\\+15, got 0.1 and 1e\\+300"),
+        (
+            {"of": {"A": (0.0, 1.0)}},
+            r"group g: A: expected 1 finite numbers, got \(0.0, 1.0\)",
+        ),
         ({"of": {}}, "at least one value"),
         ({"name": "Größe"}, "lower-case ASCII name"),
     ],
@@ -81,32 +72,6 @@ def group(words: tuple[str, ...] = ("A",), name: str = "g", **changed: object) -
 def test_a_group_with_impossible_numbers_is_rejected(changed: dict[str, object], why: str) -> None:
     with pytest.raises(ConfigError, match=why):
         group(**changed)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("groups", "why"),
-    [
-        ([group((f"W{i}",), f"g{i}") for i in range(9)], "property groups: expected 1 to 8, got 9"),
-        ([], "property groups: expected 1 to 8, got 0"),
-        (
-            [PropertyGroup("g", ("A",), OneHot(tuple(f"V{i}" for i in range(250))))],
-            "features of an object: expected 1 to 256, got 257",
-        ),
-        ([group(tuple(f"W{i}" for i in range(129)))], "words: expected 1 to 128, got 129"),
-        (
-            [
-                PropertyGroup(name, (name.upper(),), OneHot(tuple(f"V{i}" for i in range(20))))
-                for name in ("a", "b", "c")
-            ],
-            "combinations of values: expected 1 to 4096, got 8000",
-        ),
-        ([group(), group()], "different names"),
-        ([group(), group(("B",), "h"), group(("A",), "i")], "'A' is reserved or named twice"),
-    ],
-)
-def test_a_schema_checks_its_limits(groups: list[PropertyGroup], why: str) -> None:
-    with pytest.raises(ConfigError, match=why):
-        ObjectSchema(tuple(groups))
 
 
 WORLD = World(SIZED, SIZED.vocabulary, joints=7)
@@ -141,55 +106,21 @@ def test_a_world_is_read_back_from_its_json_and_identified_by_its_digest() -> No
     assert len(digests) == 7 and {len(digest) for digest in digests} == {16}
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"objects": 3}', "null"])
+@pytest.mark.parametrize("text", ["", "[]", '{"objects": 3}'])
 def test_wrong_json_is_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match="world: expected"):
         World.from_json(text)
-
-
-HUGE = 10**400  # more than a float holds
-SIZES = {"name": "size", "words": ["SMALL"], "features": ["m"], "of": [["SMALL", [0.1]]],
-         "tolerance": 0.01, "scale": 1.0}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("group", "rest"),
-    [
-        ({"of": [["SMALL", [HUGE]]]}, {}),
-        ({"scale": 1e300}, {}),
-        ({}, {"joints": HUGE}),
-        ({}, {"joints": 6.5}),
-        ({}, {"joints": True}),
-    ],
-)
-def test_json_with_impossible_numbers_is_rejected(
-    group: dict[str, object], rest: dict[str, object]
-) -> None:
-    world = {"objects": [SIZES | group], "words": [["size", ["SMALL"]]], "joints": 6}
-    world |= {"relations": ["NEAR"]} | rest
-    with pytest.raises(ConfigError, match="expected"):
-        World.from_json(json.dumps(world))
-    with pytest.raises(ConfigError, match="expected"):  # from YAML, which any integer fits into
-        World.from_data(world)
 
 
 @pytest.mark.parametrize(
     ("changed", "why"),
     [
         ({"joints": 17}, "joints: expected 1 to 16, got 17"),
-        ({"joints": 0}, "joints: expected 1 to 16, got 0"),
+        ({"joints": 6.5}, "joints: expected 1 to 16, got 6.5"),
         ({"vocabulary": PAPER.vocabulary.asking("BESIDE")}, "unknown relation: expected one of"),
         (
             {"vocabulary": Vocabulary.of(color=("RED",), shape=("CUBE",))},
             r"expected \['shape', 'color'\], got \['color', 'shape'\]",
-        ),
-        (
-            {
-                "vocabulary": Vocabulary.of(
-                    shape=("CUBE",), color=tuple(f"C{i}" for i in range(128))
-                )
-            },
-            "words: expected 1 to 128, got 129",
         ),
     ],
 )

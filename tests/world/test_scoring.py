@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, nextafter, sqrt
+from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -72,14 +72,6 @@ def test_many_states_and_programs_get_the_same_bits_as_each_alone(
         assert scoring.of_targets(named[p].nonzero()[0].tolist(), objects[t]) == alone
 
 
-def test_another_reward_is_used() -> None:
-    scoring = Scoring({"NEAR": 0.2}, Sparse(2.0, -0.5))
-    for x, reward in ((0.1, 2.0), (nextafter(0.3, 1), -0.5)):
-        objects = scene((x, 0, 0), (0, 0, 0))
-        assert scoring(NAMED, objects).reward == reward
-        assert scoring.of_targets((1,), objects).reward == reward
-
-
 def test_a_reward_is_read_back_from_its_text() -> None:
     text = Sparse(2.0, -0.5).to_json()
     assert text == '{"name":"sparse","otherwise":-0.5,"satisfied":2.0}'
@@ -91,12 +83,9 @@ def test_a_reward_is_read_back_from_its_text() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("dense", r"unknown reward: expected one of \['sparse'.*got 'dense'"),
         ('{"name": "dense"}', r"unknown reward: expected one of \['sparse'.*got 'dense'"),
-        ("{}", "reward: expected a name, or JSON with name and parameters"),
         ('{"name": "sparse"', "reward: expected a name, or JSON"),
         ('{"name": "sparse", "steep": 1}', r"\['satisfied', 'otherwise'\], got steep = 1"),
-        ('{"name": "sparse", "satisfied": "x"}', "finite numbers .* got satisfied = 'x'"),
         ('{"name": "sparse", "satisfied": NaN}', "finite numbers .* got satisfied = nan"),
         ('{"name": "sparse", "satisfied": true}', "finite numbers .* got satisfied = True"),
         pytest.param(
@@ -110,14 +99,6 @@ def test_a_wrong_text_is_rejected(text: str, message: str) -> None:
 
 
 @dataclass(frozen=True)
-class Needs(Reward):
-    height: float
-
-    def __call__(self, satisfied: Any, measure: Any) -> Any:
-        return satisfied * self.height
-
-
-@dataclass(frozen=True)
 class Paying(Reward):
     def __call__(self, satisfied: Any, measure: Any) -> Any:
         return self.pays(satisfied, measure)
@@ -127,30 +108,11 @@ class Paying(Reward):
         return satisfied * 1.0
 
 
-@pytest.mark.parametrize("text", ["own", '{"name": "own"}'])
-@pytest.mark.parametrize(
-    ("kind", "why"),
-    [
-        (Needs, "height"),
-        (lambda satisfied, measure: 1.0, "TypeError"),
-        (lambda: Sparse, "frozen dataclass"),
-    ],
-)
-def test_a_wrong_class_is_rejected_when_it_is_chosen(
-    kind: Any, why: str, text: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(REWARDS, "_items", {"own": kind})
-    with pytest.raises(ConfigError, match=f"reward own: .*{why}"):
-        reward_from(text)
-
-
 @pytest.mark.parametrize(
     ("pays", "why"),
     [
         (lambda satisfied, measure: np.zeros(3), "a finite number for each state"),
         (lambda satisfied, measure: np.where(satisfied, 1.0, np.nan), "number for each state.*nan"),
-        (lambda satisfied, measure: 1.0, "a finite number for each state, got 1.0"),
-        (lambda satisfied, measure: 1 / 0, "ZeroDivisionError"),
     ],
 )
 def test_a_reward_without_a_number_for_each_state_is_rejected_when_it_is_chosen(

@@ -1,6 +1,6 @@
 """The simulated arena: arm, table, blocks, episodes, the verifier and reference policies."""
 
-from pa_ros.arena.arms import ARMS, Arm, Joint, JointSettings
+from pa_ros.arena.arms import ARMS, Arm, Joint
 from pa_ros.arena.conditions import Condition, condition_named, conditions_for, training_programs
 from pa_ros.arena.config import PRESETS, ArenaChoice, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
@@ -25,7 +25,6 @@ __all__ = [
     "DivergedError",
     "Episode",
     "Joint",
-    "JointSettings",
     "Kind",
     "ReachEnv",
     "ReachTask",

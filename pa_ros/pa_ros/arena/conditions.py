@@ -90,7 +90,7 @@ def program_for(
                 other = str(rng.choice([word for word in known if word != own]))
                 terms.append(f"NOT({other})")
                 # Without this block on the table the negation would not matter.
-                required.append(target.but(**{group: other}))
+                required.append(Kind(**{**target, group: other}))
             case Term.NOVEL:
                 terms.append(novel(known, design.spare(group)))
             case Term.ANY:
@@ -115,13 +115,12 @@ def novel(known: tuple[str, ...], spare: tuple[str, ...]) -> str:
     return f"OR({', '.join((excluded, *spare))})" if spare else excluded
 
 
-def condition_named(name: str, design: Design, n_blocks: int | None = None) -> Condition:
+def condition_named(name: str, design: Design) -> Condition:
     """Build a condition for a design; ConfigError if the design has no such condition.
 
-    `n_blocks` replaces the design's number of blocks, unless the condition sets it. Zero-shot
-    conditions use the held-out targets, or the training targets if nothing is held out.
+    Zero-shot conditions use the held-out targets, or the training targets if nothing is held out.
     """
-    conditions = _conditions(design, n_blocks or design.n_blocks)
+    conditions = _conditions(design)
     if name in conditions:
         return conditions[name]
     raise ConfigError(
@@ -131,11 +130,11 @@ def condition_named(name: str, design: Design, n_blocks: int | None = None) -> C
 
 def conditions_for(design: Design) -> tuple[str, ...]:
     """Names of the conditions of a design."""
-    return tuple(_conditions(design, design.n_blocks))
+    return tuple(_conditions(design))
 
 
-def _conditions(design: Design, n: int) -> dict[str, Condition]:
-    pool, wider = design.pool, design.extended_pool
+def _conditions(design: Design) -> dict[str, Condition]:
+    pool, wider, n = design.pool, design.extended_pool, design.n_blocks
     zero_shot = design.held_out or design.train
     varied = [group for group, values in design.values.items() if len(values) > 1]
     found = [Condition("train", design.train, pool, n)]

@@ -13,7 +13,7 @@ from pa_ros.arena.arms import ARMS
 from pa_ros.arena.designs import DESIGNS, Design, design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 Joints = tuple[float, ...]  # one number for each joint of the arm
 
@@ -101,16 +101,12 @@ class ArenaConfig(Settings):
         return values
 
     @model_validator(mode="after")
-    def _check_joints(self) -> Self:
+    def _check_joints_and_period(self) -> Self:
         if len(self.joint_speed_limits) != self.joints:
             raise ValueError(
                 f"joint_speed_limits: expected {self.joints} numbers, the joints of {self.arm}, "
                 f"got {len(self.joint_speed_limits)}: {self.joint_speed_limits}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_period(self) -> Self:
         if abs(self.substeps * self.timestep_s - self.control_period_s) > 1e-9:
             raise ValueError(
                 f"control_period_s: expected a multiple of timestep_s = {self.timestep_s}, "

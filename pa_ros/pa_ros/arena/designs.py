@@ -11,7 +11,7 @@ from typing import Any
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 from pa_ros.world.schema import PAPER, ObjectSchema
 
 Values = Mapping[str, tuple[str, ...]]
@@ -54,10 +54,6 @@ class Kind(Mapping[str, str]):
     def conjunction(self) -> str:
         """The program text AND(RED, CUBE), in the order of the groups; RED for a single group."""
         return f"AND({', '.join(self.values())})" if len(self) > 1 else str(self)
-
-    def but(self, **changed: str) -> Kind:
-        """The same kind with other values of some groups."""
-        return Kind(**{**self, **changed})
 
 
 @dataclass(frozen=True)

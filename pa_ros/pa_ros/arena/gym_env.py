@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import Design, design_named
-from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.observations import PROGRAM_ROWS, FlatObservation, StructuredObservation
 from pa_ros.arena.render import top_view
 from pa_ros.arena.task import ReachTask, world_of
@@ -91,7 +90,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
             # Gymnasium's generator draws the arena's seed, so that `reset(seed=…)` determines all
             # episodes.
             drawn = int(self.np_random.integers(SEED_RANGE))
-            self._task, self._next_episode = self._new_task(drawn), 0
+            self._task = ReachTask(self.config, self.design, drawn, self._reward)
+            self._next_episode = 0
         observation, verdict = self._task.reset(self._next_episode, self.condition)
         self._next_episode += 1
         if parsed is not None:
@@ -99,16 +99,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         return self._observed(observation), self._info(verdict)
 
     def step(self, action: Float32) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Act for one control period; ArenaError (arena.command) unless `action` is [J] finite
-        numbers."""
-        parts = np.asarray(action, dtype=np.float64)
-        if parts.shape != self._limits.shape:
-            raise ArenaError(
-                f"gym: action: expected [{len(self._limits)}] numbers in [-1, 1], "
-                f"got shape {list(parts.shape)}",
-                code="arena.command",
-            )
-        observation, verdict = self.task.step(parts * self._limits)
+        """Act for one control period; ArenaError (arena.command) unless all numbers are finite."""
+        observation, verdict = self.task.step(self._limits * action)
         seen, info = self._observed(observation), self._info(verdict)
         return seen, verdict.reward, False, verdict.truncated, info
 
@@ -127,9 +119,6 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         if self.structured is not None:
             return self.structured(seen, self.task.program)
         return self.flat(seen, self.task)
-
-    def _new_task(self, seed: int) -> ReachTask:
-        return ReachTask(self.config, self.design, seed, reward=self._reward)
 
     def _info(self, verdict: Verdict) -> dict[str, Any]:
         return {

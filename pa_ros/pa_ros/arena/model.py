@@ -58,7 +58,7 @@ def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:
     <geom name="table" type="box" pos="0 0 {-TABLE_THICKNESS_M / 2}"
       size="{TABLE_SIDE_M / 2} {TABLE_SIDE_M / 2} {TABLE_THICKNESS_M / 2}"
       contype="{SOLID}" conaffinity="0" rgba="0.6 0.5 0.4 1"/>
-    {ARMS[config.arm].mjcf(config, _arm_contact(config))}
+    {ARMS[config.arm].mjcf(_arm_contact(config))}
     {blocks}
   </worldbody>
   <actuator>{_actuators(config)}</actuator>

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from pa_ros.arena.appearance import COLOR_RGBA
 from pa_ros.arena.errors import RenderError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.files import written_beside
@@ -20,8 +19,6 @@ from pa_ros.core.files import written_beside
 Picture = NDArray[np.uint8]
 FORMATS = (".webp", ".gif", ".mp4")
 WEBP_QUALITY = 80
-COLORS = 96  # in the palette of a GIF
-SHADES = (0.35, 0.6, 0.8, 1.0)  # of a block's color, in light and shadow
 LINES, PAD_PX = 2, 6
 
 
@@ -62,7 +59,7 @@ def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int
     complete.
     """
     check_movie(path)
-    write = {".webp": _write_webp, ".gif": _write_gif, ".mp4": _write_mp4}[path.suffix.lower()]
+    kind = path.suffix.lower()
     count = 0
 
     def counted() -> Iterator[Picture]:
@@ -73,44 +70,22 @@ def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int
 
     try:
         with written_beside(path) as beside:
-            write(beside, counted(), period_s)
+            if kind == ".mp4":
+                _write_mp4(beside, counted(), period_s)
+            else:
+                _write_image(beside, counted(), period_s, kind.removeprefix("."))
     except OSError as error:
         raise RenderError(f"film: {path}: {error}") from error
     return count
 
 
-def _write_webp(path: Path, pictures: Iterator[Picture], period_s: float) -> None:
+def _write_image(path: Path, pictures: Iterator[Picture], period_s: float, kind: str) -> None:
     images = map(Image.fromarray, pictures)
     with path.open("wb") as file:
         next(images).save(
-            file, format="WEBP", save_all=True, append_images=images, loop=0,
+            file, format=kind, save_all=True, append_images=images, loop=0,
             duration=round(1000 * period_s), quality=WEBP_QUALITY, method=4,
         )  # fmt: skip
-
-
-def _write_gif(path: Path, pictures: Iterator[Picture], period_s: float) -> None:
-    """All pictures share one palette, so that unchanged parts take no space."""
-    opening = next(pictures)
-    palette = _palette(opening)
-    reduced = (
-        Image.fromarray(one).quantize(palette=palette, dither=Image.Dither.NONE)
-        for one in chain([opening], pictures)
-    )
-    with path.open("wb") as file:
-        next(reduced).save(
-            file, format="GIF", save_all=True, append_images=reduced, loop=0, optimize=True,
-            duration=round(1000 * period_s),
-        )  # fmt: skip
-
-
-def _palette(opening: Picture) -> Image.Image:
-    """The colors of the first picture, and shades of all block colors."""
-    looks = [[float(part) for part in rgba.split()[:3]] for rgba in COLOR_RGBA.values()]
-    shades = 255 * np.multiply.outer(SHADES, np.array(looks)).reshape(-1, 3)
-    rows = len(opening) // 2  # enough to count beside the table
-    strip = np.resize(shades.astype(np.uint8), (rows, opening.shape[1], 3))
-    both = Image.fromarray(np.concatenate([opening, strip]))
-    return both.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], period_s: float) -> None:

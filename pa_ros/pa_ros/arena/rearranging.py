@@ -8,6 +8,7 @@ from math import atan2
 
 import numpy as np
 
+from pa_ros.arena.appearance import look_of
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.episodes import Block
 from pa_ros.arena.errors import ArenaError
@@ -40,7 +41,7 @@ def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) ->
     """
     if not kinds:
         raise _scene_error("blocks: expected at least one to stay, got none")
-    placed = [_lifted(task, kind, body) for kind, body in zip(kinds, blocks, strict=True)]
+    placed = [_lifted(kind, body) for kind, body in zip(kinds, blocks, strict=True)]
     _check_apart(placed)
     episode = replace(
         task.episode,
@@ -51,7 +52,7 @@ def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) ->
     task.rearrange(episode, poses, twists)
 
 
-def _lifted(task: ReachTask, kind: Kind, body: Body) -> Body:
+def _lifted(kind: Kind, body: Body) -> Body:
     """The body, raised to where it rests if it is lower; ArenaError for an impossible pose."""
     numbers = np.concatenate([body.position, body.quaternion, body.linear, body.angular])
     if not np.isfinite(numbers).all():
@@ -65,7 +66,7 @@ def _lifted(task: ReachTask, kind: Kind, body: Body) -> Body:
         )
     position = body.position.copy()
     # A block inside the table would be thrown out by the contact force.
-    position[2] = max(position[2], task.simulation.rest_height(kind))
+    position[2] = max(position[2], look_of(kind).rest_height)
     return replace(body, position=position)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 Policy = Callable[[ReachTask], Float64]
 

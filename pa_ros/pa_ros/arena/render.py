@@ -15,7 +15,7 @@ from pa_ros.arena.references import nearest_target
 from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 VIEW = "overview"
 _INCH_PX = 100

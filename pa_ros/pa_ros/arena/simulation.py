@@ -6,7 +6,7 @@ import copy
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from math import copysign, cos, sin
-from typing import Any, NoReturn
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,7 +17,6 @@ from pa_ros.arena.designs import Kind
 from pa_ros.arena.episodes import Episode
 from pa_ros.arena.errors import ArenaError, DivergedError
 from pa_ros.arena.model import build
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.world.schema import PAPER, ObjectSchema
 
@@ -30,8 +29,6 @@ _SIGN = np.array(
     [[-1.0, -1.0, -1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0], [-1.0, 1.0, 1.0, 1.0]]
 )
 
-_World = tuple[mujoco.MjModel, mujoco.MjData]
-
 
 class Simulation:
     """The physics of one arena. `place` starts an episode, `advance` runs one control period."""
@@ -40,18 +37,12 @@ class Simulation:
         self.config, self._schema = config, schema
         self._joints = config.joints
         self._substeps = config.substeps
-        self._models = lru_cache(maxsize=128)(
-            partial(_build, config)
-        )  # keyed by the looks of the blocks
+        # Keyed by the looks of the blocks. Not a method, which would keep the simulation alive.
+        self._models = lru_cache(maxsize=128)(partial(_build, config))
         self._placed = False
 
     def place(self, episode: Episode) -> None:
         """Start an episode: the arm at rest in its start pose, the blocks at rest."""
-        if not episode.blocks:
-            raise ArenaError(
-                f"episode {episode.index}: expected at least one block, got none",
-                code="arena.episode",
-            )
         looks = [look_of(block.kind) for block in episode.blocks]
         self.model, self.data = self._models(tuple(look.solid for look in looks))
         for i, (block, look) in enumerate(zip(episode.blocks, looks, strict=True)):
@@ -80,13 +71,6 @@ class Simulation:
             other._view_arrays(len(self._position) - 1)  # noqa: SLF001 - same class
             other._placed = self._placed  # noqa: SLF001 - same class
         return other
-
-    def __reduce__(self) -> NoReturn:
-        raise ConfigError("simulation: expected copy.deepcopy or a new simulation, got pickle")
-
-    def rest_height(self, kind: Kind) -> float:
-        """Height of the center of a block that lies on the table, m."""
-        return look_of(kind).rest_height
 
     def body_states(self) -> tuple[Float64, Float64]:
         """Poses [N, 7] (m, quaternion wxyz) and twists [N, 6] (m/s, rad/s) of hand and blocks, in
@@ -192,8 +176,7 @@ class Simulation:
         self._arm_position, self._arm_velocity = self.data.qpos[arm], self.data.qvel[arm]
 
 
-def _build(config: ArenaConfig, looks: tuple[Look, ...]) -> _World:
-    """Build a model. Not a method, because the cache would then keep the simulation alive."""
+def _build(config: ArenaConfig, looks: tuple[Look, ...]) -> tuple[mujoco.MjModel, mujoco.MjData]:
     model = build(config, looks)
     return model, mujoco.MjData(model)
 

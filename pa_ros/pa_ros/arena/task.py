@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from pa_ros.arena.appearance import check_looks
+from pa_ros.arena.appearance import look_of
 from pa_ros.arena.conditions import condition_named
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.arena.designs import Design, Kind
@@ -72,16 +71,17 @@ class ReachTask:
         config: ArenaConfig,
         design: Design,
         seed: int,
-        n_blocks: int | None = None,
         reward: Reward | None = None,
     ) -> None:
-        """`seed` and the index determine an episode. `n_blocks` replaces the design's number of
-        blocks, `reward` the paper's ±1. ConfigError for a value that has no `arena.appearance`."""
-        check_looks(design.values)
-        check_looks({group: [value] for group, value in design.novel.items()})
+        """`seed` and the index determine an episode. The default reward is the paper's ±1.
+
+        Raises ConfigError for a value of the design that has no look.
+        """
+        for kind in design.extended_pool:
+            look_of(kind)
         self.config = config
         self.scoring = scoring_of(config, design, reward)
-        self.design = design if n_blocks is None else replace(design, n_blocks=n_blocks)
+        self.design = design
         self.seed = seed
         self.simulation = Simulation(config, self.design.schema)
         self._episode: Episode | None = None

@@ -8,7 +8,7 @@ import sys
 from pa_ros.language.parser import parse
 from pa_ros.language.syntax import NEAR
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 from pa_ros.world.schema import PAPER
 
 

@@ -17,7 +17,7 @@ from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.film import Stage
 from pa_ros.console.insight import Moment
 from pa_ros.tools.scenes import name_of
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 REBUILD_S = 1.0  # least time between two changes of the blocks
 HIDDEN_GROUP = 5  # mjviser does not draw geoms of this group

@@ -13,7 +13,7 @@ import numpy as np
 from pa_ros.arena import ReachTask
 from pa_ros.arena.references import pursue
 from pa_ros.core.experience import Float64, Observation
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 BLIND = ("nearest", "any", "most")
 """Go to the block nearest to the hand; to a random one; to the place near most blocks."""

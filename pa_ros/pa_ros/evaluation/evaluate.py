@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from typing import Annotated, Protocol
@@ -110,7 +110,9 @@ def evaluate(
     n_blocks: int | None = None,
 ) -> Evaluation:
     """Evaluate an agent, or a reference by name, and both references on the same episodes."""
-    task = ReachTask(config, design, seed, n_blocks)
+    if n_blocks is not None:
+        design = replace(design, n_blocks=n_blocks)
+    task = ReachTask(config, design, seed)
     references = {name: reference_scores(task, name, condition, episodes) for name in REFERENCES}
     if isinstance(policy, str):
         scores = references[policy]

@@ -74,6 +74,8 @@ class ProgramError(PaError):
 def unknown_word(source: str, span: Span, received: str, known: Iterable[str]) -> ProgramError:
     """An error for a word outside `known`: wrong case if its upper case is known, else unknown."""
     words = tuple(known)
+    cut = len(received) > SHOWN_CHARACTERS
+    shown = received[: SHOWN_CHARACTERS - 3] + "..." if cut else received
     wrong_case = received.upper() in words
     nearest = difflib.get_close_matches(received.upper(), words, n=1)
     return ProgramError(
@@ -81,7 +83,7 @@ def unknown_word(source: str, span: Span, received: str, known: Iterable[str]) -
         span,
         code="program.wrong_case" if wrong_case else "program.unknown_word",
         expected=received.upper() if wrong_case else one_of(words),
-        received=repr(shorten(received)),
+        received=repr(shown),
         suggestion=nearest[0] if nearest else None,
     )
 
@@ -93,11 +95,6 @@ def one_of(words: Iterable[str]) -> str:
         shown[SHOWN_WORDS:] = [f"{len(shown) - SHOWN_WORDS} more"]
     *first, last = shown
     return f"{', '.join(first)} or {last}" if first else last
-
-
-def shorten(text: str) -> str:
-    """At most SHOWN_CHARACTERS of a text, with dots for the rest."""
-    return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
 
 
 def _location(source: str, position: int) -> str:

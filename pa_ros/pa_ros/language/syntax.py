@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
-from pa_ros.core.errors import ConfigError
-
 NEAR = "NEAR"
 """The paper's relation."""
 
@@ -52,9 +50,6 @@ class And:
     operands: tuple[Expression, ...]
     span: Span = field(default=NOWHERE, compare=False, repr=False)
 
-    def __post_init__(self) -> None:
-        _check_operands("AND", self.operands)
-
     def __str__(self) -> str:
         return f"AND({', '.join(map(str, self.operands))})"
 
@@ -65,9 +60,6 @@ class Or:
 
     operands: tuple[Expression, ...]
     span: Span = field(default=NOWHERE, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        _check_operands("OR", self.operands)
 
     def __str__(self) -> str:
         return f"OR({', '.join(map(str, self.operands))})"
@@ -80,7 +72,7 @@ Expression: TypeAlias = Word | Not | And | Or
 class Program:
     """A goal: the hand is in a relation, such as NEAR, to an object that `target` describes.
 
-    The paper has NEAR alone (eq. program-example); `pa_ros.world.relations` contains all relations.
+    The paper has NEAR alone (eq. program-example); `pa_ros.world.relation` contains all relations.
     `str()` gives the canonical text, which parses to an equal program.
     """
 
@@ -108,8 +100,3 @@ def walk(expression: Expression) -> Iterator[Expression]:
             pending.append(node.operand)
         elif isinstance(node, And | Or):
             pending.extend(reversed(node.operands))
-
-
-def _check_operands(name: str, operands: tuple[Expression, ...]) -> None:
-    if not isinstance(operands, tuple) or len(operands) < 2:
-        raise ConfigError(f"{name}: expected a tuple of two or more operands, got {operands!r}")

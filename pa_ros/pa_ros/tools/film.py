@@ -12,7 +12,7 @@ from pa_ros.arena.render import draw
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.language import parse, satisfying
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 
 # Conditions of the scenes: as in training; and with fewer blocks, only one of each color.
 FULL, FEWER = "eval", "only-color"

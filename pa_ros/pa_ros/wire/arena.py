@@ -18,7 +18,7 @@ from pa_ros.language import Program, parse
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
 from pa_ros.world import Sparse
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 from pa_ros.world.world import World
 
 # Edition of msgs_schema. Raise it when a receiver of one edition could misread the other.

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
+from math import isfinite
 from typing import Any, ClassVar
 
 import numpy as np
 
-from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
 from pa_ros.core.settings import canonical_json, read_json
 
@@ -61,42 +62,31 @@ def reward_from(text: str) -> Reward:
     """A registered reward by its name, or by the JSON of `Reward.to_json`.
 
     Parameters that the JSON omits keep their defaults. ConfigError for an unknown name, unknown
-    parameters, parameters that are not finite numbers, and rewards that do not work.
+    parameters, parameters that are not finite numbers, and rewards without a number for each state.
     """
-    if not text.lstrip().startswith("{"):
-        return _make(text, {})
-    try:
-        values = read_json(text)
-        name = str(values.pop("name"))
-    except (ValueError, KeyError) as error:
-        raise ConfigError(
-            f"reward: expected a name, or JSON with name and parameters: {error!r}: "
-            f"got {text[:200]!r}"
-        ) from error
-    return _make(name, values)
-
-
-def _make(name: str, parameters: dict[str, Any]) -> Reward:
-    """A registered reward, tried on one state and on two, so that errors show here."""
+    name, parameters = text, {}
+    if text.lstrip().startswith("{"):
+        try:
+            parameters = read_json(text)
+            name = str(parameters.pop("name"))
+        except (ValueError, KeyError) as error:
+            raise ConfigError(
+                f"reward: expected a name, or JSON with name and parameters: {error!r}: "
+                f"got {text[:200]!r}"
+            ) from error
     kind = REWARDS[name]
-    try:
+    known = asdict(kind())
+    for key, value in parameters.items():
         # JSON may come from another process, so its parameters are checked by name and type.
-        known = asdict(kind())
-        for key, value in parameters.items():
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if key not in known or not number or not abs(value) < float("inf"):
-                raise ConfigError(
-                    f"expected finite numbers of {list(known)}, got {key} = {value!r}"
-                )
-        reward = kind(**{key: type(known[key])(value) for key, value in parameters.items()})
-        one, two = reward(True, 0.1), reward(np.array([True, False]), np.array([0.1, 0.5]))
-        if np.shape(one) != () or np.shape(two) != (2,) or not np.isfinite([one, *two]).all():
-            raise ConfigError(f"expected a finite number for each state, got {one!r} and {two!r}")
-    except PaError as error:
-        raise ConfigError(f"reward {name}: {error}") from error
-    except Exception as error:  # code of an extension may raise anything
-        raise ConfigError(
-            f"reward {name}: expected a frozen dataclass as in docs/extending.md, got "
-            f"{type(error).__name__}: {error}"
-        ) from error
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if key not in known or not number or not isfinite(value):
+            raise ConfigError(
+                f"reward {name}: expected finite numbers of {list(known)}, got {key} = {value!r}"
+            )
+    reward = kind(**{key: type(known[key])(value) for key, value in parameters.items()})
+    # Try it on one state and on two, so that an error of an extension shows here.
+    one, two = reward(True, 0.1), reward(np.array([True, False]), np.array([0.1, 0.5]))
+    if np.shape(one) != () or np.shape(two) != (2,) or not np.isfinite([one, *two]).all():
+        text = f"expected a finite number for each state, got {one!r} and {two!r}"
+        raise ConfigError(f"reward {name}: {text}")
     return reward

@@ -17,7 +17,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language.syntax import NEAR
 from pa_ros.world.poses import POSE_WIDTH
-from pa_ros.world.relations import RELATIONS
+from pa_ros.world.relation import RELATIONS
 from pa_ros.world.reward import Reward, Sparse
 
 
@@ -29,10 +29,6 @@ class Score(NamedTuple):
     reward: Any
 
 
-def _paper() -> dict[str, float]:
-    return {NEAR: RELATIONS[NEAR].threshold}
-
-
 @dataclass(frozen=True)
 class Scoring:
     """The rule of one arena: a relation holds where its measure is at most the arena's threshold.
@@ -40,7 +36,9 @@ class Scoring:
     ConfigError for an unknown relation, and for a threshold that is not positive.
     """
 
-    thresholds: Mapping[str, float] = field(default_factory=_paper, hash=False)
+    thresholds: Mapping[str, float] = field(
+        default_factory=lambda: {NEAR: RELATIONS[NEAR].threshold}, hash=False
+    )
     reward: Reward = field(default_factory=Sparse)
 
     def __post_init__(self) -> None:

@@ -14,8 +14,8 @@ from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.poses import POSE_WIDTH
-from pa_ros.world.relations import RELATIONS
-from pa_ros.world.schema import MAX_WORDS, ObjectSchema
+from pa_ros.world.relation import RELATIONS
+from pa_ros.world.schema import ObjectSchema
 
 MAX_JOINTS = 16
 
@@ -38,9 +38,6 @@ class World:
         ours, theirs = [g.name for g in self.schema], list(self.vocabulary.by_group)
         if ours != theirs:
             raise ConfigError(f"world: groups of words: expected {ours}, got {theirs}")
-        words = len(self.vocabulary.words)
-        if words > MAX_WORDS:
-            raise ConfigError(f"world: words: expected 1 to {MAX_WORDS}, got {words}")
         if type(self.joints) is not int or not 1 <= self.joints <= MAX_JOINTS:
             raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints!r}")
         for relation in self.relations:

@@ -1,11 +1,11 @@
 """Arms by name; extensions register custom ones (docs/extending.md)."""
 
-from pa_ros.arena.arms.arm import Arm, Joint, JointSettings
+from pa_ros.arena.arms.arm import Arm, Joint
 from pa_ros.arena.arms.jaco import JACO
 from pa_ros.arena.arms.panda import PANDA
 from pa_ros.core.extensions import Registry
 
-__all__ = ["ARMS", "Arm", "Joint", "JointSettings"]
+__all__ = ["ARMS", "Arm", "Joint"]
 
 ARMS: Registry[Arm] = Registry("arm")
 for _arm in (JACO, PANDA):

@@ -5,25 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, pi
-from typing import Protocol
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.world.world import MAX_JOINTS
 
 Range = tuple[float, float]
-
-
-class JointSettings(Protocol):
-    """The settings of an arena that shape an arm's bodies; rad, one number for each joint."""
-
-    @property
-    def start_pose(self) -> tuple[float, ...]: ...
-
-    @property
-    def joint_lower(self) -> tuple[float, ...]: ...
-
-    @property
-    def joint_upper(self) -> tuple[float, ...]: ...
 
 
 @dataclass(frozen=True)
@@ -45,7 +31,7 @@ class Arm:
     """An arm in the middle of the table, with its base at the origin.
 
     The start angle of the first joint is drawn from its working range in each episode.
-    `mjcf(settings, attributes)` returns MJCF elements for a worldbody: bodies with the joints, in
+    `mjcf(attributes)` returns MJCF elements for a worldbody: bodies with the joints, in
     order, and as the last body one named `hand`, whose frame is the frame of observations. Each
     geom of the arm needs `attributes`, which say what it touches and its color.
     """
@@ -54,7 +40,7 @@ class Arm:
     joints: tuple[Joint, ...]
     # rad/s of each joint, by preset (`paper`, `fast`); the first entry is the default
     speeds: Mapping[str, tuple[float, ...]]
-    mjcf: Callable[[JointSettings, str], str]
+    mjcf: Callable[[str], str]
     block_radii_m: Range = (0.28, 0.58)  # where the hand can be near every block
     block_angles: Range = (-pi, pi)  # rad about the base
 
@@ -68,12 +54,6 @@ class Arm:
             )
         if not self.speeds:
             raise ConfigError(f"arm {self.name}: expected the speeds of a preset, got none")
-        for low, high in (self.block_radii_m, self.block_angles):
-            if not low < high:
-                raise ConfigError(
-                    f"arm {self.name}: expected block ranges with the first below the second, "
-                    f"got {low, high}"
-                )
         for joint in self.joints:
             low, high = joint.limits or (-inf, inf)
             if not low <= joint.lower <= joint.start <= joint.upper <= high:

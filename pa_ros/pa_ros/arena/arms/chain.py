@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from pa_ros.arena.arms.arm import Joint, JointSettings
+from pa_ros.arena.arms.arm import Joint
 
 Vector = tuple[float, float, float]
 
@@ -56,7 +56,7 @@ class Chain:
     links: Sequence[Link]  # one for each joint
     hand: Hand
 
-    def __call__(self, settings: JointSettings, attributes: str) -> str:
+    def __call__(self, attributes: str) -> str:
         """Nested bodies. Each frame is turned by its start angle (`ref`), so that MuJoCo's initial
         configuration (qpos0) is the start pose."""
         base, hand = self.base, self.hand
@@ -64,7 +64,7 @@ class Chain:
 <geom name="base" type="cylinder" pos="0 0 {base.height_m / 2}"
   size="{base.radius_m} {base.height_m / 2}" mass="{base.mass_kg}" {attributes}/>"""
         for i in range(len(self.links)):
-            bodies += self._link(settings, i, attributes)
+            bodies += self._link(i, attributes)
         white = attributes.replace("0.25 0.25 0.28", "1 1 1")
         bodies += f"""
 <body name="hand" gravcomp="1" pos="{_text(hand.offset_m)}" quat="{_quaternion(hand.rpy, 0.0)}">
@@ -73,17 +73,17 @@ class Chain:
 </body>"""
         return bodies + "</body>" * len(self.links)
 
-    def _link(self, settings: JointSettings, i: int, attributes: str) -> str:
+    def _link(self, i: int, attributes: str) -> str:
         """The opening tag of a link's body, with its joint and geom."""
-        link, joint, start = self.links[i], self.joints[i], settings.start_pose[i]
+        link, joint = self.links[i], self.joints[i]
         # MuJoCo needs no range for a base that turns freely.
         limited = joint.limits is not None or i
-        limits = f'range="{settings.joint_lower[i]} {settings.joint_upper[i]}"' if limited else ""
+        limits = f'range="{joint.lower} {joint.upper}"' if limited else ""
         capsule = f"{_text(link.capsule_start_m)} {_text(link.capsule_end_m)}"
         return f"""
 <body name="link{i + 1}" gravcomp="1" pos="{_text(link.origin_m)}"
-  quat="{_quaternion(link.origin_rpy, start)}">
-  <joint name="{joint.name}" axis="0 0 1" ref="{start}" armature="{link.armature}" {limits}/>
+  quat="{_quaternion(link.origin_rpy, joint.start)}">
+  <joint name="{joint.name}" axis="0 0 1" ref="{joint.start}" armature="{link.armature}" {limits}/>
   <geom type="capsule" fromto="{capsule}" size="{link.radius_m}" mass="{link.mass_kg}"
     {attributes}/>"""
 
