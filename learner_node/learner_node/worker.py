@@ -184,7 +184,9 @@ class LearnerWorker:
                 self._reject(error)
         except PaError as error:
             self._reject(error)
-            self._publish(self.run.policy())  # its agent may wait for an answer
+            # Its agent may wait for an answer; in a fixed order weights are published once a round.
+            if not self._config.turns:
+                self._publish(self.run.policy())
 
     def _learn(self, trajectory: Trajectory) -> None:
         """Learn from a trajectory, publish the answer, and write a checkpoint if it is time."""

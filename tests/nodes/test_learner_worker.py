@@ -96,19 +96,6 @@ def test_a_gap_that_cannot_be_filled_is_lost_and_no_longer_waited_for(bench):
     assert bench.worker.metrics["missing_trajectories"] == 1
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_a_trajectory_that_its_agent_cannot_have_made_yet_is_refused(bench, known):
-    """Forged under an agent's name; the agent is not to wait for what is between."""
-    if known:
-        bench.submit(trajectory(0))
-    before = bench.worker.run.policy().accounted
-    answer = bench.submit(trajectory(10**6))
-    assert [error.code for error in bench.refused] == ["learning.ahead"]
-    assert answer.accounted == before
-    assert bench.worker.metrics["missing_trajectories"] == 0
-    assert bench.submit(trajectory(1 if known else 0)).accounted == {A: 2 if known else 1}
-
-
 def test_an_agent_that_starts_again_under_its_name_is_not_swallowed(bench):
     bench.submit(trajectory(0), trajectory(1))
     later = AgentKey("a", 1)
@@ -231,3 +218,14 @@ def test_at_rest_nothing_is_learned_from_what_waits_and_a_checkpoint_is_there(tm
     bench.worker.submit(trajectory(3))
     bench.worker.close()  # its agent may be gone
     assert read_metadata(checkpoint_of(tmp_path))["counters"]["version"] == 4
+
+
+def test_in_a_fixed_order_a_rejected_sender_gets_no_weights_within_a_round():
+    bench = Bench(agents=("a", "b"), **{"learner.schedule.in_step": "exact"})
+    bench.worker.submit(trajectory(0, "a"))  # the round still lacks b's
+    bench.worker.submit(trajectory(0, "stranger"))
+    wait_for(lambda: bench.refused, "the rejection")
+    assert [error.code for error in bench.refused] == ["learning.turn"]
+    assert bench.submit(trajectory(0, "b")).snapshot.version == 2
+    bench.worker.close()
+    assert [p.snapshot.version for p in bench.published] == [0, 2]
