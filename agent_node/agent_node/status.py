@@ -35,7 +35,6 @@ class AgentStatus:
         self.has_program = True  # whether a program was in force at the newest step
         self._stuck_after_s, self._clock = stuck_after_s, clock
         self._warning, self._warned_at = "", -math.inf
-        self._overtaken = 0
 
     def restart(self) -> None:
         """Start all times anew: the agent was activated."""
@@ -104,12 +103,6 @@ class AgentStatus:
 
     def _doubtful(self, agent: Agent) -> Status | None:
         if isinstance(agent, LearningAgent):
-            if agent.overtaken > self._overtaken:
-                self._overtaken = agent.overtaken
-                self.warn(
-                    "another process sends trajectories under this agent_id: stop it, or give each "
-                    "agent its own agent_id"
-                )
             if agent.stalled:
                 return WARN, (
                     f"acts with version {agent.version}, but its learner takes in no trajectories "

@@ -12,9 +12,15 @@ from math import prod
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import Canonical, Family, Programmable, Shapes, family_of
+from pa_ros.networks.families import (
+    Canonical,
+    Family,
+    Programmable,
+    Shapes,
+    canonical_inputs,
+    family_of,
+)
 from pa_ros.networks.parameters import actor_shapes, critic_shapes
-from pa_ros.networks.slots import canonical_inputs
 
 ADAM_FLOPS = 12  # per parameter: 3 for m, 4 for v, 5 for the step
 FLOAT_BYTES = 4

@@ -11,7 +11,7 @@ import pytest
 from helpers.worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import ActingError
-from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
+from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.language import MIN_MAX, PRODUCT, ProgramError, Vocabulary, parse
 from pa_ros.learning.learner import Learner
 from pa_ros.native.engine import FusedActor
@@ -31,12 +31,12 @@ def test_exploring_is_acting_plus_the_episodes_noise() -> None:
     actor = Actor(NETWORK, noise=ExplorationNoise(*noise))
     actor.load(snapshot())
     world = PointWorld()
+    same = ExplorationNoise(*noise)
     for episode in (0, 4):
-        process = OrnsteinUhlenbeck(*noise, episode)
         observation, _ = world.reset(episode)
         for _ in range(5):
             greedy = actor.act(observation, world.program)
-            expected = np.clip(greedy + process.sample(), -1, 1).astype(np.float32)
+            expected = np.clip(greedy + same.sample(episode), -1, 1).astype(np.float32)
             action = actor.explore(observation, world.program)
             np.testing.assert_array_equal(action, expected)
             assert action.dtype == np.float32

@@ -87,7 +87,6 @@ def test_a_change_of_program_cuts_the_trajectory_and_nothing_crosses_it(arm) -> 
 NOT_MINE: dict[str, Says] = {
     "nobody's": lambda sent: None,  # the watchdog held, or the command was clamped
     "another agent's": lambda sent: _of(sent, agent_id="someone"),
-    "of one that has my name": lambda sent: _of(sent, incarnation=sent.command.incarnation + 1),
     "an earlier one of mine": lambda sent: _of(sent, number=sent.command.number - 1),
     "forged": lambda sent: Executed(sent.command, sent.action + np.float32(1e-3)),
 }
@@ -233,8 +232,8 @@ def test_trajectories_in_flight_are_sent_again_to_a_resumed_learner() -> None:
     arm.agent.offer(published(1, mine=1, learner=resumed))
     assert [(o.sequence, o.held_from) for o in arm.agent.unaccounted] == [(1, 1), (2, 1)]
     assert isinstance(arm.agent.required(), Wait) and arm.agent.lost == 0
-    with pytest.raises(ActingError, match="one of the learner that is followed, got version 2"):
-        arm.agent.offer(published(2, mine=2))  # of the learner that is gone
+    arm.agent.offer(published(2, mine=2))  # of the learner that is gone
+    assert isinstance(arm.agent.required(), Wait)
     arm.agent.offer(published(2, mine=2, learner=resumed))
     assert arm.agent.prepare() is None
     assert arm.agent.interrupted == 0
@@ -256,13 +255,7 @@ def test_another_run_gets_no_trajectories_of_the_one_before(arm) -> None:
     ("field", "value", "message"),
     [
         ("world_digest", "0" * 16, "world_digest: expected .*arena's, got '0000"),
-        ("control_period", 0.2, "control_period: expected 0.1, as this arena's, got 0.2"),
         ("thresholds", (0.1,), r"thresholds: expected \(0.2,\), as this arena's, got \(0.1,\)"),
-        (
-            "reward",
-            '{"name":"shaped"}',
-            "reward: expected .*sparse.* as this arena's, got .*shaped",
-        ),
         ("inference", "tpu", "inference: expected 'auto' or 'torch', got 'tpu'"),
         ("architecture", "{}", "learner_info.architecture: "),
         ("exploration", '{"process":"white"}', "learner_info.exploration: .*process"),
@@ -317,16 +310,3 @@ def test_weights_that_do_not_fit_are_rejected_and_the_good_ones_stay(learning) -
     arm = Arm(agent)
     arm.reset(0)
     assert arm.velocity.any() and agent.version == 0
-
-
-def test_an_agent_whose_name_another_agent_used_restarts_as_a_new_incarnation(arm) -> None:
-    arm.reset(0)
-    arm.run(15)
-    forged = published(1, mine=10**6, learner=FAR_BEHIND)  # the learner has a million from "me"
-    arm.agent.offer(forged)
-    assert arm.agent.overtaken == 1 and arm.agent.key == (ME.agent_id, ME.incarnation + 1)
-    arm.run(20)
-    later = [one for one in arm.sent if one.incarnation == ME.incarnation + 1]
-    assert later and later[0].held_from == later[0].sequence == 1
-    arm.agent.offer(published(2, mine=10**6, learner=FAR_BEHIND))
-    assert arm.agent.overtaken == 1

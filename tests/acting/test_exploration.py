@@ -7,39 +7,37 @@ import math
 import numpy as np
 
 from pa_ros.acting.config import ExplorationConfig
-from pa_ros.acting.exploration import ExplorationNoise, OrnsteinUhlenbeck
+from pa_ros.acting.exploration import ExplorationNoise
 
 
-def series(config: ExplorationConfig, episodes: int, steps: int) -> np.ndarray:
-    """Noise of many episodes, [E, T, 6]."""
-    runs = [OrnsteinUhlenbeck(config, 0.1, 0, 6, episode) for episode in range(episodes)]
-    return np.array([[run.sample() for _ in range(steps)] for run in runs])
+def noise(period_s: float = 0.1, seed: int = 3) -> ExplorationNoise:
+    return ExplorationNoise(ExplorationConfig(), period_s, seed, actions=6)
+
+
+def series(made: ExplorationNoise, episode: int, steps: int = 5) -> np.ndarray:
+    """Noise of one episode, [T, 6]."""
+    return np.array([made.sample(episode) for _ in range(steps)])
 
 
 def test_moments() -> None:
     """Zero mean, the standard deviation promised at every step, correlation e^(−θt)."""
-    x = series(ExplorationConfig(), 2000, 11)
+    made = noise()
+    x = np.array([series(made, episode, 11) for episode in range(2000)])
     np.testing.assert_allclose(x.mean((0, 2)), 0.0, atol=0.01)
     np.testing.assert_allclose(x.std((0, 2)), 0.3, rtol=0.03)
     correlation = (x[:, 0] * x[:, 10]).mean() / (x[:, 0].std() * x[:, 10].std())
     assert abs(correlation - math.exp(-1.0)) < 0.03
 
 
-def test_an_episode_has_its_own_stream() -> None:
-    config = ExplorationConfig()
-    a, b, c = (OrnsteinUhlenbeck(config, 0.1, 3, 6, episode) for episode in (7, 7, 8))
-    first = [a.sample() for _ in range(5)]
-    np.testing.assert_array_equal(first, [b.sample() for _ in range(5)])
-    assert not np.array_equal(first[0], c.sample())
-    assert not np.array_equal(first[0], OrnsteinUhlenbeck(config, 0.1, 4, 6, 7).sample())
+def test_seed_and_episode_determine_the_noise() -> None:
+    first = noise()
+    seventh = series(first, 7)
+    assert not np.array_equal(seventh, series(first, 8))
+    np.testing.assert_array_equal(seventh, series(noise(), 7))
+    assert not np.array_equal(seventh, series(noise(seed=4), 7))
 
 
-def test_noise_follows_the_episode_and_the_control_period() -> None:
-    config, noise = ExplorationConfig(), ExplorationNoise(ExplorationConfig(), 0.1, 3, 6)
-    for episode in (0, 5):
-        process = OrnsteinUhlenbeck(config, 0.1, 3, 6, episode)
-        for _ in range(3):
-            np.testing.assert_array_equal(noise.sample(episode), process.sample())
-    quick, slow = (OrnsteinUhlenbeck(config, period, 3, 6, 0) for period in (0.1, 1.0))
-    np.testing.assert_array_equal(quick.sample(), slow.sample())  # where it starts
-    assert not np.array_equal(quick.sample(), slow.sample())
+def test_the_control_period_decides_how_fast_it_changes() -> None:
+    quick, slow = series(noise(0.1), 0), series(noise(1.0), 0)
+    np.testing.assert_array_equal(quick[0], slow[0])  # where it starts
+    assert not np.array_equal(quick[1], slow[1])

@@ -135,36 +135,6 @@ def test_nothing_joins_on_after_a_reset_to_a_lower_or_higher_episode(episode: in
     assert found == [(7, 0, 2, True), (episode, 3, 2, True)]
 
 
-def test_weights_change_between_trajectories_only() -> None:
-    builder = TrajectoryBuilder(*AGENT)
-    feed(builder, [(0, 0, P, False)], version=3)
-    assert not builder.at_boundary
-    builder.observe(*step(0, 1))
-    with pytest.raises(ActingError, match="expected policy version 3 .* got 4"):
-        builder.acted(action(0, 1), 4)
-    builder.acted(action(0, 1), 3)
-    feed(builder, [(0, 2, P, False), (0, 3, P, False)], version=3)
-    trajectory = builder.observe(*step(0, 4))
-    assert trajectory is not None and trajectory.policy_version == 3
-    assert builder.at_boundary
-    builder.acted(action(0, 4), 4)
-
-
-def test_refused_steps() -> None:
-    builder = TrajectoryBuilder(*AGENT)
-    with pytest.raises(ActingError, match="expected an observation"):
-        builder.acted(action(0, 0), 0)
-    builder.observe(*step(0, 0))
-    builder.acted(action(0, 0), 0)
-    with pytest.raises(ActingError, match="expected an observation"):
-        builder.acted(action(0, 0), 0)
-    observation, verdict, program = step(0, 1)
-    for wrong in (replace(verdict, step=2), replace(verdict, episode=1),
-                  replace(verdict, stamp_ns=0), replace(verdict, program_id="?")):  # fmt: skip
-        with pytest.raises(ActingError, match="verdict"):
-            builder.observe(observation, wrong, program)
-
-
 def test_trajectories_own_their_arrays() -> None:
     builder = TrajectoryBuilder(*AGENT)
     given = [step(0, i, truncated=i == 2) for i in range(3)]
@@ -178,3 +148,12 @@ def test_trajectories_own_their_arrays() -> None:
     assert trajectory is not None
     np.testing.assert_array_equal(trajectory.objects[:, 0, 0], [0, 1, 2])
     np.testing.assert_array_equal(trajectory.actions[:, 0], [0, 1])
+
+
+@pytest.mark.parametrize(
+    "change", [{"step": 2}, {"episode": 1}, {"stamp_ns": 0}, {"program_id": "?"}]
+)
+def test_a_verdict_of_another_step_is_rejected(change) -> None:
+    observation, verdict, program = step(0, 1)
+    with pytest.raises(ActingError, match="verdict"):
+        TrajectoryBuilder(*AGENT).observe(observation, replace(verdict, **change), program)

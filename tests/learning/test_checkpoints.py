@@ -130,28 +130,8 @@ def test_a_missing_checkpoint_is_an_error(tmp_path) -> None:
         run(tmp_path / "nowhere", 20, resume=True)
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"extra": None},
-        {"extra": 7},
-        {"architecture": 3},
-        {"counters": [5]},
-        {"rng": {"x": 1}},
-        {"replay": {}},
-        {"network": "{}"},
-        {"published": [99]},
-    ],
-)
-def test_edited_metadata_is_rejected(saved, values) -> None:
-    edit(saved, **values)
-    with pytest.raises(CheckpointError):
-        restore(saved, learner())
-
-
-@pytest.mark.parametrize("latest", [b"\xff\xfe", b"\0\0", b"", b"../elsewhere"])
-def test_a_damaged_latest_costs_nothing(saved, latest) -> None:
-    (saved / "LATEST").write_bytes(latest)
+def test_a_damaged_latest_costs_nothing(saved) -> None:
+    (saved / "LATEST").write_bytes(b"\xff\xfe")
     with pytest.raises(CheckpointError, match="expected one at"):
         load_policy(saved)
     newest, damage = newest_whole(saved)
@@ -229,8 +209,9 @@ def test_a_crash_while_writing_leaves_the_last_checkpoint(saved, monkeypatch, st
     assert names == ["LATEST", "version-000000005", "version-000000006"]
 
 
-@pytest.mark.parametrize("name", ["actor.output.bias", "adam.critic.v.output.bias"])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize(
+    ("name", "value"), [("actor.output.bias", np.nan), ("adam.critic.v.output.bias", np.inf)]
+)
 def test_numbers_that_are_not_finite_are_never_saved(saved, name, value) -> None:
     one = learner()
     restore(saved, one)

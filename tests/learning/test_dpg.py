@@ -12,7 +12,6 @@ from pa_ros.learning.algorithms.dpg.builder import make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
 
@@ -86,31 +85,6 @@ def made(config: DPGConfig = CONFIG, kind: str = "programmable") -> TorchDPG:
     engine = make_engine(network, config, table(), np.random.default_rng(4))
     assert isinstance(engine, TorchDPG)
     return engine
-
-
-def test_tensors_are_all_there_is() -> None:
-    """A second engine with the first's tensors goes on identically."""
-    first, second = made(), made(kind="programmable")
-    rng = np.random.default_rng(0)
-    batches = [random_batch(rng, 4, 2, 3) for _ in range(6)]
-    for batch in batches[:3]:
-        first.update(batch)
-    second.load_tensors(first.tensors())
-    for batch in batches[3:]:
-        first.update(batch)
-        second.update(batch)
-    theirs = second.tensors()
-    for name, value in first.tensors().items():
-        np.testing.assert_array_equal(value, theirs[name])
-
-
-def test_tensors_that_do_not_fit_are_refused() -> None:
-    engine = made()
-    tensors = engine.tensors()
-    with pytest.raises(NetworkError, match="actor.output.bias: expected .6,., got .7,."):
-        engine.load_tensors(tensors | {"actor.output.bias": np.zeros(7)})
-    with pytest.raises(NetworkError, match=r"missing \['adam.actor.step'\]"):
-        engine.load_tensors({k: v for k, v in tensors.items() if k != "adam.actor.step"})
 
 
 def test_actor_tensors_are_owned_float32() -> None:

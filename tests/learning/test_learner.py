@@ -7,14 +7,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from helpers.worlds import KINDS, NEAR_M, PROGRAMS, SCORING, WORDS, WORLD, dpg, random_trajectory
+from helpers.worlds import PROGRAMS, SCORING, WORLD, dpg, random_trajectory
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import ProgramError, Vocabulary, parse
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.errors import NetworkError
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 
@@ -59,10 +58,10 @@ def test_update_to_data_ratio_is_exact(ratio) -> None:
     frames = 0
     for sequence in range(12):
         steps = 1 + sequence % 5
-        report = one.consume(random_trajectory(rng, steps, sequence=sequence))
+        assert one.consume(random_trajectory(rng, steps, sequence=sequence))
         frames += steps
         assert abs(one.counters.updates - ratio * frames) < 1
-        assert report.version == one.counters.version == sequence + 1
+        assert one.counters.version == sequence + 1
     assert len(recorder.batches) == one.counters.updates == int(ratio * frames + 1e-9)
     assert one.counters.frames == frames
 
@@ -81,8 +80,11 @@ def test_targets_are_copied_after_the_updates_of_an_episodes_last_trajectory() -
 def test_no_updates_until_warm() -> None:
     rng = np.random.default_rng(0)
     one = learner(replay__warmup_frames=10)
-    updates = [one.consume(random_trajectory(rng, 5, sequence=i)).updates for i in range(4)]
-    assert updates == [0, 0, 5, 5]
+    updates = []
+    for sequence in range(4):
+        one.consume(random_trajectory(rng, 5, sequence=sequence))
+        updates.append(one.counters.updates)
+    assert updates == [0, 0, 5, 10]
 
 
 def test_a_duplicate_does_nothing() -> None:
@@ -92,8 +94,7 @@ def test_a_duplicate_does_nothing() -> None:
     for trajectory in trajectories:
         one.consume(trajectory)
         two.consume(trajectory)
-        report = two.consume(trajectory)
-        assert not report.accepted and report.updates == 0
+        assert not two.consume(trajectory)
     assert two.replay.ledger.duplicates == 3
     assert two.counters == one.counters
     for name, value in one.engine.tensors().items():
@@ -116,16 +117,6 @@ def test_a_refused_trajectory_changes_nothing() -> None:
             )
         )
     assert (one.counters.version, len(one.table), one.replay.to_metadata()) == before
-
-
-def test_canonical_networks_refuse_other_programs() -> None:
-    one = learner(NetworkConfig(world=WORLD, family="canonical", canonical_hidden=6))
-    rng = np.random.default_rng(0)
-    assert one.consume(random_trajectory(rng)).updates == 5
-    with pytest.raises(NetworkError):
-        one.consume(
-            random_trajectory(rng, sequence=1, program=parse("NEAR(HAND, NOT(RED))", WORDS))
-        )
 
 
 def test_published_versions() -> None:
@@ -167,48 +158,12 @@ def test_batches_are_gathered_from_transitions() -> None:
             assert array.flags.c_contiguous
 
 
-def test_relabeled_rewards_are_those_of_the_next_row() -> None:
-    rng = np.random.default_rng(0)
-    one = learner(relabeling__rule="all-goals", relabeling__programs_per_transition=2)
-    recorder = Recorder(one.engine)
-    one.engine = cast(Engine, recorder)
-    one.consume(random_trajectory(rng, 40))
-    seen = set()
-    for batch in recorder.batches:
-        assert (np.sort(batch.program, 1) == [0, 1]).all()
-        for b, k in np.ndindex(batch.program.shape):
-            kind = KINDS[batch.program[b, k]]
-            (target,) = np.flatnonzero(batch.next_objects[b][:, list(kind)].all(1))
-            near = np.linalg.norm(batch.next_objects[b, target, :3].astype(float)) <= NEAR_M
-            assert batch.reward[b, k] == (1.0 if near else -1.0)
-            seen.add(bool(near))
-    assert seen == {True, False}
-
-
-def test_one_seed_one_result() -> None:
-    def result(seed: int) -> np.ndarray:
-        rng = np.random.default_rng(9)
-        config = dpg(
-            replay__batch_size=4,
-            replay__capacity_frames=100,
-            schedule__trajectory_steps=10,
-            replay__warmup_frames=0,
-        )
-        one = Learner(NETWORK, config, PROGRAMS, seed)
-        for sequence in range(3):
-            one.consume(random_trajectory(rng, sequence=sequence))
-        return one.snapshot().tensors["local.0.weight"]
-
-    np.testing.assert_array_equal(result(0), result(0))
-    assert not np.array_equal(result(0), result(1))
-
-
 def test_a_engine_that_does_not_apply_is_refused() -> None:
     with pytest.raises(ConfigError, match="'fused'"):
         learner(engine__name="fused", engine__dtype="float64")
 
 
-@pytest.mark.parametrize("device", ["abacus", "cuda:99", "meta"])
+@pytest.mark.parametrize("device", ["cuda:99", "meta"])
 def test_a_device_that_cannot_hold_numbers_is_refused(device) -> None:
     with pytest.raises(ConfigError, match=f"expected one that torch has here, got '{device}'"):
         learner(engine__device=device)

@@ -16,8 +16,8 @@ from pa_ros.native.engine import FusedActor, FusedEngine
 from pa_ros.networks.canonical import CanonicalActor
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.families import target_one_hots
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
-from pa_ros.networks.slots import target_one_hots
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World

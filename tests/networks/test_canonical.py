@@ -10,9 +10,9 @@ from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.families import canonical_inputs, slot_values, target_one_hots
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
-from pa_ros.networks.slots import canonical_inputs, slot_values, target_one_hots
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 

@@ -10,8 +10,15 @@ import pytest
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import FAMILIES
-from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
+from pa_ros.networks.parameters import (
+    actor_shapes,
+    check_tensors,
+    critic_shapes,
+    initial_actor,
+    initial_critic,
+)
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
@@ -114,3 +121,21 @@ def test_relations_that_do_not_see_properties() -> None:
                                   np.delete(other, np.r_[7:16], 1))  # fmt: skip
         assert np.array_equal(tensors["detectors.weight"], default["detectors.weight"])
     assert hidden.architecture == NetworkConfig(world=WORLD).architecture
+
+
+@pytest.mark.parametrize(
+    ("bias", "message"),
+    [
+        (np.zeros(8, np.float32), r"query.bias: expected \(64,\), got \(8,\)"),
+        (np.full(64, np.nan, np.float32), "query.bias: expected finite numbers"),
+        (np.zeros(64, np.int64), "query.bias: expected a float tensor, got int64"),
+    ],
+)
+def test_tensors_that_do_not_fit_are_rejected(bias, message) -> None:
+    config = NetworkConfig(world=WORLD)
+    tensors = initial_actor(config, np.random.default_rng(5))
+    with pytest.raises(NetworkError, match=message):
+        check_tensors(tensors | {"query.bias": bias}, actor_shapes(config), "actor")
+    with pytest.raises(NetworkError, match="missing .*query.bias"):
+        del tensors["query.bias"]
+        check_tensors(tensors, actor_shapes(config), "actor")

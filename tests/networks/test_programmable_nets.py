@@ -9,7 +9,6 @@ import torch
 from helpers import formulas
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
@@ -170,14 +169,3 @@ def test_inference_shows_its_properties() -> None:
     for row, (word, degrees) in enumerate(expected.items()):
         assert WORDS.row[word] == row
         np.testing.assert_allclose(phi[row], degrees[0].detach(), atol=1e-5)
-
-
-def test_inference_refuses_tensors_that_do_not_fit() -> None:
-    config = network()
-    tensors = tensors_of(config)[0]
-    with pytest.raises(NetworkError, match=r"query.bias: expected \(7,\), got \(8,\)"):
-        TorchActor(config, tensors | {"query.bias": np.zeros(8, np.float32)})
-    with pytest.raises(NetworkError, match="missing .*output.bias"):
-        TorchActor(config, {k: v for k, v in tensors.items() if k != "output.bias"})
-    with pytest.raises(NetworkError, match="finite"):
-        TorchActor(config, tensors | {"query.bias": np.full(7, np.nan, np.float32)})

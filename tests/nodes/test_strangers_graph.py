@@ -14,7 +14,7 @@ import pytest
 
 from agent_node.node import AgentNode
 from helpers.graph import SMALL_LEARNER, Probe, Witness, graph
-from helpers.learners import ARENA, WORLD, snapshot, trajectory
+from helpers.learners import ARENA, WORLD, snapshot
 from learner_node.node import LearnerNode
 from pa_ros.core.experience import PublishedPolicy
 from pa_ros.ros import topics
@@ -25,7 +25,6 @@ from pa_ros.wire.learning import (
     decode_learner_info,
     decode_trajectory,
     encode_learner_info,
-    encode_trajectory,
     encode_weights,
 )
 from pa_ros.wire.step import Command, encode_command
@@ -157,19 +156,3 @@ def test_the_steps_of_a_second_arena_are_ignored(probe: Probe) -> None:
     assert probe.health["/agent_node"].level == ERROR
     assert learns_on(probe) and agent.arena.arena_id == arena.session.arena_id
     probe.destroy_subscription(repeating)
-
-
-@pytest.mark.parametrize("held_from", [0, 10**6])
-def test_a_trajectory_far_ahead_under_a_real_agents_name_stops_nothing(probe, held_from) -> None:
-    _, node, _ = probe.nodes
-    key = node.agent.key
-    forged = replace(trajectory(10**6, "real"), incarnation=key.incarnation, held_from=held_from)
-    probe.speaker(topics.TRAJECTORIES).publish(encode_trajectory(forged))
-    if held_from:
-        assert probe.until(lambda: probe.value("learner_node", "lost_trajectories") != "0")
-        assert probe.until(lambda: "under this agent_id" in probe.message("agent_node"))
-    else:
-        refused = "refused.learning.ahead"
-        assert probe.until(lambda: probe.value("learner_node", refused) == "1")
-    assert learns_on(probe)
-    assert len(node.agent.unaccounted) < 5

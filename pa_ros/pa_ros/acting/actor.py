@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -80,26 +79,24 @@ class Actor:
 
     def check(self, snapshot: PolicySnapshot) -> None:
         """Raise ActingError unless these weights fit."""
-        self._check_kind(snapshot)
-        with _as_acting_error(snapshot):
-            check_tensors(snapshot.tensors, self._shapes, "actor")
-
-    def _check_kind(self, snapshot: PolicySnapshot) -> None:
         ours = self.network.architecture
         if snapshot.architecture != ours:
             raise ActingError(f"policy: expected architecture {ours}, got {snapshot.architecture}")
         digest = self.network.world.digest
         if snapshot.world_digest != digest:
             raise ActingError(f"policy: expected world {digest}, got {snapshot.world_digest}")
+        try:
+            check_tensors(snapshot.tensors, self._shapes, "actor")
+        except NetworkError as error:
+            raise ActingError(f"policy version {snapshot.version}: {error}") from error
 
     def load(self, snapshot: PolicySnapshot) -> None:
         """Act with these weights from now on; ActingError, and no change, if they do not fit."""
-        self._check_kind(snapshot)
-        with _as_acting_error(snapshot):
-            if self._inference is None:
-                self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
-            else:
-                self._inference.load(snapshot.tensors)
+        self.check(snapshot)
+        if self._inference is None:
+            self._inference = self._make_inference(self.network, snapshot.tensors, self.logic)
+        else:
+            self._inference.load(snapshot.tensors)
         self._tensors, self._version = snapshot.tensors, snapshot.version
 
     def act(self, observation: Observation, program: Program) -> Float32:
@@ -144,15 +141,6 @@ class Actor:
             raise ActingError("policy: expected exploration noise, got a greedy actor")
         noisy = self.act(observation, program) + self._noise.sample(observation.episode)
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
-
-
-@contextmanager
-def _as_acting_error(snapshot: PolicySnapshot) -> Iterator[None]:
-    """Report tensors that do not fit as a policy that does not fit."""
-    try:
-        yield
-    except NetworkError as error:
-        raise ActingError(f"policy version {snapshot.version}: {error}") from error
 
 
 def _why_torch(network: NetworkConfig, inference: str) -> str:

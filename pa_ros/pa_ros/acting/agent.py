@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import deque
 from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple
@@ -29,7 +29,7 @@ from pa_ros.networks.families import family_of
 from pa_ros.world import Trajectory
 from pa_ros.world.world import World
 
-KEPT_LEARNERS, KEPT_POLICIES = 4, 4  # weights kept of learners that may be followed later
+KEPT_POLICIES = 16  # of learners that may be followed later
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Agent:
         self.rejection = ""  # why it does not act for the learner; empty: it does
         self.last_command: Executed | None = None
         self._learner: LearnerInfo | None = None  # only its weights are used; None: anyone's
-        self._kept: OrderedDict[str, deque[PublishedPolicy]] = OrderedDict()  # by learner_id
+        self._kept: deque[PublishedPolicy] = deque(maxlen=KEPT_POLICIES)
         self._numbers = count(1)
         self._rule: NewestPolicy | SendWindow = NewestPolicy()
         self._actor: Actor | None = None
@@ -117,7 +117,7 @@ class Agent:
         try:
             self._receive(policy)
         except ActingError:
-            self._keep(policy)
+            self._kept.append(policy)
             raise
 
     def _receive(self, policy: PublishedPolicy) -> None:
@@ -139,15 +139,11 @@ class Agent:
         self._rule.receive(policy)
 
     def _offer_kept(self, learner: LearnerInfo) -> None:
-        for policy in self._kept.pop(learner.learner_id, ()):
+        wanted = [one for one in self._kept if one.learner_id == learner.learner_id]
+        others = [one for one in self._kept if one.learner_id != learner.learner_id]
+        self._kept = deque(others, maxlen=KEPT_POLICIES)
+        for policy in wanted:
             self.offer(policy)
-
-    def _keep(self, policy: PublishedPolicy) -> None:
-        kept = self._kept.setdefault(policy.learner_id, deque(maxlen=KEPT_POLICIES))
-        kept.append(policy)
-        self._kept.move_to_end(policy.learner_id)
-        while len(self._kept) > KEPT_LEARNERS:
-            self._kept.popitem(last=False)
 
     def check_program(self, program: Program) -> None:
         """Raise NetworkError or ProgramError if the weights cannot represent this program."""
@@ -254,16 +250,9 @@ def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:
 def network_of(learner: LearnerInfo) -> NetworkConfig:
     """The actor's network. ActingError if it cannot be built here."""
     try:
-        network = actor_config(learner.architecture)
+        return actor_config(learner.architecture)
     except ConfigError as error:
         raise ActingError(f"learner_info.architecture: {error}", code="learner.request") from error
-    if network.world.digest != learner.world_digest:
-        raise ActingError(
-            f"learner_info.architecture: expected the world {learner.world_digest}, "
-            f"got {network.world.digest}",
-            code="learner.request",
-        )
-    return network
 
 
 def _check_fact(learner: LearnerInfo, arena: ArenaFacts, name: str) -> None:

@@ -12,7 +12,7 @@ from pa_ros.core.experience import Float64
 NOISE_STREAM = 1  # of default_rng([seed, stream, episode])
 
 
-class OrnsteinUhlenbeck:
+class ExplorationNoise:
     """dx = −θ x dt + noise, sampled exactly once per control step; one process per episode.
 
     The paper gives σ = 0.3 and θ = 1.0 without units. σ is read as the standard deviation of x
@@ -21,38 +21,23 @@ class OrnsteinUhlenbeck:
     """
 
     def __init__(
-        self,
-        config: ExplorationConfig,
-        control_period_s: float,
-        seed: int,
-        actions: int,
-        episode: int,
-    ) -> None:
-        self.episode, self._actions = episode, actions
-        self._rng = np.random.default_rng([seed, NOISE_STREAM, episode])
-        self._decay = math.exp(-config.damping * control_period_s)
-        self._scale = config.sigma * math.sqrt(1 - self._decay**2)
-        self._x = config.sigma * self._rng.standard_normal(actions)
-
-    def sample(self) -> Float64:
-        """Return x now, [J], and let one control step pass."""
-        now = self._x
-        self._x = self._decay * now + self._scale * self._rng.standard_normal(self._actions)
-        return now
-
-
-class ExplorationNoise:
-    """One agent's noise: each episode has its own process."""
-
-    def __init__(
         self, config: ExplorationConfig, control_period_s: float, seed: int, actions: int
     ) -> None:
         """`actions`: elements of an action, J."""
-        self._given = config, control_period_s, seed, actions
-        self._process: OrnsteinUhlenbeck | None = None
+        self._sigma, self._seed, self._actions = config.sigma, seed, actions
+        self._decay = math.exp(-config.damping * control_period_s)
+        self._scale = config.sigma * math.sqrt(1 - self._decay**2)
+        self._begin(episode=0)
+
+    def _begin(self, episode: int) -> None:
+        self._episode = episode
+        self._rng = np.random.default_rng([self._seed, NOISE_STREAM, episode])
+        self._x = self._sigma * self._rng.standard_normal(self._actions)
 
     def sample(self, episode: int) -> Float64:
-        """The noise of the episode's next control step, [J]."""
-        if self._process is None or self._process.episode != episode:
-            self._process = OrnsteinUhlenbeck(*self._given, episode)
-        return self._process.sample()
+        """Return x at the episode's next control step, [J], and let the step pass."""
+        if episode != self._episode:
+            self._begin(episode)
+        now = self._x
+        self._x = self._decay * now + self._scale * self._rng.standard_normal(self._actions)
+        return now

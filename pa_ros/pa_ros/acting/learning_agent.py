@@ -29,11 +29,9 @@ class LearningAgent(Agent):
         """`seed`: of the exploration noise. `first_sequence`: number of the first trajectory."""
         super().__init__(key, PRODUCT)
         self.interrupted = 0  # trajectories cut short: not as commanded, or for another learner
-        self.overtaken = 0  # times that someone else sent trajectories under this agent's name
         self._seed, self._first_sequence = seed, first_sequence
         self._window: SendWindow | None = None
         self._builder: TrajectoryBuilder | None = None
-        self._former: set[str] = set()  # ids of learners that were followed before
 
     @property
     def lost(self) -> int:
@@ -73,27 +71,17 @@ class LearningAgent(Agent):
                 self.rejection = str(error)
             raise
         self.rejection = ""
-        if current is not None and other:
-            self._former.add(current.learner_id)
-        self._former.discard(learner.learner_id)
         self._offer_kept(learner)
 
     def offer(self, policy: PublishedPolicy) -> None:
-        """Take in published weights.
+        """Take in published weights; ActingError if they do not fit.
 
-        Raises ActingError if they do not fit, or are of a learner that was followed before.
+        Another learner's are kept: it may be followed next.
         """
         if self._window is None or policy.learner_id != self._window.learner.learner_id:
-            self._keep(policy)
-            if policy.learner_id in self._former:
-                raise ActingError(
-                    f"policy: expected one of the learner that is followed, got version "
-                    f"{policy.snapshot.version} of {policy.learner_id!r}, which was before"
-                )
-            return
-        self._receive(policy)
-        if self._window.overtaken:
-            self._restart(self._window, policy)
+            self._kept.append(policy)
+        else:
+            self._receive(policy)
 
     def observe(self, step: Step) -> Trajectory | None:
         verdict = step.verdict
@@ -142,14 +130,6 @@ class LearningAgent(Agent):
         self._window = self._rule = window(self.key, builder.sequence, learner)
         if step is not None and step.verdict is not None and not step.evaluation:
             builder.observe(step.observation, step.verdict, step.program)
-
-    def _restart(self, window: SendWindow, policy: PublishedPolicy) -> None:
-        """Continue as a new incarnation: someone else has used this agent's name and numbers, so
-        the learner would take what this agent sends for duplicates."""
-        self.overtaken += 1
-        self.key = AgentKey(self.key.agent_id, self.key.incarnation + 1)
-        self._begin(window.learner)
-        self._receive(policy)
 
     def _new_builder(self, learner: LearnerInfo) -> TrajectoryBuilder:
         """Begin a trajectory at the next step and drop what was collected."""

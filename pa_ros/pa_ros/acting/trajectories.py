@@ -89,20 +89,11 @@ class TrajectoryBuilder:
     def acted(self, action: Float32, version: int) -> None:
         """Record the action, [J], applied at the step observed last, and the policy's version.
 
-        Raises ActingError if no step was observed since the last action, or if the version is
-        another one than that of the pending transitions: weights change between trajectories.
+        The agent changes weights between trajectories only, so the version is that of all pending
+        transitions.
         """
         pending = self._pending
-        if pending is None or self._acted:
-            raise ActingError(
-                "action: expected an observation before it, got none", code="learning.step"
-            )
-        if pending.actions and pending.version != version:
-            raise ActingError(
-                f"action: expected policy version {pending.version} until the trajectory ends, "
-                f"got {version}",
-                code="learning.step",
-            )
+        assert pending is not None, "a step was observed"
         pending.version = version
         pending.actions.append(np.array(action, np.float32))
         self._acted = True

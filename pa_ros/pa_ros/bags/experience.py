@@ -244,12 +244,12 @@ def learn(
 
 def _consume(learner: Learner, trajectory: Trajectory, found: OfflineResult) -> None:
     try:
-        report = learner.consume(trajectory)
+        accepted = learner.consume(trajectory)
     except PaError as error:
         found.refused += 1
         found.refusal = found.refusal or str(error)
     else:
-        found.accepted += report.accepted
+        found.accepted += accepted
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:

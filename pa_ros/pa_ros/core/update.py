@@ -57,4 +57,4 @@ class Engine(Protocol):
         """
 
     def load_tensors(self, tensors: dict[str, NDArray[np.generic]]) -> None:
-        """The inverse of `tensors`; NetworkError when names or shapes differ."""
+        """The inverse of `tensors`, of an engine with the same networks."""

@@ -147,22 +147,17 @@ def check_files(directory: Path, names: Collection[str] = ()) -> None:
         return
     try:
         lines = [line.split("  ", 1) for line in sums.read_text("ascii").splitlines()]
-        stated = {name: digest for digest, name in lines if Path(name).name == name}
-        found = {
-            name: hashlib.sha256((directory / name).read_bytes()).hexdigest()
-            for name in names or stated
-        }
+        stated = {name: digest for digest, name in lines}
+        present = [path.name for path in directory.glob("*.*")]
+        for name in names or {*present, *stated}:
+            found = hashlib.sha256((directory / name).read_bytes()).hexdigest()
+            if found != stated.get(name):
+                raise CheckpointError(
+                    f"checkpoint: {directory / name}: expected SHA-256 {stated.get(name)}, "
+                    f"got {found}: the file is damaged"
+                )
     except (OSError, ValueError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {SUMS}: {error}") from error
-    wrong = [name for name in found if found[name] != stated.get(name)]
-    if not names:  # a line may be missing, too
-        wrong += sorted(path.name for path in directory.glob("*.*") if path.name not in stated)
-    if wrong or not found:
-        name = wrong[0] if wrong else SUMS
-        raise CheckpointError(
-            f"checkpoint: {directory / name}: expected SHA-256 {stated.get(name, 'of each file')}, "
-            f"got {found.get(name, 'none')}: the file is damaged"
-        )
 
 
 def packed(arrays: Arrays) -> bytes:

@@ -21,12 +21,8 @@ def holds_checkpoint(folder: Path) -> bool:
 
 
 def refuse_used(folder: Path) -> None:
-    """Raise FolderTakenError if the folder holds a checkpoint, CheckpointError if unreadable."""
-    try:
-        used = holds_checkpoint(folder)
-    except OSError as error:
-        raise CheckpointError(f"{folder}: {error}") from error
-    if used:
+    """Raise FolderTakenError if the folder holds a checkpoint."""
+    if holds_checkpoint(folder):
         raise FolderTakenError(
             f"{folder}: expected a folder without a run, got one that holds a checkpoint: resume "
             "it (--resume, or the learner's parameter resume), or name another folder"
@@ -39,8 +35,6 @@ def claim(folder: Path, resume: bool = False) -> IO[bytes]:
     Raises FolderTakenError if another run uses it (two would overwrite each other's checkpoints) or
     if it holds a checkpoint and `resume` is false; CheckpointError if it is not writable.
     """
-    if not resume:
-        refuse_used(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / ".lock").open("wb")
@@ -53,7 +47,7 @@ def claim(folder: Path, resume: bool = False) -> IO[bytes]:
                 "into",
                 code="learning.in_use",
             )
-        if not resume:  # another run may have come and gone since the first look
+        if not resume:
             refuse_used(folder)
     except CheckpointError:
         lock.close()

@@ -33,15 +33,6 @@ LEARNER_STREAM = 2  # of default_rng([seed, stream])
 SAVED_BEFORE = 80
 
 
-@dataclass(frozen=True, slots=True)
-class ConsumeReport:
-    """What one trajectory led to."""
-
-    accepted: bool  # False: a duplicate, which changed nothing
-    updates: int
-    version: int  # of the weights now; grew by one if the trajectory was accepted
-
-
 @dataclass
 class Counters:
     """What a learner has done so far; all of it is in its checkpoint."""
@@ -108,17 +99,18 @@ class Learner:
         kept = config.schedule.versions_kept
         self.published: deque[PolicySnapshot] = deque([self._snapshot(0)], maxlen=kept)
 
-    def consume(self, trajectory: Trajectory) -> ConsumeReport:
+    def consume(self, trajectory: Trajectory) -> bool:
         """Store a trajectory, make the updates it is due, and publish one version more.
 
-        Raises LearningError or ProgramError, with nothing changed, for a trajectory that cannot be
-        used. Raises DivergedError, with no new version, when numbers are not finite any more; if
-        that says `restored`, the learner is as it was before the trajectory, except for its replay
-        buffer, else it must not be used any more.
+        Returns whether it was new: a duplicate changes nothing. Raises LearningError or
+        ProgramError, with nothing changed, for a trajectory that cannot be used. Raises
+        DivergedError, with no new version, when numbers are not finite any more; if that says
+        `restored`, the learner is as it was before the trajectory, except for its replay buffer,
+        else it must not be used any more.
         """
         if not self.replay.ledger.is_new(trajectory.key):
             self.replay.ledger.duplicates += 1
-            return ConsumeReport(False, 0, self.counters.version)
+            return False
         # The learner's door: from here on the trajectory is trusted.
         self.replay.check(trajectory)
         program = self._row(trajectory.program)
@@ -142,7 +134,7 @@ class Learner:
             self.engine.end_episode()
         self.counters.version = newest.version
         self.published.append(newest)
-        return ConsumeReport(True, updates, self.counters.version)
+        return True
 
     def _check_finite(self, newest: PolicySnapshot, saved: _Saved | None) -> None:
         """Raise DivergedError unless the latest update and the actor are made of finite numbers."""

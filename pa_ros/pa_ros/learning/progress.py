@@ -7,7 +7,6 @@ import io
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -24,16 +23,6 @@ class Rewards:
 
     total: float = 0.0
     steps: int = 0
-
-    @classmethod
-    def of(cls, extra: Mapping[str, Any]) -> Rewards:
-        """Those that a resumed run's checkpoint kept; CheckpointError if they are not numbers."""
-        total, steps = extra.get("reward_sum"), extra.get("reward_steps")
-        if not (isinstance(total, int | float) and isfinite(total)):
-            raise CheckpointError(f"checkpoint: reward_sum: expected a number, got {total!r}")
-        if not (type(steps) is int and steps >= 0):
-            raise CheckpointError(f"checkpoint: reward_steps: expected a count, got {steps!r}")
-        return cls(float(total), steps)
 
     @property
     def facts(self) -> dict[str, float]:
@@ -53,7 +42,7 @@ class Rewards:
 
 
 class Progress:
-    """Rows of a CSV file that is whole at any moment; the first row fixes the columns.
+    """Rows of a CSV file that is whole at any moment.
 
     When resuming, rows after `frames` are dropped: that part of the run is repeated.
     """
@@ -65,14 +54,7 @@ class Progress:
         self.write()
 
     def add(self, row: Row) -> None:
-        """Append a row; CheckpointError if its columns are not the first row's.
-
-        OSError if there is no room for it; the next row writes it, too.
-        """
-        if self._rows and list(self._rows[0]) != list(row):
-            raise CheckpointError(
-                f"progress: {self._path}: expected columns {list(self._rows[0])}, got {list(row)}"
-            )
+        """Append a row. OSError if there is no room for it; the next row writes it, too."""
         self._rows.append(row)
         self._write()
 
@@ -85,8 +67,10 @@ class Progress:
 
     def _write(self) -> None:
         file = io.StringIO(newline="")
-        if self._rows:
-            writer = csv.DictWriter(file, list(self._rows[0]))
+        # A resumed run may have other columns than before, such as those of an evaluation.
+        columns = list(dict.fromkeys(name for row in self._rows for name in row))
+        if columns:
+            writer = csv.DictWriter(file, columns, restval="nan")
             writer.writeheader()
             writer.writerows(self._rows)
         write_whole(self._path, file.getvalue())
@@ -96,10 +80,7 @@ class Progress:
             return []
         try:
             with self._path.open(newline="") as file:
-                rows = list(csv.DictReader(file))
-            for row in rows:
-                _ = {name: float(cell) for name, cell in row.items()}  # whole, and of numbers
-            return [row for row in rows if float(row["frames"]) <= frames]
+                return [row for row in csv.DictReader(file) if float(row["frames"]) <= frames]
         except (OSError, KeyError, ValueError, TypeError, csv.Error) as error:
             raise CheckpointError(f"progress: {self._path}: {error!r}") from error
 

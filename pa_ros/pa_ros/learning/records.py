@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Mapping
-from math import isfinite
 from typing import Any
 
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
@@ -41,12 +40,9 @@ class Records:
 
     def __init__(self, config: TrainConfig, run: LearningRun, resumed: Mapping[str, Any]) -> None:
         """`resumed`: values from the checkpoint that the run resumes from; empty: a new run."""
-        self.rewards = Rewards.of(resumed) if resumed else Rewards()
+        self.rewards = Rewards(resumed.get("reward_sum", 0.0), resumed.get("reward_steps", 0))
         self._config, self._run = config, run
-        wall_s = resumed.get("wall_s", 0.0)
-        if not (isinstance(wall_s, int | float) and isfinite(wall_s)):
-            raise CheckpointError(f"checkpoint: wall_s: expected seconds, got {wall_s!r}")
-        self._started = time.monotonic() - wall_s
+        self._started = time.monotonic() - resumed.get("wall_s", 0.0)
         frames = run.learner.counters.frames if resumed else None
         self._progress = Progress(config.out / "progress.csv", frames)
 
@@ -63,17 +59,11 @@ class Records:
         }
 
     def add(self, row: Mapping[str, float]) -> None:
-        """Append a row to progress.csv; a full disk costs no row, it is written with the next.
-
-        Raises CheckpointError, after saving, if an earlier run's curve has other columns.
-        """
+        """Append a row to progress.csv; a full disk costs no row, it is written with the next."""
         try:
             self._progress.add(row)
         except OSError as error:
             log.warning("progress: %s: this row is written with the next row", error)
-        except CheckpointError:
-            self.save()
-            raise
 
     def save(self) -> None:
         """Write a checkpoint; the learner must be idle. CheckpointError if there is no room."""

@@ -15,7 +15,6 @@ from pa_ros.learning.errors import DivergedError, LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
-MOST_AHEAD = 100  # trajectories that an agent may send beyond policy_lag before it gets weights
 MADE_ON, AND_ON = "made_on", "; then "  # all machines that a run used, in order
 
 Facts = dict[str, float | int | str]
@@ -54,25 +53,6 @@ class LearningRun:
             MADE_ON: self._made_on,
         }
 
-    def check_sender(self, trajectory: Trajectory) -> None:
-        """Raise LearningError for a trajectory that cannot be its agent's next.
-
-        It is not accounted for then: either a newer agent uses the name (learning.superseded), or
-        the number is too far ahead of an agent that waits for weights (learning.ahead).
-        """
-        ledger = self.learner.replay.ledger
-        ledger.check(trajectory.agent)
-        accounted = ledger.accounted().get(trajectory.agent, 0)
-        first = max(accounted, trajectory.held_from)
-        farthest = first + self._schedule.policy_lag + MOST_AHEAD
-        if trajectory.sequence > farthest:
-            raise LearningError(
-                f"trajectory: expected at most number {farthest} of {trajectory.agent_id!r}, "
-                f"whose trajectories before {first} are accounted for, got "
-                f"{trajectory.sequence}: does another agent send under its name?",
-                code="learning.ahead",
-            )
-
     def consume(self, trajectory: Trajectory) -> bool:
         """Learn from a trajectory. Returns whether it was new: a duplicate changes nothing.
 
@@ -84,7 +64,7 @@ class LearningRun:
         try:
             self._check_length(trajectory)
             self._check_age(trajectory)
-            accepted = self.learner.consume(trajectory).accepted
+            accepted = self.learner.consume(trajectory)
         except DivergedError:
             raise
         except PaError:

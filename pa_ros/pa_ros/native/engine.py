@@ -17,20 +17,12 @@ from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native import _fused
-from pa_ros.native.errors import FusedError
 from pa_ros.native.families import FUSED
-from pa_ros.native.library import why_not_network
 from pa_ros.native.tensors import FlatTensors
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
-from pa_ros.networks.families import Shapes, family_of
-from pa_ros.networks.parameters import (
-    Tensors,
-    actor_shapes,
-    check_shapes,
-    check_tensors,
-    critic_shapes,
-)
+from pa_ros.networks.families import family_of
+from pa_ros.networks.parameters import Tensors
 from pa_ros.world.programs import ProgramTable
 
 Arrays = dict[str, NDArray[Any]]
@@ -63,7 +55,8 @@ class _Trained:
 class FusedEngine:
     """`Engine` by the native library; see `pa_ros.core.update` for the contract.
 
-    Raises FusedError when the library is missing or a batch does not fit it.
+    Only for networks that `library.why_not_network` allows. FusedError for a batch that does not
+    fit.
     """
 
     name = "fused"
@@ -76,12 +69,8 @@ class FusedEngine:
         actor: Tensors,
         critic: Tensors,
     ) -> None:
-        if reason := why_not_network(network):
-            raise FusedError(f"fused update: {reason}")
-        check_tensors(actor, actor_shapes(network), "actor")
-        check_tensors(critic, critic_shapes(network), "critic")
-        family = FUSED[type(family_of(network))]
-        actor_network, critic_network = (family.describe(network, x) for x in (False, True))
+        self._family = FUSED[type(family_of(network))]
+        actor_network, critic_network = (self._family.describe(network, x) for x in (False, True))
         self._engine = _fused.Engine(
             actor_network,
             critic_network,
@@ -102,13 +91,16 @@ class FusedEngine:
             "actor": _Trained("actor", actor_network, self._engine.actor, actor),
             "critic": _Trained("critic", critic_network, self._engine.critic, critic),
         }
-        self._programs = _Programs(network, table, self._engine)
+        self._network, self._table = network, table
+        self._known = 0  # programs of the table that the library has
         self._metrics: _fused.Metrics | None = None
         self._warned = False
 
     def update(self, batch: Batch) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
-        self._programs.refresh()
+        if self._known != len(self._table):
+            self._family.set_programs(self._engine, self._network, self._table)
+            self._known = len(self._table)
         step = self._trained["actor"].step + 1
         correction1, correction2 = (1.0 - beta**step for beta in self._betas)
         self._metrics = self._engine.update(
@@ -165,9 +157,7 @@ class FusedEngine:
         return tensors
 
     def load_tensors(self, tensors: Arrays) -> None:
-        """The inverse of `tensors`; NetworkError when names or shapes differ."""
-        expected: Shapes = {name: value.shape for name, value in self.tensors().items()}
-        check_shapes(tensors, expected, "engine")
+        """The inverse of `tensors`, of an engine with the same networks."""
         for name, trained in self._trained.items():
             for prefix, flat in trained.named.items():
                 own = {
@@ -191,9 +181,7 @@ class FusedActor:
     """`pa_ros.networks.inference.Inference` by the native library; one thread at a time."""
 
     def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
-        if reason := why_not_network(config):
-            raise FusedError(f"fused actor: {reason}")
-        self._config, self._logic, self._shapes = config, logic, actor_shapes(config)
+        self._config, self._logic = config, logic
         self._family = FUSED[type(family_of(config))]
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
@@ -202,8 +190,7 @@ class FusedActor:
         self.load(tensors)
 
     def load(self, tensors: Tensors) -> None:
-        """Act with these weights from now on; NetworkError, and no change, if they do not fit."""
-        check_tensors(tensors, self._shapes, "actor")
+        """Act with these weights from now on."""
         self._flat.write(sharpened(tensors, self._logic))
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
@@ -214,19 +201,3 @@ class FusedActor:
             self._newest = program, self._family.codes(program, self._config)
         self._family.act(self._actor, (objects, arm, hand_index), self._newest[1], action)
         return action
-
-
-class _Programs:
-    """Passes a table's programs to the engine, again whenever the table has grown."""
-
-    def __init__(self, network: NetworkConfig, table: ProgramTable, engine: _fused.Engine) -> None:
-        self._network, self._table, self._engine = network, table, engine
-        self._size = 0  # rows of the table that the engine has
-
-    def refresh(self) -> None:
-        """NetworkError for a program that the networks cannot represent."""
-        if self._size != len(self._table):
-            FUSED[type(family_of(self._network))].set_programs(
-                self._engine, self._network, self._table
-            )
-            self._size = len(self._table)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,36 +11,16 @@ from pa_ros.core.experience import Float32
 from pa_ros.language import MIN_MAX, PRODUCT, Logic, Program
 from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import Canonical, Codes, Family, Programmable, codes_of, family_of
-from pa_ros.networks.slots import slot_values
+from pa_ros.networks.families import (
+    Canonical,
+    Codes,
+    Family,
+    Programmable,
+    codes_of,
+    family_of,
+    slot_values,
+)
 from pa_ros.world.programs import Int32, ProgramTable
-
-
-class FusedFamily(ABC):
-    """How the library computes a family."""
-
-    @abstractmethod
-    def describe(
-        self, network: NetworkConfig, critic: bool, logic: Logic = PRODUCT
-    ) -> _fused.Network:
-        """The actor or the critic."""
-
-    @abstractmethod
-    def set_programs(
-        self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
-    ) -> None:
-        """Pass a table's programs; NetworkError for one that cannot be represented."""
-
-    @abstractmethod
-    def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        """A program as `act` takes it. NetworkError if it cannot be represented."""
-
-    @abstractmethod
-    def act(
-        self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
-        codes: tuple[Int32, ...], action: Float32,
-    ) -> None:  # fmt: skip
-        """Write the action for objects, arm and hand index, under a program's codes."""
 
 
 def _world(network: NetworkConfig) -> dict[str, Any]:
@@ -65,10 +43,13 @@ def _world(network: NetworkConfig) -> dict[str, Any]:
     }
 
 
-class _Trunk(FusedFamily):
+class Trunk:
+    """Programmable networks, which take flat programs."""
+
     def describe(
         self, network: NetworkConfig, critic: bool, logic: Logic = PRODUCT
     ) -> _fused.Network:
+        """The actor or the critic."""
         return _fused.Network.trunk(
             hidden=network.hidden,
             attention=network.attention,
@@ -84,23 +65,29 @@ class _Trunk(FusedFamily):
     def set_programs(
         self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
     ) -> None:
+        """Pass a table's programs."""
         engine.set_programs(*_with_relation(family_of(network).codes(table)))
 
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        return _flat(program, network)
+        """A program as `act` takes it: `op`, `a` and `b`, each [1, L], and the relation."""
+        return _with_relation(codes_of(program, network))
 
     def act(
         self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
         codes: tuple[Int32, ...], action: Float32,
     ) -> None:  # fmt: skip
+        """Write the action for objects, arm and hand index, under a program's codes."""
         op, a, b, relation = codes
         actor.act_on_program(*seen, op, a, b, relation, action)
 
 
-class _Mlp(FusedFamily):
+class Mlp:
+    """Canonical networks, which take the words of a target."""
+
     def describe(
         self, network: NetworkConfig, critic: bool, logic: Logic = PRODUCT
     ) -> _fused.Network:
+        """The actor or the critic; they evaluate no programs, so `logic` is not used."""
         world = network.world
         rows = [
             [world.vocabulary.row.get(value, -1) for value in group.features.values]
@@ -117,39 +104,31 @@ class _Mlp(FusedFamily):
     def set_programs(
         self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
     ) -> None:
+        """Pass a table's programs; NetworkError for one that cannot be represented."""
         (one_hots,) = family_of(network).codes(table)
         engine.set_targets(_words(one_hots))
 
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        return (_target(program, network),)
+        """A program as `act` takes it. NetworkError if it cannot be represented."""
+        (one_hots,) = codes_of(program, network)
+        return (_words(one_hots),)
 
     def act(
         self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
         codes: tuple[Int32, ...], action: Float32,
     ) -> None:  # fmt: skip
+        """Write the action for objects, arm and hand index, for a program's target."""
         (target,) = codes
         actor.act_on_target(*seen, target, action)
 
 
-FUSED: dict[type[Family], FusedFamily] = {Programmable: _Trunk(), Canonical: _Mlp()}
-
-
-@lru_cache(maxsize=1024)
-def _flat(program: Program, network: NetworkConfig) -> tuple[Int32, Int32, Int32, Int32]:
-    """`op`, `a` and `b` of the flat form, each [1, L], and the relation, [1] or [0]."""
-    return _with_relation(codes_of(program, network))
+FUSED: dict[type[Family], Trunk | Mlp] = {Programmable: Trunk(), Canonical: Mlp()}
 
 
 def _with_relation(codes: Codes) -> tuple[Int32, Int32, Int32, Int32]:
     """`op`, `a`, `b` and the programs' relations, empty if the world has one relation only."""
     op, a, b, *relation = (code.astype(np.int32, copy=False) for code in codes)
     return op, a, b, relation[0] if relation else np.zeros(0, np.int32)
-
-
-@lru_cache(maxsize=1024)
-def _target(program: Program, network: NetworkConfig) -> Int32:
-    (one_hots,) = codes_of(program, network)
-    return _words(one_hots)
 
 
 def _words(one_hots: NDArray[np.generic]) -> Int32:

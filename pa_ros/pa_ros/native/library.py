@@ -6,8 +6,7 @@ from types import ModuleType
 
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import Canonical, Programmable, family_of
-from pa_ros.networks.slots import slot_values
+from pa_ros.networks.families import Canonical, family_of, slot_values
 
 
 def library() -> ModuleType:
@@ -38,9 +37,9 @@ def why_not_network(network: NetworkConfig) -> str:
     except FusedError as error:
         return str(error)
     level()
-    if type(family_of(network)) not in (Programmable, Canonical):
-        return f"it knows no networks of the family {network.family!r}"
-    if type(family_of(network)) is Canonical and network.relation_inputs:
+    if not isinstance(family_of(network), Canonical):
+        return ""
+    if network.relation_inputs:
         return "it does not distinguish relations in canonical networks"
-    slots = len(slot_values(network.world)) if type(family_of(network)) is Canonical else 0
+    slots = len(slot_values(network.world))
     return f"it takes {limit} slots, not {slots}" if slots > limit else ""

@@ -14,8 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.families import canonical_inputs, slot_values
 from pa_ros.networks.properties import TrueProperties, input_scales
-from pa_ros.networks.slots import canonical_inputs, slot_values
 
 
 class FlattenedInput(nn.Module):

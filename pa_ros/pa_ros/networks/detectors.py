@@ -7,7 +7,6 @@ import numpy as np
 from pa_ros.core.experience import Float32
 from pa_ros.language import PRODUCT, Logic
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors
 
@@ -31,19 +30,13 @@ def degrees(
 ) -> Float32:
     """Φ, [V, N], of one scene, objects [N, F] and arm [A], as sharp as `logic` says.
 
-    See `networks.programmable.Trunk.phi`. Only for a family that evaluates programs. NetworkError
-    for a scene of another width.
+    See `networks.programmable.Trunk.phi`. Only for a family that evaluates programs.
     """
     if not family_of(network).detects(critic=False):
         return np.asarray(network.world.truth(objects).T)
     scale = network.world.schema.scales.copy()
     scale[:3] = network.position_scale
     columns = np.hstack([objects * scale, np.tile(arm, (len(objects), 1))])  # ω, [N, F + A]
-    seen = tensors["detectors.weight"].shape[1]
-    if columns.shape[1] != seen:
-        raise NetworkError(
-            f"detectors: expected columns of {seen} features, got {columns.shape[1]}"
-        )
     weight, bias = (tensors[name] for name in LAYERS)
     logits = np.float32(logic.sharpness) * (columns @ weight.T + bias)  # [N, V]
     ends = np.cumsum(network.vocabulary.group_sizes)[:-1]

@@ -14,33 +14,32 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.families import codes_of
 from pa_ros.networks.modules import goals_of, modules_of
-from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
+from pa_ros.networks.parameters import Tensors
 
 
 class Inference(Protocol):
     """Actions of one set of weights at a time."""
 
     def load(self, tensors: Tensors) -> None:
-        """Act with these weights from now on; NetworkError, and no change, if they do not fit."""
+        """Act with these weights, which fit the network, from now on."""
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
 
 
 class TorchActor:
-    """`Inference` by the modules of `pa_ros.networks`; NetworkError if the weights do not fit.
+    """`Inference` by the modules of `pa_ros.networks`.
 
     Networks that evaluate no programs ignore `logic`.
     """
 
     def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
-        self._config, self._shapes = config, actor_shapes(config)
+        self._config = config
         self._module = modules_of(config)[0](config).eval().requires_grad_(False)
         self._module.logic = logic
         self.load(tensors)
 
     def load(self, tensors: Tensors) -> None:
-        check_tensors(tensors, self._shapes, "actor")
         sharp = sharpened(tensors, self._module.logic)
         self._module.load_state_dict({k: torch.from_numpy(v) for k, v in sharp.items()})
 

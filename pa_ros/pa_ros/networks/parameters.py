@@ -6,10 +6,8 @@ The one table that the torch reference, the fused engine and checkpoints share.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
 from pa_ros.networks.config import NetworkConfig
@@ -49,8 +47,12 @@ def initial_critic(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
 
 def check_tensors(tensors: Tensors, shapes: Shapes, whose: str) -> None:
     """Raise NetworkError unless names, shapes, float dtype and finiteness are as they must be."""
-    check_shapes(tensors, shapes, whose)
+    if tensors.keys() != shapes.keys():
+        missing, extra = sorted(shapes.keys() - tensors), sorted(tensors.keys() - shapes)
+        raise NetworkError(f"{whose}: tensors missing {missing[:8]}, not expected {extra[:8]}")
     for name, tensor in tensors.items():
+        if tensor.shape != shapes[name]:
+            raise NetworkError(f"{whose}: {name}: expected {shapes[name]}, got {tensor.shape}")
         if tensor.dtype not in (np.float32, np.float64):
             raise NetworkError(f"{whose}: {name}: expected a float tensor, got {tensor.dtype}")
     if wrong := not_finite(tensors):
@@ -63,16 +65,6 @@ def not_finite(tensors: Tensors) -> list[str]:
     if np.isfinite(everything).all():
         return []
     return [name for name, tensor in tensors.items() if not np.isfinite(tensor).all()]
-
-
-def check_shapes(tensors: Mapping[str, NDArray[np.generic]], shapes: Shapes, whose: str) -> None:
-    """Raise NetworkError unless `tensors` has exactly these names and shapes."""
-    if tensors.keys() != shapes.keys():
-        missing, extra = sorted(shapes.keys() - tensors), sorted(tensors.keys() - shapes)
-        raise NetworkError(f"{whose}: tensors missing {missing[:8]}, not expected {extra[:8]}")
-    for name, shape in shapes.items():
-        if tensors[name].shape != shape:
-            raise NetworkError(f"{whose}: {name}: expected {shape}, got {tensors[name].shape}")
 
 
 def _initial(

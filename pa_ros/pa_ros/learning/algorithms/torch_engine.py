@@ -19,13 +19,7 @@ from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.modules import goals_of, modules_of
-from pa_ros.networks.parameters import (
-    Tensors,
-    actor_shapes,
-    check_shapes,
-    check_tensors,
-    critic_shapes,
-)
+from pa_ros.networks.parameters import Tensors
 from pa_ros.world.programs import ProgramTable
 
 Arrays = dict[str, NDArray[Any]]
@@ -76,11 +70,13 @@ class TorchEngine(ABC):
         self._config = config
         self.device = _device_named(config.engine.device)
         self.dtype: torch.dtype = getattr(torch, config.engine.dtype)
-        self._table = _Goals(network, table, self.device, self.dtype)
+        self._network, self._table = network, table
+        self._rows: list[Tensor] = []  # the programs of the table on the device
+        self._known = 0  # how many those are
         # Modules of pa_ros.networks: the actor is called with its inputs, critics have `trunk` and
         # `head`.
         self.networks: dict[str, Any] = {
-            name: self._module(network, name, tensors) for name, tensors in initial.items()
+            name: self._module(name, tensors) for name, tensors in initial.items()
         }
         self.targets: dict[str, Any] = {
             name: copy.deepcopy(module).requires_grad_(False)
@@ -110,8 +106,15 @@ class TorchEngine(ABC):
 
     def goals(self, program: NDArray[np.int32]) -> Any:
         """Rows [B, K] of the table, as the networks take programs."""
-        self._table.refresh()
-        return self._table.of(torch.from_numpy(program).to(self.device))
+        if self._known != len(self._table):
+            codes = map(torch.from_numpy, family_of(self._network).codes(self._table))
+            self._rows = [
+                code.to(self.device, self.dtype if code.is_floating_point() else torch.int64)
+                for code in codes
+            ]
+            self._known = len(self._table)
+        index = torch.from_numpy(program).to(self.device).long()
+        return goals_of(self._network, *(rows[index] for rows in self._rows))
 
     def act(self, network: Any, seen: tuple[Tensor, Tensor, Any]) -> Tensor:
         """Actions of an actor or its target, [B, K, J]."""
@@ -169,11 +172,8 @@ class TorchEngine(ABC):
         return tensors | {k: np.array(value, np.int64) for k, value in self._steps().items()}
 
     def load_tensors(self, tensors: Arrays) -> None:
-        """The inverse of `tensors`; NetworkError when names or shapes differ."""
-        named = self._named()
-        shapes = {k: tuple(v.shape) for k, v in named.items()} | dict.fromkeys(self._steps(), ())
-        check_shapes(tensors, shapes, "engine")
-        for name, value in named.items():
+        """The inverse of `tensors`, of an engine with the same networks."""
+        for name, value in self._named().items():
             value.copy_(torch.from_numpy(tensors[name]))
         for name, adam in self._adams.items():
             for moments in adam.state.values():
@@ -208,11 +208,9 @@ class TorchEngine(ABC):
             named |= {f"adam.{owner}.v.{k}": m["exp_avg_sq"] for k, m in moments.items()}
         return named
 
-    def _module(self, network: NetworkConfig, name: str, tensors: Tensors) -> nn.Module:
-        """The actor, or a critic, with these weights; NetworkError if they do not fit."""
-        critic = name != ACTOR
-        check_tensors(tensors, (critic_shapes if critic else actor_shapes)(network), name)
-        module: nn.Module = modules_of(network)[critic](network)
+    def _module(self, name: str, tensors: Tensors) -> nn.Module:
+        """The actor, or a critic, with these weights."""
+        module: nn.Module = modules_of(self._network)[name != ACTOR](self._network)
         module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
         return module.to(self.device, self.dtype)
 
@@ -246,31 +244,3 @@ def _device_named(name: str) -> torch.device:
         raise ConfigError(
             f"learner device: expected one that torch has here, got {name!r}: {reason}"
         ) from error
-
-
-class _Goals:
-    """The programs of a table on the device, as the networks take them."""
-
-    def __init__(
-        self, network: NetworkConfig, table: ProgramTable, device: torch.device, dtype: torch.dtype
-    ) -> None:
-        self._network = network
-        self._table = table
-        self._device, self._dtype = device, dtype
-        self._size = 0  # rows of the table that are on the device
-        self._rows: list[Tensor] = []
-
-    def refresh(self) -> None:
-        """Bring rows that joined the table to the device."""
-        if self._size != len(self._table):
-            codes = map(torch.from_numpy, family_of(self._network).codes(self._table))
-            self._rows = [
-                code.to(self._device, self._dtype if code.is_floating_point() else torch.int64)
-                for code in codes
-            ]
-            self._size = len(self._table)
-
-    def of(self, program: Tensor) -> Any:
-        """For rows [B, K] of the table."""
-        index = program.long()
-        return goals_of(self._network, *(rows[index] for rows in self._rows))

@@ -53,11 +53,6 @@ class ReplayBuffer:
         """Number of sampleable transitions."""
         return int(np.count_nonzero(~self.arrays["last"][: self.rows])) if self.arrays else 0
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all arrays at full capacity."""
-        return sum(array.nbytes for array in self.arrays.values())
-
     def check(self, trajectory: Trajectory) -> None:
         """Raise LearningError unless the trajectory is one of this world that fits the buffer.
 
@@ -142,22 +137,12 @@ class ReplayBuffer:
         return {"rows": self.rows, "head": self.head, "ledger": self.ledger.to_metadata()}
 
     def restore(self, arrays: dict[str, NDArray[Any]], values: dict[str, Any]) -> None:
-        """The inverse of `filled` and `to_metadata`; LearningError if they do not fit."""
-        rows, head = int(values["rows"]), int(values["head"])
-        if not (0 <= rows <= self.capacity and 0 <= head < self.capacity):
-            raise LearningError(
-                f"replay: expected {self.capacity} rows, got {rows} at {head}", code="learning.size"
-            )
+        """The inverse of `filled` and `to_metadata`, of a buffer of the same capacity."""
+        self.rows, self.head = values["rows"], values["head"]
         if arrays:
             self._allocate(arrays["objects"].shape[1])
             for name, array in self.arrays.items():
-                if arrays[name].shape != (rows, *array.shape[1:]):
-                    raise LearningError(
-                        f"replay: {name}: expected {rows} rows, got {arrays[name].shape}",
-                        code="learning.size",
-                    )
-                array[:rows] = arrays[name]
-        self.rows, self.head = rows, head
+                array[: self.rows] = arrays[name]
         self.ledger = Ledger.from_metadata(values["ledger"])
 
     def _allocate(self, n_objects: int) -> None:
@@ -174,15 +159,7 @@ class ReplayBuffer:
         }
         if self._goals:
             shapes["goal_reward"] = (self._goals,), np.float32  # of program j, at this row
-        try:
-            arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
-        except MemoryError as error:
-            raise LearningError(
-                f"replay: expected memory for {self.capacity} frames of {n_objects} objects "
-                f"(capacity_frames), got none: {error}",
-                code="learning.size",
-            ) from error
-        self.arrays = arrays
+        self.arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
 
 
 def hand_first(objects: NDArray[np.float32], hand_index: int) -> NDArray[np.float32]:

@@ -120,13 +120,11 @@ class Ledger:
 
     @classmethod
     def from_metadata(cls, values: dict[str, Any]) -> Ledger:
-        """The inverse of `to_metadata`; KeyError, TypeError or ValueError for other values."""
+        """The inverse of `to_metadata`."""
         agents = {
-            str(agent_id): SequenceTracker(
-                int(one["incarnation"]),
-                int(one["next"]),
-                [(int(first), int(end)) for first, end in one["gaps"]],
+            agent_id: SequenceTracker(
+                one["incarnation"], one["next"], [(first, end) for first, end in one["gaps"]]
             )
             for agent_id, one in values["agents"].items()
         }
-        return cls(int(values["duplicates"]), int(values["lost"]), int(values["too_old"]), agents)
+        return cls(**{**values, "agents": agents})
