@@ -92,7 +92,7 @@ def test_no_latched_message_kills_an_agent(probe: Probe) -> None:
     [
         (of_another_size, "learning.policy"),
         (of_another_vocabulary, "wire.world"),
-        (truncated, "wire.truncated"),
+        (truncated, "wire.checksum"),
         (wrong_checksum, "wire.checksum"),
         (missing_tensor, "learning.policy"),
     ],
