@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -20,12 +19,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from helpers.recordings import START, TOPIC, identifiers, payload, storage_file, written
 from pa_ros.bags.errors import BagError
-from pa_ros.bags.format import BEFORE, LOST, reliable_qos, topic
+from pa_ros.bags.format import BEFORE, LOST, BagTopic, reliable_qos, topic
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
-from pa_ros.bags.writer import BagOptions, BagWriter
+from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
-from pa_ros.core.errors import ConfigError
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
@@ -111,23 +109,14 @@ NOT_BAGS: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda path: folder_with(path, bag__mcap="", metadata__yaml="a: ["), "record --repair",
     ),
 }  # fmt: skip
-COMMANDS = (
-    ["bag", "info"], ["verify"], ["play", "--wait", "0"],
-    ["bag", "export", "--out", "OUT"], ["train", "--out", "OUT", "--from-bag"],
-)  # fmt: skip
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: "-".join(command[:2]))
 @pytest.mark.parametrize(("make", "expected"), NOT_BAGS.values(), ids=NOT_BAGS)
-def test_every_command_rejects_what_is_not_a_bag_in_one_line(
-    tmp_path, capsys, command, make, expected
-):
-    bag, out = tmp_path / "bag", tmp_path / "out"
-    make(bag)
-    assert main([*(str(out) if part == "OUT" else part for part in command), str(bag)]) == 2
+def test_what_is_not_a_bag_is_rejected_in_one_line(tmp_path, capsys, make, expected):
+    make(tmp_path / "bag")
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 2
     error = capsys.readouterr().err
-    assert expected in error and str(bag) in error and "Traceback" not in error
-    assert not out.exists()
+    assert expected in error and str(tmp_path / "bag") in error and "Traceback" not in error
 
 
 def test_metadata_that_counts_other_messages_than_the_files_is_rejected_until_repaired(tmp_path):
@@ -146,16 +135,16 @@ def test_another_quality_of_service_in_the_metadata_hides_no_message(tmp_path):
     assert identifiers(tmp_path / "bag") == [0, 1, 2]
 
 
-def other_types(type_name: str, text: str) -> tuple[Any, Any]:
-    """A topic and a store of a type with another definition."""
+def other_topic(type_name: str, text: str) -> BagTopic:
+    """A topic of a type that is not ours, or with another definition."""
     store = get_typestore(Stores.ROS2_JAZZY)
     if type_name not in store.fielddefs:
         store.register(get_types_from_msg(text, type_name))
-    return topic(store, "/topic", type_name, [reliable_qos(1)]), store.types[type_name]
+    return topic(store, "/topic", type_name, [reliable_qos(1)])
 
 
 def test_a_foreign_bag_is_described_and_not_learned_from(tmp_path, capsys):
-    chatter, _ = other_types("std_msgs/msg/String", "string data")
+    chatter = other_topic("std_msgs/msg/String", "string data")
     with BagWriter(tmp_path / "bag") as bag:
         bag.add(chatter)
     assert main(["bag", "info", str(tmp_path / "bag")]) == 0
@@ -166,10 +155,15 @@ def test_a_foreign_bag_is_described_and_not_learned_from(tmp_path, capsys):
         assert "expected one topic of type msgs_schema/msg/Trajectory" in capsys.readouterr().err
 
 
+COMMANDS = (
+    ["bag", "info"], ["verify"], ["play", "--wait", "0"],
+    ["bag", "export", "--out", "OUT"], ["train", "--out", "OUT", "--from-bag"],
+)  # fmt: skip
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: "-".join(command[:2]))
-@pytest.mark.parametrize("type_name", ["Trajectory", "Transitions"])
-def test_a_bag_of_another_version_is_rejected_naming_both(tmp_path, capsys, command, type_name):
-    old, _ = other_types(f"msgs_schema/msg/{type_name}", "string agent_id\nuint64 sequence\n")
+def test_a_bag_of_another_version_is_rejected_naming_both(tmp_path, capsys, command):
+    old = other_topic("msgs_schema/msg/Trajectory", "string agent_id\nuint64 sequence\n")
     with BagWriter(tmp_path / "bag") as bag:
         bag.add(old)
         bag.custom["pa_ros.provenance"] = json.dumps([{"software_version": "0.1.0"}])
@@ -191,22 +185,8 @@ def test_a_compressed_bag_of_stock_tools_is_read_and_not_repaired(tmp_path, caps
             bag.write(program, START + i, payload(i))
     assert identifiers(tmp_path / "bag") == [0, 1, 2]
     assert main(["record", "--repair", str(tmp_path / "bag")]) == 2
-    assert "compressed bag can be read but not repaired" in capsys.readouterr().err
-
-
-def test_wrong_options_and_folders_are_rejected(tmp_path):
-    for wrong in ({"storage": "zarr"}, {"split_s": -1}, {"split_s": float("inf")}):
-        with pytest.raises(ConfigError, match=f"{next(iter(wrong))}"):
-            BagOptions(**wrong)  # type: ignore[arg-type]
-    with pytest.raises(BagError, match="already exists"):
-        BagWriter(tmp_path)
-    with BagWriter(tmp_path / "twice") as twice:
-        twice.add(TOPIC)
-        with pytest.raises(BagError, match="declared twice"):
-            twice.add(TOPIC)
-    bag = written(tmp_path / "bag", 1)
-    with pytest.raises(BagError, match="already closed"):
-        bag.write("/program", b"", START)
+    assert capsys.readouterr().err.startswith("pa_ros record: bag: ")
+    assert identifiers(tmp_path / "bag") == [0, 1, 2]
 
 
 def test_info_tells_what_was_lost_and_what_was_published_before(tmp_path, capsys):

@@ -9,23 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from PIL import Image, ImageSequence
 
 from helpers.pictures import captions
-from helpers.recordings import DESIGN, STEPS, acted, columns, rearranged, rewritten, storage_file
-from pa_ros.arena.movie import captioned
+from helpers.recordings import DESIGN, STEPS, acted, columns, rearranged, rewritten
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.film import Stage
-from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.reader import Bag
-from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
-from pa_ros.core.signals import EXIT_INTERRUPTED
 from pa_ros.tools.scenes import name_of
-from pa_ros.wire.definitions import installed_types
-from pa_ros.world.schema import PAPER
 
 pytestmark = pytest.mark.xdist_group("recorded episodes")  # their recordings are made once
 
@@ -181,35 +174,6 @@ def test_a_wrong_export_is_rejected_and_leaves_nothing(
     assert said in capsys.readouterr().err and not [*tmp_path.iterdir()]
 
 
-def test_episodes_that_the_bag_lacks_are_named(stepped, tmp_path, capsys):
-    assert export(stepped, "--episodes", "7", "9", "--out", tmp_path / "out") == 2
-    assert "does not contain episodes [9]; 2 others were written" in capsys.readouterr().err
-    assert (tmp_path / "out" / "eval-000007.npz").exists()
-
-
-def test_a_bag_without_episodes_is_not_exported(tmp_path, capsys):
-    with BagWriter(tmp_path / "bag") as bag:
-        for name, kind in (("/object_features", "ObjectFeatures"), ("/arena_info", "ArenaInfo")):
-            bag.add(topic(installed_types(), name, f"msgs_schema/msg/{kind}", [reliable_qos(1)]))
-    assert export(tmp_path / "bag", "--out", tmp_path / "out") == 2
-    assert "expected episodes, got none" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_an_export_of_a_damaged_bag_says_how_many_episodes_it_wrote(learned, tmp_path, capsys):
-    copy = rewritten(learned, tmp_path / "copy", lambda _, message: [message])
-    file = storage_file(copy)
-    with file.open("rb") as stream:
-        chunks = make_reader(stream).get_summary().chunk_indexes
-    last = max(chunks, key=lambda chunk: chunk.chunk_start_offset)
-    content = bytearray(file.read_bytes())
-    content[last.chunk_start_offset + last.chunk_length // 2] ^= 1
-    file.write_bytes(content)
-    assert export(copy, "--out", tmp_path / "out") == 2
-    error = capsys.readouterr().err
-    assert "unreadable after" in error and not (tmp_path / "out" / "episodes.csv").exists()
-
-
 def test_a_file_for_rerun_follows_blocks_that_come_and_go(changing, tmp_path):
     pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
     path = tmp_path / "out.rrd"
@@ -225,18 +189,6 @@ def test_a_file_for_rerun_follows_blocks_that_come_and_go(changing, tmp_path):
             assert pose == pytest.approx(stage.task.simulation.positions[i].tolist(), abs=1e-6)
             seen[name] = seen.get(name, 0) + 1
     assert sorted(set(seen.values())) == [2, 6, 9]  # the last one, the one that left, the others
-
-
-def test_a_file_for_rerun_that_fails_is_not_left_behind(changing, tmp_path, monkeypatch):
-    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
-
-    def show(*_):
-        raise RuntimeError("no such scene")
-
-    monkeypatch.setattr(Stage, "show", show)
-    with pytest.raises(RuntimeError, match="no such scene"):
-        export(changing, "--rerun", tmp_path / "out.rrd")
-    assert not [*tmp_path.iterdir()]
 
 
 def test_the_stage_shows_what_was_recorded(stepped, learned, changing):
@@ -274,11 +226,6 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
     )
 
 
-def test_a_film_continues_where_blocks_come_and_go(changing, tmp_path, capsys):
-    assert film(changing, tmp_path / "film.gif") == 0
-    assert "9 pictures" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("text", ["", "a-program-id", "NEAR(HAND, AND(CYLINDER, CAPSULE))"])
 def test_a_film_shows_a_target_only_while_one_is_known(stepped, text):
     episode, stage = first_episode(stepped)
@@ -291,17 +238,6 @@ def test_a_film_shows_a_target_only_while_one_is_known(stepped, text):
     assert episode.rows[4].program and targets == [0] * 4 + [1] + [0] * 4
 
 
-def test_a_film_shows_blocks_that_no_word_of_the_design_names(stepped):
-    episode, _ = first_episode(stepped)
-    spare = list(PAPER.features({"shape": "CAPSULE", "color": "MAGENTA"})[7:])
-    for row in episode.rows:
-        row.objects[1:, 7:] = spare
-    with Bag(stepped) as bag:
-        stage = Stage(episode, arenas_of(bag)[-1])
-    stage.show(episode.rows[0])
-    assert stage.task.verifier.targets == ()
-
-
 def test_a_film_states_program_step_and_distance(stepped, tmp_path, monkeypatch):
     said = captions(monkeypatch, "pa_ros.bags.film.captioned")
     assert film(stepped, tmp_path / "film.gif") == 0
@@ -309,19 +245,3 @@ def test_a_film_states_program_step_and_distance(stepped, tmp_path, monkeypatch)
     for (program, state), (_, verdict, _, asked, _) in zip(said, steps, strict=True):
         assert program == str(asked) and f"distance {verdict.distance:.2f} m" in state
     assert said[0][1].startswith("step 0") and f"step {STEPS}   reward" in said[-1][1]
-
-
-def test_an_interrupted_film_keeps_the_one_before(stepped, tmp_path, monkeypatch):
-    out = tmp_path / "films" / "film.gif"
-    assert film(stepped, out) == 0
-    before, shown = out.read_bytes(), []
-
-    def interrupted(*given):
-        if len(shown) == 3:
-            raise KeyboardInterrupt
-        shown.append(given)
-        return captioned(*given)
-
-    monkeypatch.setattr("pa_ros.bags.film.captioned", interrupted)
-    assert film(stepped, out) == EXIT_INTERRUPTED
-    assert out.read_bytes() == before and [*out.parent.iterdir()] == [out]

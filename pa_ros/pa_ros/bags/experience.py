@@ -9,7 +9,6 @@ from typing import Final, TypeVar
 
 from pa_ros.bags.errors import BagError, ProvenanceError
 from pa_ros.bags.reader import Bag
-from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, TrajectoryKey
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.fixed_order import in_fixed_order
@@ -63,7 +62,6 @@ class Experience:
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
         """Raises BagError (code bag.foreign) if the bag contains no transitions."""
         self._bag = bag
-        self.unreadable = bag.unreadable  # parts that a repair had to leave out
         self._topic = bag.topic_of(TRAJECTORIES, namespace)
         self.origins = _decoded(bag, PROVENANCE, namespace, decode_provenance)
         self.arenas = arenas_of(bag, namespace)
@@ -200,15 +198,12 @@ class OfflineResult:
     accepted: int = 0
     missing: int = 0  # used by the recorded learner, but not in the bag
     left_out: int = 0  # in the bag, but not used by the recorded learner
-    refused: int = 0  # not usable with these networks
-    refusal: str = ""  # reason of the first
     unordered: int = 0  # versions whose trajectories' order is not known
-    unreadable: str = ""  # damaged parts of the bags
 
     @property
     def complete(self) -> bool:
         """Whether everything was learned that the recorded learners had learned."""
-        return not (self.missing or self.refused or self.unordered or self.unreadable)
+        return not (self.missing or self.unordered)
 
 
 def learn(
@@ -227,7 +222,6 @@ def learn(
         learners = {one.instance for one in experience.origins if one.learner is not None}
         run = runs.setdefault("+".join(sorted(learners)) or str(id(experience)), len(runs))
         order_is_known = len(experience.published) > 1
-        found.unreadable = "; ".join(filter(None, (found.unreadable, experience.unreadable)))
         found.unordered += experience.unordered
         for one in experience.used(learner.network.world):
             if one.trajectory is None:
@@ -236,20 +230,11 @@ def learn(
                 found.left_out += 1
             else:
                 agent = f"{one.key.agent_id}@{(one.key.incarnation, run)}"
-                _consume(learner, replace(one.trajectory, agent_id=agent, held_from=0), found)
+                trajectory = replace(one.trajectory, agent_id=agent, held_from=0)
+                found.accepted += learner.consume(trajectory)
             if progress is not None:
                 progress(found)
     return found
-
-
-def _consume(learner: Learner, trajectory: Trajectory, found: OfflineResult) -> None:
-    try:
-        accepted = learner.consume(trajectory)
-    except PaError as error:
-        found.refused += 1
-        found.refusal = found.refusal or str(error)
-    else:
-        found.accepted += accepted
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.errors import BagError
-from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.errors import ConfigError
 
 TABLE = "episodes.csv"
 KINDS = ("npz", "parquet")
@@ -33,8 +33,8 @@ def export(
     """Write `episode-<n>.<kind>` or `eval-<n>.<kind>` for each episode, then episodes.csv.
 
     An episode number that was recorded more than once gets `-2`, `-3`, … Returns the number of
-    files. Raises BagError if the folder has a table already, if the bag lacks some of `numbers`,
-    or where it cannot be read further; ConfigError for an unknown kind or a missing extra.
+    files. Raises BagError if the folder has a table already or the bag lacks some of `numbers`;
+    ConfigError for an unknown kind or a missing extra.
     """
     write = _writer(kind)
     if os.path.lexists(folder / TABLE):
@@ -42,18 +42,16 @@ def export(
     written: dict[str, int] = {}
     rows: list[tuple[object, ...]] = []
     missing = set(numbers or ())
-    try:
-        for episode in found:
-            if numbers is not None and episode.number not in numbers:
-                continue
-            folder.mkdir(parents=True, exist_ok=True)
-            name = _name(episode, written, kind)
-            write(folder / name, episode.arrays())
-            rows.append(_line(name, episode))
-            missing.discard(episode.number)
-    except (PaError, OSError) as error:
-        done = f"; {len(rows)} episodes are in {folder}, without {TABLE}" if rows else ""
-        raise BagError(f"export: {error}{done}") from error
+    for episode in found:
+        if numbers is not None and episode.number not in numbers:
+            continue
+        folder.mkdir(parents=True, exist_ok=True)
+        stem = f"{'eval' if episode.evaluation else 'episode'}-{episode.number:06d}"
+        written[stem] = written.get(stem, 0) + 1
+        name = f"{stem}{f'-{written[stem]}' if written[stem] > 1 else ''}.{kind}"
+        write(folder / name, episode.arrays())
+        rows.append(_line(name, episode))
+        missing.discard(episode.number)
     if rows:
         with (folder / TABLE).open("w", newline="") as file:
             csv.writer(file).writerows([COLUMNS, *rows])
@@ -92,12 +90,6 @@ def _writer(kind: str) -> Write:
         pyarrow.parquet.write_table(table, path)
 
     return write
-
-
-def _name(episode: RecordedEpisode, written: dict[str, int], kind: str) -> str:
-    stem = f"{'eval' if episode.evaluation else 'episode'}-{episode.number:06d}"
-    written[stem] = written.get(stem, 0) + 1
-    return f"{stem}{f'-{written[stem]}' if written[stem] > 1 else ''}.{kind}"
 
 
 def _line(name: str, episode: RecordedEpisode) -> tuple[object, ...]:

@@ -50,7 +50,7 @@ class Stage:
         self._looks, self._shown = row.looks, None
 
     def show(self, row: Row) -> None:
-        """Put arm and blocks where a row says. Raises BagError for blocks of another design."""
+        """Put arm and blocks where a row says."""
         if row.looks != self._looks:
             self._furnish(row, self.task.simulation.joint_position)
         data, model = self.task.simulation.data, self.task.simulation.model
@@ -105,13 +105,8 @@ def _caption(row: Row) -> tuple[str, str]:
 
 
 def _kind(features: Float32, design: Design) -> Kind:
-    """Return the kind of a recorded object. Raises BagError if the design has no such kind."""
-    if features.shape != (design.schema.width,):
-        raise BagError(
-            f"film: expected objects of {design.schema.width} features, got {len(features)}"
-        )
+    """Return the kind of a recorded object."""
     has = dict(zip(design.schema.slices, design.schema.has(features), strict=True))
-    if not all(one.any() for one in has.values()):
-        raise BagError(f"film: expected an object of the design, got {features.tolist()}")
-    values = {g: design.schema[g].features.values[int(has[g].argmax())] for g in design.values}
-    return Kind(**values)
+    return Kind(
+        **{g: design.schema[g].features.values[int(has[g].argmax())] for g in design.values}
+    )

@@ -29,7 +29,6 @@ UNLIMITED: Final = _QosTime(9223372036, 854775807)  # how rosbag2 writes an unli
 LOST: Final = "pa_ros.lost"  # JSON: messages that were published but not received, by topic
 BEFORE: Final = "pa_ros.before"  # JSON: messages published before the recorder connected, by topic
 REPAIRED: Final = "pa_ros.repaired"  # what a repair found
-UNREADABLE: Final = "pa_ros.unreadable"  # parts that a repair had to leave out
 
 
 @dataclass(frozen=True)
@@ -140,21 +139,19 @@ def information(
 def read_metadata(folder: Path) -> dict[str, Any]:
     """Return `rosbag2_bagfile_information` of a folder's metadata.yaml; empty without one.
 
-    Raises BagError if the file is not YAML.
+    Raises ValueError if the file is not YAML.
     """
     try:
         content = read_yaml((folder / METADATA).read_text())
     except OSError:
         return {}
-    except ValueError as error:
-        raise damaged(folder, f"{METADATA}: {error}") from error
     about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     return about if isinstance(about, dict) else {}
 
 
-def custom_data(folder: Path) -> dict[str, str]:
-    """Return custom_data of a folder's metadata.yaml; empty if it contains none."""
-    custom = read_metadata(folder).get("custom_data")
+def custom_data(about: Mapping[str, Any]) -> dict[str, str]:
+    """Return custom_data of a bag's metadata; empty if there is none."""
+    custom = about.get("custom_data")
     return {str(k): str(v) for k, v in custom.items()} if isinstance(custom, dict) else {}
 
 
@@ -173,8 +170,7 @@ def repair_command(folder: Path) -> str:
 
 def damaged(path: Path, reason: object) -> BagError:
     """Return the error for a bag whose content is not what its format says."""
-    hint = f"; try {repair_command(path)}" if path.is_dir() else ""
-    return BagError(f"bag: {path}: {reason}{hint}", code="bag.damaged")
+    return BagError(f"bag: {path}: {reason}", code="bag.damaged")
 
 
 class FolderLock:

@@ -20,10 +20,10 @@ from pa_ros import __version__
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.format import (
     METADATA,
-    UNREADABLE,
     FolderLock,
     custom_data,
     damaged,
+    read_metadata,
     repair_command,
 )
 from pa_ros.bags.repair import storage_files
@@ -56,15 +56,14 @@ class Bag:
         _check_finished(path)
         with ExitStack() as opened:
             try:
-                self.custom = custom_data(path)  # of metadata.yaml
+                self.custom = custom_data(read_metadata(path))
                 self._reader = Reader(path)
                 self._reader.open()
                 opened.callback(self._reader.close)
                 self._connections = _connections(self._reader)
-            except BagError:
-                raise
             except Exception as error:  # damaged bytes lead rosbags to errors of many types
-                raise damaged(path, error) from error
+                hint = f"; try {repair_command(path)}" if path.is_dir() else ""
+                raise damaged(path, f"{error}{hint}") from error
             self._check_version()
             opened.pop_all()
         self._stores: dict[str, Typestore] = {}
@@ -97,11 +96,6 @@ class Bag:
     def duration_s(self) -> float:
         """From the earliest message to the latest, s."""
         return max(0, int(self._reader.duration) - 1) / 1e9
-
-    @property
-    def unreadable(self) -> str:
-        """What a repair had to leave out; empty if nothing."""
-        return self.custom.get(UNREADABLE, "")
 
     def qos(self, topic: str) -> list[Qos]:
         """Return the profiles that the topic's publishers offered."""

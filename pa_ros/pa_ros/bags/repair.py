@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import os
 import sqlite3
-import struct
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Channel, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
@@ -26,7 +22,6 @@ from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import (
     REPAIRED,
     RESERVE,
-    UNREADABLE,
     BagTopic,
     FileContents,
     FolderLock,
@@ -40,8 +35,6 @@ from pa_ros.wire.definitions import hash_of
 
 _READERS: dict[str, Any] = {".mcap": McapReader, ".db3": Sqlite3Reader}
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
-_MAGIC = b"\x89MCAP0\r\n"
-_HEAD = struct.Struct("<BQ")  # of an MCAP record: opcode, length
 _CHUNK_BYTES = 1 << 20
 KEPT = ".original"  # suffix of a file as it was before a repair
 
@@ -52,7 +45,7 @@ class Repaired:
 
     messages: int
     files: int
-    notes: tuple[str, ...]  # what was cut off or left out, file by file
+    notes: tuple[str, ...]  # what was cut off, file by file
 
 
 def repair(folder: Path) -> Repaired:
@@ -61,59 +54,39 @@ def repair(folder: Path) -> Repaired:
     Raises BagError if there is nothing to repair, or while the bag is being recorded.
     """
     files = storage_files(folder)
-    with FolderLock(folder):
-        return _repair(folder, files)
-
-
-def _repair(folder: Path, files: list[Path]) -> Repaired:
-    (folder / RESERVE).unlink(missing_ok=True)
-    topics: dict[str, BagTopic] = {}
-    contents: list[FileContents] = []
-    cut, unreadable = [], []
-    for path in files:
-        try:
-            if path.suffix == ".mcap":
-                end, parts = _finish_mcap(path)
-                cut += end
-                unreadable += parts
-            else:
-                _check_sqlite(path)
-            found, content = contents_of(path)
-        except BagFullError:
-            raise
-        except BagError as error:
-            unreadable.append(f"{path.name} was left out: {error}")
-            continue
-        topics.update({topic.name: topic for topic in found})
-        contents.append(content)
-    if not contents:
-        raise damaged(folder, f"no file in it can be read: {'; '.join(unreadable)}")
     try:
-        custom = custom_data(folder)
-    except BagError:
-        custom = {}  # the damaged metadata.yaml is written anew
-    if cut or unreadable or not custom:
-        custom[REPAIRED] = "; ".join(cut + unreadable) or "nothing was lost"
-    if unreadable:
-        custom[UNREADABLE] = "; ".join(unreadable)
-    # Files are named in the order in which they were written, which their times tell.
-    contents.sort(key=lambda content: (content.first_ns, content.path.name))
-    storage = _STORAGES[contents[0].path.suffix]
-    write_metadata(folder, information(storage, topics.values(), contents, custom))
-    total = sum(content.total for content in contents)
-    return Repaired(total, len(contents), (*cut, *unreadable))
+        about = read_metadata(folder)
+    except ValueError:
+        about = {}  # the damaged metadata.yaml is written anew
+    if about.get("compression_mode"):
+        raise BagError(f"bag: {folder}: a compressed bag can be read but not repaired")
+    with FolderLock(folder):
+        (folder / RESERVE).unlink(missing_ok=True)
+        topics: dict[str, BagTopic] = {}
+        contents: list[FileContents] = []
+        notes: list[str] = []
+        for path in files:
+            if path.suffix == ".mcap":
+                notes += filter(None, [_finish_mcap(path)])
+            else:
+                _roll_back_sqlite(path)
+            found, content = contents_of(path)
+            topics.update({topic.name: topic for topic in found})
+            contents.append(content)
+        custom = custom_data(about)
+        if notes or not custom:
+            custom[REPAIRED] = "; ".join(notes) or "nothing was lost"
+        # Files are named in the order in which they were written, which their times tell.
+        contents.sort(key=lambda content: (content.first_ns, content.path.name))
+        storage = _STORAGES[contents[0].path.suffix]
+        write_metadata(folder, information(storage, topics.values(), contents, custom))
+    return Repaired(sum(content.total for content in contents), len(contents), tuple(notes))
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """Return a bag's storage files. Raises BagError if there are none, or they are compressed."""
+    """Return a bag's storage files. Raises BagError if there are none."""
     if not folder.is_dir():
         raise BagError(f"bag: {folder}: expected a folder, found none")
-    try:
-        mode = str(read_metadata(folder).get("compression_mode", "")).lower()
-    except BagError:
-        mode = ""
-    if mode not in ("", "none") or [*folder.glob("*.zst*")]:
-        raise BagError(f"bag: {folder}: a compressed bag can be read but not repaired")
     found = sorted(path for path in folder.iterdir() if path.suffix in _READERS)
     if not found:
         raise BagError(f"bag: {folder}: expected .mcap or .db3 files in it, found none")
@@ -150,134 +123,95 @@ def _topic(connection: Connection) -> BagTopic:
     return BagTopic(connection.topic, connection.msgtype, text, digest, qos)
 
 
-def _check_sqlite(path: Path) -> None:
-    """Return to the last commit, which SQLite does when it opens a file; raise BagError if damaged.
+def _roll_back_sqlite(path: Path) -> None:
+    """Return to the last commit, which SQLite does when it opens a file for writing.
 
     rosbags cannot do this, because it opens files for reading only.
     """
     try:
         with closing(sqlite3.connect(path)) as connection:
-            verdict = connection.execute("PRAGMA quick_check").fetchone()[0]
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except sqlite3.Error as error:
         raise damaged(path, error) from error
-    if verdict != "ok":
-        raise damaged(path, verdict)
 
 
-class _McapMessages:
-    """The messages of an MCAP file that can be read, whatever its end and its index are like.
+def _finish_mcap(path: Path) -> str:
+    """Replace an unfinished or damaged file by a copy of all messages before its first fault.
 
-    MCAP is a sequence of records, so everything before the first incomplete record can be kept.
-    A chunk with a wrong checksum is left out.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.damaged_chunks = self.orphans = self.dropped_bytes = 0
-        self.finished = False  # the file has its end
-        self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
-        self._path = path
-
-    def read(self) -> Iterator[Message]:
-        """Yield the messages in the order of the file; count what cannot be read."""
-        with self._path.open("rb") as file:
-            for opcode, content in self._records(file):
-                for record in self._parts(opcode, content):
-                    if isinstance(record, Schema):
-                        self.schemas[record.id] = record
-                    elif isinstance(record, Channel):
-                        self.channels[record.id] = record
-                    elif isinstance(record, Message) and record.channel_id in self.channels:
-                        yield record
-                    elif isinstance(record, Message):  # the chunk that declares it is damaged
-                        self.orphans += 1
-
-    def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-        """Yield opcode and content of each complete record before the end of the data."""
-        size = file.seek(0, os.SEEK_END)
-        file.seek(0)
-        if file.read(len(_MAGIC)) != _MAGIC:
-            raise damaged(self._path, "expected an MCAP file, got other content")
-        end = file.tell()
-        while len(head := file.read(_HEAD.size)) == _HEAD.size:
-            opcode, length = _HEAD.unpack(head)
-            if file.tell() + length > size:
-                break
-            content = file.read(length)
-            if opcode == Opcode.DATA_END:
-                file.seek(-len(_MAGIC), os.SEEK_END)
-                self.finished = file.read() == _MAGIC
-                break
-            yield opcode, content
-            end = file.tell()
-        self.dropped_bytes = 0 if self.finished else size - end
-
-    def _parts(self, opcode: int, content: bytes) -> list[Any]:
-        stream = ReadDataStream(BytesIO(content))
-        try:
-            if opcode == Opcode.CHUNK:
-                return list(breakup_chunk(Chunk.read(stream), validate_crc=True))
-            if opcode == Opcode.SCHEMA:
-                return [Schema.read(stream)]
-            if opcode == Opcode.CHANNEL:
-                return [Channel.read(stream)]
-            if opcode == Opcode.MESSAGE:
-                return [Message.read(stream, len(content))]
-        except Exception:  # damaged bytes lead parsers and decompressors to errors of many types
-            self.damaged_chunks += 1
-        return []
-
-
-def _finish_mcap(path: Path) -> tuple[list[str], list[str]]:
-    """Replace an unfinished or damaged file by a copy of its readable messages.
-
-    The file itself is kept as NAME.original. Returns what was cut off and what was left out.
+    The file itself is kept as NAME.original. Returns what was cut off; empty if the file is whole.
     Raises BagFullError, with nothing changed, if there is no space for the copy.
     """
-    found = _McapMessages(path)
-    for _ in found.read():
-        pass
-    cut, unreadable = [], []
-    if found.dropped_bytes:
-        cut.append(f"{path.name}: the last {found.dropped_bytes} bytes were incomplete")
-    if found.damaged_chunks:
-        unreadable.append(f"{path.name}: {found.damaged_chunks} damaged chunks were left out")
-    if found.orphans:
-        unreadable.append(f"{path.name}: {found.orphans} messages of unknown topics were left out")
-    if found.finished and not unreadable:
-        try:
-            contents_of(path)
-            return [], []
-        except BagError:
-            pass  # its index is damaged: the copy gets a new one
+    if _is_whole(path):
+        return ""
     copy, kept = path.with_name(f".{path.name}.repairing"), path.with_name(f"{path.name}{KEPT}")
     try:
-        _copy_messages(_McapMessages(path), found, copy)
+        count, fault = _copy_messages(path, copy)
         if not kept.exists():
             path.rename(kept)
         copy.replace(path)
     except OSError as error:
         copy.unlink(missing_ok=True)
         raise BagFullError(f"bag: {path}: {error}: a repair needs space for a copy") from error
-    return cut, unreadable
+    return f"{path.name}: cut off after {count} messages ({fault})"
 
 
-def _copy_messages(source: _McapMessages, known: _McapMessages, copy: Path) -> None:
-    """Write messages into a new file; its topics are those that a first reading found."""
-    with copy.open("wb") as file:
-        writer = Writer(file, _CHUNK_BYTES, CompressionType.NONE)
+def _is_whole(path: Path) -> bool:
+    """Return whether a file has an index, and all its records can be read."""
+    try:
+        contents_of(path)
+        with path.open("rb") as file:
+            for _ in _records(file, path):
+                pass
+    except Exception:  # damaged bytes lead parsers and decompressors to errors of many types
+        return False
+    return True
+
+
+def _records(file: BinaryIO, path: Path) -> Iterator[McapRecord]:
+    size = path.stat().st_size  # a longer record is not one
+    reader = StreamReader(file, validate_crcs=True, record_size_limit=size)
+    return iter(reader.records)
+
+
+def _copy_messages(path: Path, copy: Path) -> tuple[int, str]:
+    """Write a finished file; return its number of messages, and why it has no more."""
+    schemas: dict[int, int] = {}  # their numbers in the copy
+    channels: dict[int, int] = {}
+    count = 0
+    with path.open("rb") as source, copy.open("wb") as target:
+        writer = Writer(target, _CHUNK_BYTES, CompressionType.NONE)
         writer.start("ros2", "pa_ros")
-        channels = {}
-        for channel in known.channels.values():
-            schema = known.schemas[channel.schema_id]
-            number = writer.register_schema(schema.name, schema.encoding, schema.data)
-            channels[channel.id] = writer.register_channel(
-                channel.topic, channel.message_encoding, number, channel.metadata
-            )
-        for one in source.read():
-            writer.add_message(
-                channels[one.channel_id], one.log_time, one.data, one.publish_time, one.sequence
-            )
+        records = _records(source, path)
+        fault = "only its index was damaged"
+        while True:
+            try:
+                record = next(records, None)
+            except Exception as error:  # as in _is_whole
+                fault = f"{type(error).__name__} {error}".strip()
+                break
+            if record is None:
+                break
+            if isinstance(record, Schema) and record.id not in schemas:
+                schemas[record.id] = writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
+            elif isinstance(record, Channel) and record.id not in channels:
+                channels[record.id] = writer.register_channel(
+                    record.topic,
+                    record.message_encoding,
+                    schemas[record.schema_id],
+                    record.metadata,
+                )
+            elif isinstance(record, Message):
+                count += 1
+                writer.add_message(
+                    channels[record.channel_id],
+                    record.log_time,
+                    record.data,
+                    record.publish_time,
+                    record.sequence,
+                )
         writer.finish()
-        file.flush()
-        os.fsync(file.fileno())
+        target.flush()
+        os.fsync(target.fileno())
+    return count, fault

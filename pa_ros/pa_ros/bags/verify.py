@@ -89,22 +89,22 @@ def verify(
             "order in which trajectories of several agents led to them is not known"
         )
         return found
-    arenas = _FreshArenas(experience, found) if arena else None
+    arenas: dict[str, ArenaReplay] = {}
     _compare(experience, learner, found)
     for one in experience.used(learner.network.world):
         missing = _missing(one, learner.counters.version, found)
         if one.trajectory is None or missing:
             found.incomplete = missing
             break
-        if arenas is not None:
-            arenas.compare(one.trajectory)
+        if arena:
+            _compare_with_arena(experience, one.trajectory, arenas, found)
         if one.version is not None and not found.difference:
             try:
                 learner.consume(one.trajectory)
             except PaError as error:
                 found.difference = f"version {one.version}: {error}"
             _compare(experience, learner, found)
-        elif arenas is None:
+        elif not arena:
             break
         if progress is not None:
             progress(found)
@@ -130,8 +130,6 @@ def _missing(one: UsedTrajectory, version: int, found: Verification) -> str:
 
 def _not_compared(experience: Experience, found: Verification) -> str:
     """Return what was left out of a verification that reached its end; empty: nothing."""
-    if experience.unreadable:
-        return f"damaged parts of the bag could not be read: {experience.unreadable}"
     if found.skipped:
         return (
             f"{found.skipped} transitions could not be compared with an arena, because the "
@@ -157,32 +155,30 @@ def _compare(experience: Experience, learner: Learner, found: Verification) -> N
         found.difference = f"version {counters.version} ({between})"
 
 
-class _FreshArenas:
-    """Compares each agent's transitions with a new arena like the recorded one."""
-
-    def __init__(self, experience: Experience, found: Verification) -> None:
-        self._experience, self._found = experience, found
-        self._made: dict[str, ArenaReplay] = {}
-
-    def compare(self, trajectory: Trajectory) -> None:
-        found, description = self._found, self._experience.arena_of(trajectory.agent_id)
-        if description is None:
-            count = len({arena.arena_id for arena in self._experience.arenas})
-            found.incomplete = found.incomplete or (
-                f"expected the description of the one arena of {trajectory.agent_id!r}, got "
-                f"{count}; --no-arena compares weights only"
-            )
-            return
-        if description.arena_id not in self._made:
-            asked = _asked(self._experience.origins, description.arena_id)
-            self._made[description.arena_id] = ArenaReplay(description, *asked)
-        name = self._made[description.arena_id].check(trajectory)
-        found.checked = sum(arena.checked for arena in self._made.values())
-        found.skipped = sum(arena.skipped for arena in self._made.values())
-        if name is not None:
-            found.altered += 1
-            if len(found.named) < NAMED:
-                found.named.append(name)
+def _compare_with_arena(
+    experience: Experience,
+    trajectory: Trajectory,
+    arenas: dict[str, ArenaReplay],
+    found: Verification,
+) -> None:
+    """Compare a trajectory with a fresh arena like its agent's, kept in `arenas`."""
+    description = experience.arena_of(trajectory.agent_id)
+    if description is None:
+        found.incomplete = found.incomplete or (
+            f"expected the description of the one arena of {trajectory.agent_id!r}, got "
+            f"{len({arena.arena_id for arena in experience.arenas})}; --no-arena compares weights "
+            "only"
+        )
+        return
+    if description.arena_id not in arenas:
+        asked = _asked(experience.origins, description.arena_id)
+        arenas[description.arena_id] = ArenaReplay(description, *asked)
+    name = arenas[description.arena_id].check(trajectory)
+    found.checked = sum(arena.checked for arena in arenas.values())
+    found.skipped = sum(arena.skipped for arena in arenas.values())
+    if name is not None:
+        found.altered += 1
+        found.named = [*found.named, name][:NAMED]
 
 
 class ArenaReplay:

@@ -19,7 +19,6 @@ from pa_ros.bags.format import (
     repair_command,
     write_metadata,
 )
-from pa_ros.bags.repair import contents_of
 from pa_ros.bags.storage import DISK_ERRORS, STORAGES, Storage
 from pa_ros.core.settings import Settings
 
@@ -189,21 +188,12 @@ class BagWriter:
         write_metadata(self.folder, self._information(self._finished))
 
     def _give_up(self, error: Exception) -> NoReturn:
-        """Close the bag with what is on the disk. Always raises BagFullError."""
+        """Leave the bag as it is on the disk, to be repaired. Always raises BagFullError."""
         self._reserve.unlink(missing_ok=True)
-        path = self._storage.path
         if not self._closed:
             self._closed = True
             self._storage.abandon()
-        try:
-            files = [file for file in self._finished if file.path != path]
-            self._finished = [*files, contents_of(path)[1]]
-            self._write_metadata()
-            kept = sum(file.total for file in self._finished)
-            rest = f"the bag was closed with {kept} messages"
-        except (BagError, *DISK_ERRORS):
-            rest = f"the bag could not be closed: {repair_command(self.folder)}"
-        self._fail(error, rest)
+        self._fail(error, f"{repair_command(self.folder)} makes it readable")
 
     def _fail(self, error: Exception, rest: str) -> NoReturn:
         self._lock.release()

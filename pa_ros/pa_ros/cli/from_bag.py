@@ -160,10 +160,7 @@ def _conclude(found: OfflineResult, learner: Learner, out: Path) -> None:
             "versions are from before the recording and from several agents: the order of their "
             "trajectories is unknown, so the weights differ",
         ),
-        (found.refused, f"trajectories could not be used, the first because {found.refusal}"),
     ):
         if count:
             print(f"{count} {what}")
-    if found.unreadable:
-        print(f"INCOMPLETE: damaged parts of the recording could not be read: {found.unreadable}")
     print(f"weights of version {counters.version}: {weights_checksum(learner.snapshot())}")
