@@ -183,7 +183,7 @@ def engine_of(learner: Learner, **changes: object) -> Engine:
     """A new engine with the learner's programs; `changes` are settings of the engine."""
     config = learner.config.changed(**{f"engine.{name}": v for name, v in changes.items()})
     algorithm = ALGORITHMS[config.ALGORITHM]
-    return algorithm.engine(learner.network, config, learner.table, np.random.default_rng(0))
+    return algorithm.make_engine(learner.network, config, learner.table, np.random.default_rng(0))
 
 
 def _repeated(update: Update, batches: Sequence[Batch]) -> Callable[[int], None]:

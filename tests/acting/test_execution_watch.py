@@ -24,23 +24,19 @@ def run(near_by_step, **options):
     return None, len(near_by_step)
 
 
-def test_held_for_a_second_is_satisfied_from_where_it_began():
-    result, step = run([False] * 20 + [True] * 20)
-    assert (result.satisfied, result.ended, step) == (True, "held", 30)
-    assert result.reached_s == pytest.approx(2.0)
-    assert result.distance == pytest.approx(0.1)
-
-
-def test_passing_by_is_not_enough():
-    result, step = run([False] * 20 + [True] * 9 + [False] * 100)
-    assert (result.satisfied, result.ended, step) == (False, "window", 100)
-    assert result.reached_s is None and result.distance == pytest.approx(0.5)
-
-
-def test_near_at_the_end_of_the_window_is_enough():
-    result, _ = run([False] * 95 + [True] * 10)
-    assert (result.satisfied, result.ended) == (True, "window")
-    assert result.reached_s == pytest.approx(9.5)
+@pytest.mark.parametrize(
+    ("near_by_step", "satisfied", "ended", "known_at", "reached_s", "distance"),
+    [
+        ([False] * 20 + [True] * 20, True, "held", 30, 2.0, 0.1),
+        ([False] * 20 + [True] * 9 + [False] * 100, False, "window", 100, None, 0.5),
+        ([False] * 95 + [True] * 10, True, "window", 100, 9.5, 0.1),
+    ],
+    ids=["held for a second", "passing by is not enough", "near at the end is enough"],
+)
+def test_what_counts_as_executed(near_by_step, satisfied, ended, known_at, reached_s, distance):
+    result, step = run(near_by_step)
+    assert (result.satisfied, result.ended, step) == (satisfied, ended, known_at)
+    assert (result.reached_s, result.distance) == (reached_s, pytest.approx(distance))
 
 
 def test_the_end_of_the_episode_ends_the_watch():

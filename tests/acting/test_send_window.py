@@ -6,7 +6,6 @@ import weakref
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from helpers.learners import LEARNER, ME, again, published
 from helpers.worlds import random_trajectory
@@ -14,7 +13,6 @@ from pa_ros.acting.send_window import (
     FREE_WINDOW,
     RESENT_AT_ONCE,
     FreeSendWindow,
-    NewestPolicy,
     SendWindow,
     Wait,
 )
@@ -40,16 +38,6 @@ def version(window: SendWindow, sequence: int) -> int | None:
 def held(window: SendWindow) -> list[tuple[int, int]]:
     """(sequence, held from) of what may be sent again."""
     return [(one.sequence, one.held_from) for one in window.unaccounted]
-
-
-@pytest.mark.parametrize("lag", [0, 1, 3])
-def test_of_one_agent_trajectory_m_is_acted_by_version_m_minus_lag(lag) -> None:
-    window = window_of(replace(LEARNER, policy_lag=lag))
-    window.receive(published(0))
-    for m in range(10):
-        assert version(window, m) == max(0, m - lag)
-        window.add(trajectory(m))
-        window.receive(published(m + 1, mine=m + 1))
 
 
 def test_an_agent_waits_for_weights_that_account_for_enough() -> None:
@@ -151,24 +139,6 @@ def test_a_new_agent_in_a_resumed_run_waits_as_in_an_unbroken_one() -> None:
         for number in range(7 - lag, 8):
             window.receive(published(number))
         assert [version(window, m) for m in range(lag + 2)] == expected
-
-
-def test_another_run_begins_at_the_agents_own_number() -> None:
-    window = window_of(replace(LEARNER, run_id="another"), first_sequence=399)
-    window.receive(published(0))
-    assert [version(window, m) for m in (399, 400, 401)] == [0, 0, None]
-    assert [window.add(trajectory(m)).held_from for m in (399, 400)] == [399, 399]
-    window.receive(published(1, mine=400))
-    assert version(window, 401) == 1 and window.lost == 0
-
-
-def test_a_greedy_agents_rule_is_the_newest() -> None:
-    rule = NewestPolicy()
-    assert isinstance(rule.required(0), Wait)
-    for number in (4, 9, 2):
-        rule.receive(published(number))
-        required = rule.required(0)
-        assert not isinstance(required, Wait) and required.snapshot.version == number
 
 
 def free(version: int = 0) -> FreeSendWindow:

@@ -135,21 +135,6 @@ def test_nothing_joins_on_after_a_reset_to_a_lower_or_higher_episode(episode: in
     assert found == [(7, 0, 2, True), (episode, 3, 2, True)]
 
 
-def test_trajectories_own_their_arrays() -> None:
-    builder = TrajectoryBuilder(*AGENT)
-    given = [step(0, i, truncated=i == 2) for i in range(3)]
-    buffer = np.zeros(6, np.float32)
-    for observation, verdict, program in given:
-        trajectory = builder.observe(observation, verdict, program)
-        if not verdict.truncated:
-            buffer[:] = observation.step
-            builder.acted(buffer, 0)
-    given[0][0].objects[:] = 9.0
-    assert trajectory is not None
-    np.testing.assert_array_equal(trajectory.objects[:, 0, 0], [0, 1, 2])
-    np.testing.assert_array_equal(trajectory.actions[:, 0], [0, 1])
-
-
 @pytest.mark.parametrize(
     "change", [{"step": 2}, {"episode": 1}, {"stamp_ns": 0}, {"program_id": "?"}]
 )

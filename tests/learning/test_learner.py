@@ -158,11 +158,6 @@ def test_batches_are_gathered_from_transitions() -> None:
             assert array.flags.c_contiguous
 
 
-def test_a_engine_that_does_not_apply_is_refused() -> None:
-    with pytest.raises(ConfigError, match="'fused'"):
-        learner(engine__name="fused", engine__dtype="float64")
-
-
 @pytest.mark.parametrize("device", ["cuda:99", "meta"])
 def test_a_device_that_cannot_hold_numbers_is_refused(device) -> None:
     with pytest.raises(ConfigError, match=f"expected one that torch has here, got '{device}'"):

@@ -129,12 +129,6 @@ def test_the_64th_program_has_its_bit() -> None:
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
 
 
-def test_masks_hold_no_rewards_if_bits_determine_them() -> None:
-    one = Relabeler(PROGRAMS[:1], WORLD, Scoring({"NEAR": NEAR_M}))
-    objects, _ = episode(np.random.default_rng(0), 3, 4, 0)
-    assert one.rewards_kept == 0 and one.masks(objects, 0).rewards is None
-
-
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])
 def test_too_few_or_too_many_programs(count) -> None:
     with pytest.raises(ConfigError, match=f"got {count}"):

@@ -11,8 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from helpers.worlds import NEAR_M, PROGRAMS, WORLD, PointWorld, dpg
-from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
-from pa_ros.arena.gym_env import ReachEnv
 from pa_ros.core.experience import Float64
 from pa_ros.core.update import Batch
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -89,15 +87,3 @@ def test_a_run_is_not_resumed_under_another_reward(tmp_path: Path) -> None:
         restore(folder, same)
         with pytest.raises(CheckpointError, match=rf"scoring.*{type(reward).__name__}"):
             restore(folder, Learner(NETWORK, SETTINGS, PROGRAMS, 1))
-
-
-def test_the_arena_and_gymnasium_pay_it() -> None:
-    design, arena = design_named("2-L"), preset_named("fast")
-    task = ReachTask(arena, design, 0, reward=MinusDistance())
-    _, verdict = task.reset(0)
-    while not verdict.satisfied:
-        _, verdict = task.step(scripted_action(task))
-        assert verdict.reward == -verdict.distance
-    env = ReachEnv(reward=Sparse(2.0, -0.5))
-    env.reset(seed=0)
-    assert env.step(np.zeros(6, np.float32))[1] == -0.5

@@ -36,15 +36,6 @@ def test_scalars_are_written_once_for_each_number_of_frames(tmp_path):
     }
 
 
-def test_a_resumed_run_continues_its_curves(tmp_path):
-    pytest.importorskip("tensorboard")
-    for frames in (100.0, 200.0):
-        scalars = Scalars(tmp_path)
-        scalars.add({"frames": frames, "updates": frames})
-        scalars.close()
-    assert read(tmp_path) == {"learner/updates": [(100, 100.0), (200, 200.0)]}
-
-
 def test_without_the_package_the_error_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
     with pytest.raises(ConfigError, match=r"tensorboard: expected .*make install-tens") as refused:

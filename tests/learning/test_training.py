@@ -159,13 +159,6 @@ def test_another_runs_checkpoint_is_refused(tmp_path, field, value) -> None:
     assert (tmp_path / "progress.csv").read_bytes() == kept
 
 
-def test_a_folder_that_another_run_writes_into_is_refused(tmp_path) -> None:
-    with claim(tmp_path), pytest.raises(FolderTakenError, match="another run writes into"):
-        run(tmp_path, 20)
-    assert not (tmp_path / "progress.csv").exists()
-    run(tmp_path, 20)
-
-
 def test_settings_that_are_refused_leave_no_folder(tmp_path) -> None:
     with pytest.raises(ConfigError, match="device"):
         run(tmp_path / "run", 20, dpg(engine__device="meta"))
@@ -177,6 +170,8 @@ def test_a_folder_that_holds_a_run_is_resumed_or_refused(tmp_path) -> None:
     kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     with pytest.raises(FolderTakenError, match=r"expected a folder without a run.*--resume"):
         run(tmp_path, 40, evaluate_every_frames=20)
+    with claim(tmp_path, resume=True), pytest.raises(FolderTakenError, match="another run writes"):
+        run(tmp_path, 40, resume=True)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
     assert run(tmp_path, 80, resume=True).counters.frames == 80
 

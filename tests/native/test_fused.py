@@ -160,27 +160,6 @@ def test_same_inputs_same_bits_and_instances_do_not_interfere() -> None:
     assert not np.array_equal(other.tensors()["actor.query.weight"], expected["actor.query.weight"])
 
 
-def test_state_survives_a_round_trip() -> None:
-    made = setting()
-    rng = np.random.default_rng(4)
-    batches = [make_batch(rng, 12, 5, 1, 6) for _ in range(4)]
-    whole, before, after = made.engine(), made.engine(), setting(scale=2).engine()
-    for batch in batches:
-        whole.update(batch)
-    for batch in batches[:2]:
-        before.update(batch)
-    before.end_episode()
-    whole.end_episode()
-    state = before.tensors()
-    assert state["adam.actor.step"] == 2
-    after.load_tensors(state)
-    for batch in batches[2:]:
-        before.update(batch)
-        after.update(batch)
-    for name, tensor in before.tensors().items():
-        np.testing.assert_array_equal(after.tensors()[name], tensor, err_msg=name)
-
-
 def test_exchanges_state_with_the_torch_engine() -> None:
     made = setting(vocabulary=SMALL)
     rng = np.random.default_rng(9)
@@ -241,12 +220,6 @@ def test_sparsity_removes_small_detector_weights_only(name: str) -> None:
     assert weights[0.0].all()
     np.testing.assert_array_equal(weights[2.0][:, ::2], weights[0.0][:, ::2])
     assert not weights[2.0][:, 1::2].any()
-
-
-@pytest.mark.parametrize("size", [1, 5, 64])
-def test_threads_change_only_rounding(size: int) -> None:
-    made = setting()
-    check_gradients(made, make_batch(np.random.default_rng(6), size, 5, 2, 6), engine__threads=2)
 
 
 def test_nan_is_not_hidden() -> None:

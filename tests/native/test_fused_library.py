@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.fused_settings import (
-    setting,
-)
+from helpers.fused_settings import setting
 from helpers.worlds import dpg
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.vocabulary import Vocabulary

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, PolicySnapshot
-from pa_ros.core.update import Batch
+from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
@@ -94,8 +94,8 @@ class Learner:
             )
         goals = self._relabeler.rewards_kept if self._relabeler else 0
         self.replay = ReplayBuffer(config.replay.capacity_frames, network.world, n_objects, goals)
-        algorithm = ALGORITHMS[config.ALGORITHM]
-        self.engine = algorithm.engine(network, config, self.table, self.rng)
+        make_engine = ALGORITHMS[config.ALGORITHM].make_engine
+        self.engine: Engine = make_engine(network, config, self.table, self.rng)
         kept = config.schedule.versions_kept
         self.published: deque[PolicySnapshot] = deque([self._snapshot(0)], maxlen=kept)
 

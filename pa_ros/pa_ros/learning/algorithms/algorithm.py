@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
 from pa_ros.core.update import Engine
 from pa_ros.learning.config import LearnerConfig
@@ -30,28 +30,6 @@ class Algorithm:
     config: type[LearnerConfig]
     make_engine: MakeEngine
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-
-    def engine(
-        self,
-        network: NetworkConfig,
-        config: LearnerConfig,
-        table: ProgramTable,
-        rng: np.random.Generator,
-    ) -> Engine:
-        """The engine that `make_engine` makes; ConfigError, naming the algorithm, if it fails."""
-        name = config.ALGORITHM
-        try:
-            engine = self.make_engine(network, config, table, rng)
-        except PaError:
-            raise
-        except Exception as error:  # an extension may raise anything
-            raise ConfigError(
-                f"algorithm {name}: expected what docs/extending.md says of algorithms, got "
-                f"{type(error).__name__}: {error}"
-            ) from error
-        if not isinstance(engine, Engine):
-            raise ConfigError(f"algorithm {name}: expected an Engine, got {engine!r}")
-        return engine
 
 
 class Algorithms(Registry[Algorithm]):
