@@ -30,13 +30,11 @@ def commands(probe: Probe) -> Any:
     return probe.speaker(topics.JOINT_COMMANDS)
 
 
-def command(probe: Probe, episodes: int = 0, age_ns: int = 0) -> Any:
-    """A command at half speed for the current step, or for an older one or another episode."""
+def command(probe: Probe) -> Any:
+    """A command at half speed for the current step."""
     current = probe.nodes[0].session.frame.observation
     action = np.full(6, 0.5, np.float32)
-    stamp_ns = current.stamp_ns - age_ns
-    episode = current.episode + episodes
-    return encode_command(Command(episode, current.step, stamp_ns, "me", 0, action))
+    return encode_command(Command(current.episode, current.step, current.stamp_ns, "me", 0, action))
 
 
 def speed(probe: Probe) -> float:
@@ -55,19 +53,6 @@ def test_the_arm_moves_while_commands_arrive_and_holds_when_they_stop(probe, com
     assert probe.until(lambda: sim.watchdog.holds > held + 5)
     assert speed(probe) < 0.05
     assert probe.until(lambda: int(probe.value("sim_node", "holds") or 0) > held)
-
-
-def test_old_commands_and_those_for_other_episodes_are_refused(probe, commands):
-    refusals = probe.nodes[0].refusals
-    before = refusals.counts["command.stale"]
-    for wrong in (
-        command(probe, age_ns=10**9),
-        command(probe, 1),
-        command(probe, age_ns=-(10**10)),
-    ):
-        commands.publish(wrong)
-    assert probe.until(lambda: refusals.counts["command.stale"] == before + 3)
-    assert speed(probe) < 0.05
 
 
 def test_the_real_time_factor_is_kept_reported_and_can_be_changed(probe):

@@ -1,4 +1,4 @@
-"""Fleets in step: exact, one seed and one result; free, nobody waits."""
+"""Fleets of two arenas: in step, one seed and one result; free, nobody waits for another."""
 
 from __future__ import annotations
 
@@ -40,9 +40,8 @@ def test_two_arenas_in_step_are_learned_from_in_turn_and_their_bag_is_verified(t
     assert all(version % 2 == 0 for version in experience.published)  # a round has two trajectories
 
 
-def test_free_agents_act_while_the_learner_is_stopped_and_old_trajectories_are_counted(
-    tmp_path: Path,
-):
+def test_a_free_fleet_outlives_a_stopped_learner_and_the_learner_a_dead_arena(tmp_path: Path):
+    """Agents act while the learner is stopped; trajectories of an old policy are then counted."""
     figures = GraphFigures()
     parameters = in_step(fleet(ONE, 2), "free")
     parameters["learner_node"]["learner.schedule.oldest_policy"] = 3
@@ -69,7 +68,9 @@ def test_free_agents_act_while_the_learner_is_stopped_and_old_trajectories_are_c
         finally:
             os.kill(learner, signal.SIGCONT)
         assert until(lambda: (figures.value("learner_node", "too_old_trajectories") or 0) > 0)
-        learned = figures.value("learner_node", "frames") or 0
-        assert until(lambda: (figures.value("learner_node", "frames") or 0) > learned)
+        assert dict(figures.rows()).keys() >= {"/arena1", "/arena2"}
+        supervisor.stop(["arena2.sim_node"])
+        learned = figures.value("learner_node", "version") or 0
+        assert until(lambda: (figures.value("learner_node", "version") or 0) >= learned + 5)
         counted = figures.value("learner_node", "rejected_trajectories") or 0
         assert counted >= (figures.value("learner_node", "too_old_trajectories") or 0)

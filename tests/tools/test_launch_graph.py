@@ -10,16 +10,14 @@ from pathlib import Path
 import pytest
 
 from helpers.waiting import DEADLINE_S, wait_for
-from pa_ros.core.errors import ConfigError
-from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import claimed
+from pa_ros.cli.main import main
 
 pytestmark = pytest.mark.graph
 ARENA = """
 sim_node:
-  ros__parameters: {{mode: real_time, real_time_factor: 20.0, program_source: topic, seed: 3{more}}}
+  ros__parameters: {mode: real_time, real_time_factor: 20.0, program_source: topic, seed: 3}
 agent_node:
-  ros__parameters: {{weights: random}}
+  ros__parameters: {weights: random}
 """
 
 
@@ -52,10 +50,10 @@ def send(*arguments: str) -> subprocess.CompletedProcess:
 class Launch:
     """A `pa_ros launch` of an arena and an agent with random weights."""
 
-    def __init__(self, folder: Path, more: str = "", namespace: str = "") -> None:
+    def __init__(self, folder: Path, namespace: str) -> None:
         self.folder = folder
         params = folder / "given.yaml"
-        params.write_text(ARENA.format(more=more))
+        params.write_text(ARENA)
         options = ["--params", str(params), "--out", str(folder / "run"), "--namespace", namespace]
         self.process = subprocess.Popen(
             command("launch", *options),
@@ -82,8 +80,10 @@ class Launch:
 def launch(tmp_path):
     started: list[Launch] = []
 
-    def start(**options: str) -> Launch:
-        started.append(Launch(tmp_path, **options))
+    def start(namespace: str) -> Launch:
+        folder = tmp_path / namespace
+        folder.mkdir()
+        started.append(Launch(folder, namespace))
         return started[-1]
 
     yield start
@@ -125,42 +125,6 @@ def test_programs_are_pursued_accepted_and_refused_and_ctrl_c_stops_all_nodes(la
     assert not processes_of(graph.folder)
 
 
-def test_a_node_that_dies_stops_the_others_and_is_reported(launch):
-    graph = launch()
-    graph.wait_until_up()
-    os.kill(processes_of(graph.folder)[0], signal.SIGKILL)
-    status, _, err = graph.end()
-    assert status == 1 and "ended by itself (killed by SIGKILL)" in err
-    assert not processes_of(graph.folder)
-
-
-def test_a_parameter_that_a_node_refuses_is_shown_from_its_log(launch):
-    status, _, err = launch(more=", design: 9-Z").end()
-    assert status == 1
-    assert "sim_node ended by itself (exit status 2)" in err and "'9-Z'" in err
-
-
-def test_nothing_outlives_a_killed_launcher(launch):
-    graph = launch()
-    graph.wait_until_up()
-    graph.process.kill()
-    wait_for(lambda: not processes_of(graph.folder), "children to die")
-
-
-def test_a_place_belongs_to_one_launcher_before_anything_of_it_is_seen(ros_domain, monkeypatch):
-    monkeypatch.setattr("pa_ros.tools.graph.DISCOVERY_S", 0.01)
-    arena, agent = {"sim_node": {}}, {"agent_node": {}}
-    with client_node("first", "there") as node:
-        with claimed(node, arena):
-            refused = pytest.raises(ConfigError, match=r"^sim_node already in the graph")
-            with refused, claimed(node, arena | agent):
-                pass
-            with claimed(node, agent):
-                pass
-        with claimed(node, arena):
-            pass
-
-
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
@@ -169,6 +133,17 @@ def test_a_place_belongs_to_one_launcher_before_anything_of_it_is_seen(ros_domai
         (["send", "NEAR(HAND, RED)", "--namespace", "not a name"], "namespace"),
     ],
 )
-def test_options_that_cannot_be_are_refused(arguments, reason):
-    result = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=DEADLINE_S)
-    assert result.returncode == 2 and reason in result.stderr
+def test_options_that_cannot_be_are_refused(arguments, reason, capsys):
+    assert main(arguments) == 2
+    assert reason in capsys.readouterr().err
+
+
+def test_a_node_that_dies_ends_its_launch_and_no_node_outlives_a_killed_launcher(tmp_path, launch):
+    one, other = launch(namespace="one"), launch(namespace="other")
+    one.wait_until_up()
+    os.kill(processes_of(one.folder)[0], signal.SIGKILL)
+    other.wait_until_up()
+    other.process.kill()
+    status, _, err = one.end()
+    assert status == 1 and "ended by itself (killed by SIGKILL)" in err
+    wait_for(lambda: not processes_of(tmp_path), "all nodes to end")

@@ -4,7 +4,6 @@ pulled and plugged in again. The hosts are network namespaces that the test make
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,24 +12,18 @@ from helpers.hosts import NO_HOSTS, SUBNET, Site, ended, hosts
 
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
 CUT_S = 5.0
-ATTEMPTS, MATCHED_S = 4, 40.0  # by a discovery server; usually 6 s
 
 
-@pytest.fixture
-def three(tmp_path: Path) -> Iterator[Callable[[Callable[[int], dict[str, str]]], Site]]:
+def test_arenas_on_other_hosts_train_a_learner_and_a_cut_cable_loses_nothing(tmp_path: Path):
     with hosts(3) as made:
-        yield lambda environment: Site(made, tmp_path, environment)
-
-
-def test_arenas_on_other_hosts_train_a_learner_and_a_cut_cable_loses_nothing(three):
-    site = three(lambda host: SUBNET)
-    site.begin()
-    site.learns()
-    site.hosts.cable(2, plugged=False)
-    site.learns()  # the other arena is not held up
-    time.sleep(CUT_S)
-    site.hosts.cable(2, plugged=True)
-    site.learns(1000)
-    accounts = ended(site)
+        site = Site(made, tmp_path, lambda host: SUBNET)
+        site.begin()
+        site.learns()
+        site.hosts.cable(2, plugged=False)
+        site.learns()  # the other arena is not held up
+        time.sleep(CUT_S)
+        site.hosts.cable(2, plugged=True)
+        site.learns(1000)
+        accounts = ended(site)
     assert accounts.keys() == {"arena1", "arena2"}
     assert all(account["gaps"] == [] for account in accounts.values())

@@ -14,7 +14,7 @@ from pa_ros.cli.console import page_beside
 from pa_ros.cli.options import folder_to_write
 from pa_ros.core.signals import signals_noted
 from pa_ros.tools.client import client_node
-from pa_ros.tools.graph import claimed, start_nodes, watch
+from pa_ros.tools.graph import refuse_running, start_nodes, watch
 from pa_ros.tools.launch_params import (
     NODES,
     arenas_of,
@@ -87,11 +87,8 @@ def run(options: argparse.Namespace) -> int:
     folder = options.out or new_folder("launch")
     parameters = learning_into(folder, wanted)
     figures = GraphFigures()
-    with (
-        signals_noted() as interrupted,
-        client_node("launcher", options.namespace) as node,
-        claimed(node, parameters),
-    ):
+    with signals_noted() as interrupted, client_node("launcher", options.namespace) as node:
+        refuse_running(node, parameters)
         watch_diagnostics(node, figures)
         with page_beside(node, options), Supervisor(folder / "log") as supervisor:
             try:

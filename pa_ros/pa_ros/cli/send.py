@@ -31,7 +31,6 @@ from pa_ros.tools.send import (
     GoalClient,
     ProgramSender,
     SendOptions,
-    sendable,
 )
 from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
 from pa_ros.wire.services import ResetRequest
@@ -113,10 +112,6 @@ def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
                 f"arena {printable(scene.arena.arena_id)} describes itself, but no "
                 f"{OBJECT_FEATURES.name} that fit came within {timeout_s:g} s"
             )
-        if scene.unreadable:
-            raise NoAnswerError(
-                f"the arena here describes itself in a way that is not read: {scene.unreadable}"
-            )
         raise NoAnswerError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )
@@ -138,7 +133,7 @@ def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
     try:
         if not client.offered(min(OFFER_S, how.timeout_s)):
             return None
-        goal = ProgramGoal(sendable(text), how.time_limit_s, how.hold_s)
+        goal = ProgramGoal(text, how.time_limit_s, how.hold_s)
         result = client.execute(goal, how.timeout_s, _Feedback())
     finally:
         client.close()

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import socket
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from itertools import count
+from collections.abc import Callable
 from pathlib import Path
 
 from rclpy.node import Node
@@ -34,8 +29,7 @@ def start_nodes(
     its learner is the one of `namespace`. With `compose`, an arena and its agent share one
     process, `arena1.sim_node+agent_node`.
 
-    Different parameters that an earlier start wrote there stay as params-1.yaml and so on. Agents
-    start last, after the nodes that they wait for; no start waits for another process.
+    Agents start last, after the nodes that they wait for; no start waits for another process.
     """
     path = folder / "params.yaml"
     processes: dict[str, int] = {}
@@ -43,11 +37,7 @@ def start_nodes(
     if "learner_node" in parameters:
         agents = [place for place in parameters if place.endswith("/agent_node")]
         parameters = merged(parameters, {place: {"learner": above} for place in agents})
-    earlier = path.read_bytes() if path.exists() else b""
     write_parameters(path, parameters, namespace)
-    if earlier and earlier != path.read_bytes():
-        numbered = (path.with_stem(f"{path.stem}-{number}") for number in count(1))
-        next(name for name in numbered if not name.exists()).write_bytes(earlier)
     groups: dict[str, list[str]] = {}  # by process
     for place in sorted(parameters, key=lambda place: NODES.index(place.rpartition("/")[2])):
         within, _, name = place.rpartition("/")
@@ -62,35 +52,15 @@ def start_nodes(
     return processes
 
 
-@contextmanager
-def claimed(node: Node, parameters: Parameters) -> Iterator[None]:
-    """Reserve the names of nodes, so that no other launcher of this machine starts the same ones.
-
-    Raises ConfigError if one of the names is reserved, or in the graph, already.
-    """
-    domain, namespace = os.environ.get("ROS_DOMAIN_ID", "0"), node.get_namespace()
-    with ExitStack() as held:
-        occupied = {at for at in parameters if not _claim(held, f"{domain} {namespace} {at}")}
-        if not occupied:
-            spin_until(node, lambda: bool(present(node, parameters)), DISCOVERY_S)
-            occupied = present(node, parameters)
-        if occupied:
-            raise ConfigError(
-                f"{', '.join(sorted(occupied))} already in the graph of ROS domain {domain}, "
-                f"namespace {namespace}: choose another namespace or ROS_DOMAIN_ID (a node that "
-                "was killed vanishes within half a minute)"
-            )
-        yield
-
-
-def _claim(held: ExitStack, name: str) -> bool:
-    """Reserve a name; whether it was free. An abstract socket, so it is freed with the process."""
-    claim = held.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
-    try:
-        claim.bind(f"\0pa_ros.{hashlib.sha256(name.encode()).hexdigest()}")
-    except OSError:
-        return False
-    return True
+def refuse_running(node: Node, parameters: Parameters) -> None:
+    """Raise ConfigError if one of the nodes runs already; takes DISCOVERY_S if none does."""
+    spin_until(node, lambda: bool(present(node, parameters)), DISCOVERY_S)
+    if occupied := present(node, parameters):
+        raise ConfigError(
+            f"{', '.join(sorted(occupied))} already in the graph of ROS domain "
+            f"{node.context.get_domain_id()}, namespace {node.get_namespace()}: choose another "
+            "namespace or ROS_DOMAIN_ID (a node that was killed vanishes within half a minute)"
+        )
 
 
 def present(node: Node, parameters: Parameters) -> set[str]:

@@ -13,7 +13,6 @@ import yaml
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import read_yaml
 from pa_ros.learning.folder import refuse_used
-from pa_ros.ros.environment import check_namespace
 
 CONFIG = Path(__file__).parents[1] / "config"
 NODES = ("sim_node", "learner_node", "agent_node")  # in the order of starting
@@ -26,11 +25,8 @@ Parameters = dict[str, dict[str, Any]]
 
 
 def packaged(name: str) -> Path:
-    """The path of a packaged parameters file, named without its ending. Raises ConfigError."""
-    path = CONFIG / f"{name}.yaml"
-    if not path.is_file():
-        raise ConfigError(f"parameters: expected one of {packaged_names()}, got {name!r}")
-    return path
+    """The path of a packaged parameters file, named without its ending."""
+    return CONFIG / f"{name}.yaml"
 
 
 def packaged_names() -> list[str]:
@@ -93,7 +89,7 @@ def fleet(parameters: Parameters, arenas: int) -> Parameters:
     for number in range(arenas):
         for name in ("sim_node", "agent_node"):
             if name in parameters:
-                seed = _seed(parameters, name) + number
+                seed = parameters[name].get("seed", 0) + number
                 spread[f"arena{number + 1}/{name}"] = parameters[name] | {"seed": seed}
     if "learner_node" in parameters:
         spread["learner_node"] = parameters["learner_node"]
@@ -111,9 +107,7 @@ def gathered(parameters: Parameters) -> Parameters:
     places = [f"{arena}/agent_node" for arena in arenas]
     learn = [place for place in places if parameters.get(place, {}).get("learning") is True]
     named = {place: {"agent_id": _namespace(place)} | parameters[place] for place in learn}
-    agents = [str(values["agent_id"]) for values in named.values()]
-    if len(set(agents)) != len(agents):
-        raise ConfigError(f"agent_id: expected another one in each arena, got {agents}")
+    agents = [values["agent_id"] for values in named.values()]
     of_learner = {"arenas": arenas, "agents": agents} | parameters["learner_node"]
     return merged(parameters, {**named, "learner_node": of_learner})
 
@@ -143,24 +137,9 @@ def extended(parameters: Parameters, extensions: Sequence[str]) -> Parameters:
         return parameters
     more = [str(Path(name).resolve()) if name.endswith(".py") else name for name in extensions]
     return merged(parameters, {
-        name: {"extensions": [*_listed(parameters, name, "extensions"), *more]}
-        for name in parameters
+        name: {"extensions": [*values.get("extensions", []), *more]}
+        for name, values in parameters.items()
     })  # fmt: skip
-
-
-def _seed(parameters: Parameters, place: str) -> int:
-    seed = parameters[place].get("seed", 0)
-    if type(seed) is not int:
-        raise ConfigError(f"parameters: {place}: seed: expected an integer, got {seed!r}")
-    return seed
-
-
-def _listed(parameters: Parameters, place: str, name: str) -> list[str]:
-    """The value of a list parameter; empty if it isn't set."""
-    found = parameters.get(place, {}).get(name, [])
-    if not isinstance(found, list):
-        raise ConfigError(f"parameters: {place}: {name}: expected a list of texts, got {found!r}")
-    return found
 
 
 def new_folder(kind: str) -> Path:
@@ -211,8 +190,6 @@ def _node_name(path: Path, key: object) -> str:
     name = str(key).rstrip("/").rpartition("/")[2]
     if name not in (*NODES, _EVERY):
         raise ConfigError(f"parameters: {path}: expected a node of {NODES} or /**, got {key!r}")
-    if (namespace := _namespace(key)) != _EVERY:
-        check_namespace(namespace, f"parameters: {path}: {key!r}")
     return name
 
 
@@ -247,7 +224,7 @@ def _values(path: Path, key: object, value: object) -> dict[str, Any]:
     if not isinstance(value, dict) or set(value) != {_KEY}:
         raise ConfigError(f"parameters: {path}: {key}: expected {_KEY} alone, got {value!r:.200}")
     values = value[_KEY]
-    if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
+    if not isinstance(values, dict):
         raise ConfigError(
             f"parameters: {path}: {key}: {_KEY}: expected names and values, got {values!r:.200}"
         )
@@ -258,6 +235,8 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Values by dotted name, where a file may nest them."""
     flat: dict[str, Any] = {}
     for name, value in values.items():
-        inside = _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else None
-        flat |= {f"{prefix}{name}": value} if inside is None else inside
+        if isinstance(value, dict):
+            flat |= _flat(value, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = value
     return flat

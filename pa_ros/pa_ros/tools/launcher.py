@@ -30,7 +30,7 @@ class Patience:
 
 
 class ChildError(PaError):
-    """A child couldn't be started, or ended by itself; the text has its log's last lines."""
+    """A child ended by itself, or can't be ended; the text has its log's last lines."""
 
     code = "launch.child"
 
@@ -75,22 +75,19 @@ class Supervisor:
         return [child.name for child in self._children]
 
     def start(self, name: str, command: Sequence[str]) -> int:
-        """Start a child; its process id. Raises ChildError if it can't be run."""
+        """Start a child; its process id."""
         self._log_folder.mkdir(parents=True, exist_ok=True)
         log = self._log_folder / f"{name}.log"
         # An interrupt between the fork and the list would leave a child that nobody stops.
         with log.open("ab") as output, interrupts_later():
-            try:
-                process = subprocess.Popen(
-                    command,
-                    stdin=subprocess.DEVNULL,
-                    stdout=output,
-                    stderr=subprocess.STDOUT,
-                    env=self._environment,
-                    start_new_session=True,
-                )
-            except OSError as error:
-                raise ChildError(f"{name}: cannot start {command[0]!r}: {error}") from error
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=self._environment,
+                start_new_session=True,
+            )
             self._children.append(_Child(name, process, log))
         return process.pid
 

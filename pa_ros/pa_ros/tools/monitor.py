@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 from typing import TextIO
 
 from rclpy.node import Node
@@ -30,11 +31,6 @@ STALE_S = 5.0  # a node whose last diagnostics are older is shown as silent
 UNKNOWN = "-"
 
 
-def mean(values: Sequence[float]) -> float:
-    """The arithmetic mean; unlike `statistics.fmean` it doesn't raise OverflowError."""
-    return sum(values) / len(values)
-
-
 @dataclass(frozen=True)
 class Figure:
     """One row of the table."""
@@ -44,7 +40,7 @@ class Figure:
     key: str  # in that node's diagnostics
     form: str = "{:.0f}"
     short: str = ""  # label in plain lines; empty: left out there
-    over_arenas: Callable[[Sequence[float]], float] = mean  # one number for several arenas
+    over_arenas: Callable[[Sequence[float]], float] = fmean  # one number for several arenas
 
 
 FIGURES = (
@@ -77,7 +73,7 @@ class GraphFigures:
             self._health[shown.name] = (shown, self._now())
 
     def value(
-        self, node: str, key: str, over_arenas: Callable[[Sequence[float]], float] = mean
+        self, node: str, key: str, over_arenas: Callable[[Sequence[float]], float] = fmean
     ) -> float | None:
         """A figure as a number, combined over all arenas; None if no node reported one."""
         values = [_number(entry, key) for entry in self._of(node)]
@@ -111,12 +107,11 @@ class GraphFigures:
         agents = [a for a in self._of("agent_node") if _namespace(a.name) == _namespace(arena.name)]
         parts = []
         for figure in FIGURES:
-            entry = {"sim_node": arena, "agent_node": agents[0] if agents else None}.get(
-                figure.node
-            )
-            if entry is not None and _number(entry, figure.key) is not None:
-                value = _written(figure, _number(entry, figure.key))
-                parts.append(f"{figure.short or figure.label.partition(',')[0]} {value}")
+            entries = {"sim_node": [arena], "agent_node": agents}.get(figure.node, [])
+            numbers = [_number(entry, figure.key) for entry in entries[:1]]
+            if numbers and numbers[0] is not None:
+                label = figure.short or figure.label.partition(",")[0]
+                parts.append(f"{label} {_written(figure, numbers[0])}")
         return "  ".join(parts) or arena.message
 
     def _refusals(self) -> str:

@@ -41,7 +41,6 @@ class Scene:
     def __init__(self, node: Node, namespace: str = "") -> None:
         """`namespace` is below the node's; with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
-        self.unreadable = ""  # why the newest description of an arena couldn't be decoded
         self.blocks: tuple[Block, ...] = ()
         self.episode, self.program = -1, ""
         self.verdict: Verdict | None = None
@@ -105,11 +104,7 @@ class Scene:
             self._step_readers = [topic.subscribe(self._node, on) for topic, on in self._steps]
 
     def _on_arena(self, message: Message) -> None:
-        try:
-            self.arena, self.unreadable = decode_arena_info(message), ""
-        except PaError as error:
-            self.unreadable = str(error)
-            raise
+        self.arena = decode_arena_info(message)
 
     def _on_features(self, message: Message) -> None:
         if self.arena is None:

@@ -14,7 +14,6 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import spin_until
@@ -107,13 +106,12 @@ class ProgramSender:
     def send(self, text: str, timeout_s: float) -> Answers:
         """Publish a program and wait until an arena, an agent and all others have answered.
 
-        Returns at the first refusal. Raises NoAnswerError if a node doesn't answer, ConfigError
-        for text that can't be sent at all.
+        Returns at the first refusal. Raises NoAnswerError if a node doesn't answer.
         """
         self._program_id = f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
         self._watch = ExecutionWatch(self._program_id)
-        self._message = encode_program(ProgramRequest(self._program_id, sendable(text)))
+        self._message = encode_program(ProgramRequest(self._program_id, text))
         self._publish()
         if not self._spin(self._answered, timeout_s):
             missing = ", ".join(sorted(self.answers.silent | self.answers.absent))
@@ -222,12 +220,3 @@ class GoalClient:
         if not ended.success and not ended.code:
             return GoalResult(False, code=REJECTED, reason=NO_GOALS)
         return ended
-
-
-def sendable(text: str) -> str:
-    """The same text; raises ConfigError if a message can't carry it."""
-    try:
-        text.encode()
-    except UnicodeEncodeError as error:
-        raise ConfigError(f"program: expected text in UTF-8: {error}") from error
-    return text
