@@ -34,19 +34,6 @@ def processes_of(folder: Path) -> list[int]:
     return found
 
 
-def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "pa_ros", *arguments]
-
-
-def send(*arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        command("send", *arguments),
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-    )
-
-
 class Launch:
     """A `pa_ros launch` of an arena and an agent with random weights."""
 
@@ -56,7 +43,7 @@ class Launch:
         params.write_text(ARENA)
         options = ["--params", str(params), "--out", str(folder / "run"), "--namespace", namespace]
         self.process = subprocess.Popen(
-            command("launch", *options),
+            [sys.executable, "-m", "pa_ros", "launch", *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -91,29 +78,35 @@ def launch(tmp_path):
         one.close()
 
 
-def test_programs_are_pursued_accepted_and_refused_and_ctrl_c_stops_all_nodes(launch):
+def test_programs_are_pursued_accepted_and_refused_and_ctrl_c_stops_all_nodes(launch, capfd):
+    def send(*arguments: str) -> tuple[int, str, str]:
+        """The exit status and what is printed."""
+        status = main(["send", *arguments, "--namespace", "/arena1", "--timeout", "50"])
+        said = capfd.readouterr()
+        return status, said.out, said.err
+
     graph = launch(namespace="arena1")
     program = "NEAR( HAND,RED )"
-    accepted = send(program, "--namespace", "arena1", "--timeout", "50")
-    assert accepted.returncode == 0, accepted.stderr
-    assert "/arena1/sim_node: accepted NEAR(HAND, RED)" in accepted.stdout
-    assert "/arena1/agent_node: accepted NEAR(HAND, RED)" in accepted.stdout
+    status, out, err = send(program)
+    assert status == 0, err
+    assert "/arena1/sim_node: accepted NEAR(HAND, RED)" in out
+    assert "/arena1/agent_node: accepted NEAR(HAND, RED)" in out
 
     # With random weights the arm hardly moves, and no block starts within reach.
-    pursued = send(program, "--wait", "--namespace", "/arena1", "--timeout", "50")
-    assert pursued.returncode == 1, pursued.stderr
-    assert re.search(r"0\.\d+ m; p of [A-Z ]+ 0\.\d\d, ", pursued.stdout)  # feedback
-    assert re.search(r"not satisfied: distance 0\.\d+ m: the time limit came", pursued.stdout)
+    status, out, err = send(program, "--wait", "--time-limit", "5")
+    assert status == 1, err
+    assert re.search(r"0\.\d+ m; p of [A-Z ]+ 0\.\d\d, ", out)  # feedback
+    assert re.search(r"not satisfied: distance 0\.\d+ m: the time limit came", out)
 
-    refused = send("NEAR(HAND, AND(RAD, CUBE))", "--namespace", "arena1")
-    assert refused.returncode == 2
-    assert "program.unknown_word" in refused.stderr and "did you mean RED?" in refused.stderr
-    suggested = refused.stderr.partition("programs that make sense now:\n")[2].split("\n")
+    status, out, err = send("NEAR(HAND, AND(RAD, CUBE))")
+    assert status == 2
+    assert "program.unknown_word" in err and "did you mean RED?" in err
+    suggested = err.partition("programs that make sense now:\n")[2].split("\n")
     assert all(line.startswith("  NEAR(HAND, ") for line in suggested[:-1]) and len(suggested) > 3
 
-    shown = send("--scene", "5", "--namespace", "arena1")
-    assert shown.returncode == 0, shown.stderr
-    episode, blocks, active, distance, *_ = shown.stdout.splitlines()
+    status, out, err = send("--scene", "5")
+    assert status == 0, err
+    episode, blocks, active, distance, *_ = out.splitlines()
     assert episode == "began episode 5" and blocks.startswith("blocks: ") and " m" in distance
     assert active == "program: NEAR(HAND, RED)"
 

@@ -11,7 +11,7 @@ import pytest
 from helpers.hosts import NO_HOSTS, SUBNET, Site, ended, hosts
 
 pytestmark = [pytest.mark.graph, pytest.mark.skipif(bool(NO_HOSTS), reason=NO_HOSTS or "-")]
-CUT_S = 5.0
+CUT_S = 3.0
 
 
 def test_arenas_on_other_hosts_train_a_learner_and_a_cut_cable_loses_nothing(tmp_path: Path):

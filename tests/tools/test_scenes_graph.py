@@ -103,9 +103,9 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(m
 
 
 @pytest.mark.graph
-def test_a_sender_says_early_that_there_is_no_arena(monkeypatch, capsys):
+def test_a_sender_says_early_that_there_is_no_arena(monkeypatch, capfd):
     monkeypatch.setattr("pa_ros.tools.client.NOTICE_S", 0.2)
     assert main(["send", "NEAR(HAND, RED)", "--timeout", "0.5"]) == 3
-    first, last = capsys.readouterr().err.splitlines()
+    first, last = capfd.readouterr().err.splitlines()
     assert first.endswith(", namespace /: waits for one, 0.5 s at most")
     assert "within 0.5 s" in last
