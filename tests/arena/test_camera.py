@@ -62,12 +62,3 @@ def test_a_block_is_at_the_pixel_to_which_it_projects(task: ReachTask, view, wid
     finally:
         camera.close()
     assert seen >= 12  # of 16
-
-
-def test_the_optical_axis_is_in_the_middle_of_the_picture(task: ReachTask):
-    task.reset(0)
-    matrix = intrinsics(task.simulation.model, "above", 201, 101)
-    pose = optical_pose(task.simulation.model, "above")
-    assert pixel_of(np.zeros(3), matrix, pose.position, pose.quaternion) == pytest.approx([100, 50])
-    right = pixel_of(np.array([0.3, 0.1, 0.0]), matrix, pose.position, pose.quaternion)
-    assert right[0] > 100 and right[1] < 50  # x to the right, y up, seen from above

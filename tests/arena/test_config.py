@@ -7,7 +7,6 @@ import pytest
 
 from pa_ros.arena import (
     DESIGNS,
-    PRESETS,
     ArenaConfig,
     Design,
     Kind,
@@ -18,12 +17,6 @@ from pa_ros.language import Vocabulary
 
 VALUES = {"color": ("RED", "BLUE"), "shape": ("CUBE", "SPHERE")}
 WORDS = Vocabulary.of(shape=VALUES["shape"], color=VALUES["color"])
-
-
-@pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
-def test_episodes_last_ten_seconds(config: ArenaConfig) -> None:
-    assert config.episode_steps * config.control_period_s == pytest.approx(10.0)
-    assert config.substeps * config.timestep_s == pytest.approx(config.control_period_s)
 
 
 @pytest.mark.parametrize(

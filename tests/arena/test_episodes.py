@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import (
+    ARMS,
     DESIGNS,
     ArenaConfig,
     ArenaError,
@@ -55,7 +56,7 @@ def test_blocks_are_unique_apart_and_exactly_one_is_named(design_name: str, cond
         assert len(set(kinds)) == len(kinds)
         targets.add(target_of(episode, design))
         assert episode.program == parse(str(episode.program), design.vocabulary)
-        low, high = CONFIG.block_radii_m
+        low, high = ARMS[CONFIG.arm].block_radii_m
         assert all(low <= hypot(b.x, b.y) <= high for b in episode.blocks)
         for a, b in combinations(episode.blocks, 2):
             assert hypot(a.x - b.x, a.y - b.y) >= CONFIG.block_separation_m

@@ -107,14 +107,6 @@ def test_the_structured_program_evaluates_to_the_programs_targets() -> None:
         assert named.tolist() == list(env.task.verifier.targets)
 
 
-def test_a_program_with_too_many_instructions_is_rejected() -> None:
-    env = ReachEnv(design="3-D", condition="depth-6", observation="structured", program_rows=1)
-    with pytest.raises(ConfigError, match=r"program_rows: expected at least \d+ .* got 1"):
-        env.reset(seed=0)
-    with pytest.raises(ConfigError, match="flat or structured, got 'pixels'"):
-        ReachEnv(observation="pixels")  # type: ignore[arg-type]
-
-
 def test_wrong_options_are_rejected() -> None:
     with pytest.raises(ConfigError, match="reset"):
         ReachEnv().step(np.zeros(6, dtype=np.float32))

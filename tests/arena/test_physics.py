@@ -19,7 +19,7 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
-from pa_ros.arena.appearance import RESTING_DEPTH_M, look_of
+from pa_ros.arena.appearance import RESTING_DEPTH_M
 from pa_ros.arena.references import nearest_target, toward
 from pa_ros.language import Vocabulary
 
@@ -98,18 +98,6 @@ def test_contact_costs_the_script_at_most_a_tenth_of_its_score() -> None:
     assert scores[True] >= 0.9 * scores[False]
     assert 0.5 < scores[True] < 0.7  # the paper: "~0.6 is effectively perfect"
     assert mean_reward(task, random_policy(0), 20) < -0.9
-
-
-@pytest.mark.parametrize("shape", RESTING_DEPTH_M)
-def test_every_shape_can_be_pushed_and_rests_again(shape: str) -> None:
-    task = ReachTask(PAPER, of_shapes(shape), seed=0)
-    task.reset(0)
-    task.simulation.data.qvel[6:9] = 0.3, 0.2, 0.0  # a push wakes it
-    for _ in range(100):
-        task.step(STILL)
-    assert np.linalg.norm(task.simulation.data.qvel[6:9]) < 0.01
-    height = look_of(Kind(color="RED", shape=shape)).rest_height
-    assert task.simulation.positions[1, 2] == pytest.approx(height, abs=1e-3)
 
 
 @pytest.mark.parametrize("config", [PAPER, FAST], ids=lambda config: config.preset)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import (
+    ARMS,
     ArenaError,
     Block,
     DivergedError,
@@ -166,22 +167,12 @@ def test_commands_are_clamped_to_the_limits() -> None:
     np.testing.assert_array_equal(np.abs(task.simulation.data.ctrl), 1.5)
 
 
-def test_a_task_needs_a_reset_first() -> None:
-    for call in (
-        lambda task: task.step(STILL),
-        lambda task: task.set_program(parse("NEAR(HAND, RED)", WORDS)),
-        lambda task: task.episode,
-    ):
-        with pytest.raises(ArenaError, match="reset"):
-            call(new_task())
-
-
 def test_a_custom_episode_is_placed() -> None:
     blocks = (
         Block(Kind(color="RED", shape="CUBE"), 0.4, 0.1, 0.5),
         Block(Kind(color="BLUE", shape="SPHERE"), -0.3, 0.3, 0.0),
     )
-    start = (1.0, *FAST.start_pose[1:])
+    start = (1.0, *(joint.start for joint in ARMS["jaco"].joints[1:]))
     task, blue = new_task(), parse("NEAR(HAND, BLUE)", WORDS)
     observation, _ = task.reset_to(Episode(9, "custom", blocks, start, blue))
     np.testing.assert_allclose(observation.joint_position, start)

@@ -11,9 +11,6 @@ import pytest
 
 from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.algorithms import ALGORITHMS, Algorithm
-from pa_ros.learning.algorithms.dpg.builder import make_engine
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.inference import TorchActor
@@ -72,12 +69,3 @@ def test_its_settings_are_options_with_defaults_by_protocol() -> None:
     assert changed.flat()["learner.temperature"] == 0.3
     with pytest.raises(ConfigError, match="temperature"):
         ours.changed(**{"learner.temperature": 0})
-
-
-class InheritedConfig(DPGConfig):
-    """Settings that still have the name of DPG."""
-
-
-def test_settings_with_the_name_of_another_algorithm_are_rejected() -> None:
-    with pytest.raises(ConfigError, match="^algorithm mine: expected ALGORITHM = 'mine'"):
-        ALGORITHMS.register("mine", Algorithm(InheritedConfig, make_engine))

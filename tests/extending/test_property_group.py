@@ -18,12 +18,14 @@ from pa_ros.arena import (
     preset_named,
     world_of,
 )
-from pa_ros.arena.designs import Design
+from pa_ros.arena.appearance import Look, look_of
+from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.arena.render import top_view
-from pa_ros.cli.main import main
 from pa_ros.core import extensions
+from pa_ros.core.errors import ConfigError
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.tools.launch_params import Parameters
+from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
 
 SIZES = str(Path(__file__).with_name("sizes.py"))
 # Sparsity would set the weights of a short run to zero.
@@ -89,10 +91,26 @@ def test_it_is_learned_in_process(design: Design, arena: ArenaConfig, tmp_path: 
     assert load_policy(tmp_path / "checkpoint").world_digest == world.digest
 
 
-def test_the_command_line_trains_on_it(tmp_path: Path) -> None:
-    given = ["--extension", SIZES, "train", "--design", "sizes", "--frames", "200"]
-    assert main([*given, "--eval-every", "0", "--out", str(tmp_path / "run")]) == 0
-    assert main(["train", "--design", "size", "--out", str(tmp_path / "x"), "--frames", "1"]) == 2
+def designed(**values: tuple[str, ...]) -> Design:
+    """A design with all combinations of some values."""
+    groups = (PropertyGroup(name, words, OneHot(words)) for name, words in values.items())
+    schema = ObjectSchema(tuple(groups))
+    train = kinds(values)
+    count = min(4, len(train))
+    return Design("own", values, schema.vocabulary, train, n_blocks=count, schema=schema)
+
+
+def test_a_custom_color_without_a_look_is_grey() -> None:
+    design = designed(shape=("CUBE", "SPHERE"), color=("RED", "ORANGE"))
+    ReachTask(preset_named("fast"), design, 0).reset(0)
+    assert look_of(Kind(color="ORANGE", shape="CUBE")) == Look()
+    assert look_of(Kind(color="RED", shape="CUBE")).rgba != Look.rgba
+
+
+def test_an_unknown_shape_is_rejected_before_the_first_episode() -> None:
+    design = designed(shape=("CUBE", "CONE"), color=("RED", "BLUE"))
+    with pytest.raises(ConfigError, match=r"shape: CONE: .* of \['CUBE'.*'CAPSULE'\], got 'CONE'"):
+        ReachTask(preset_named("fast"), design, 0)
 
 
 @pytest.mark.graph

@@ -42,14 +42,6 @@ def test_it_is_chosen_by_name_or_json() -> None:
         reward_from('{"name": "shaped", "wait": 1}')
 
 
-def test_one_state_and_many_get_the_same_reward() -> None:
-    reward = load_example("reward").Shaped()
-    measure = np.array([0.1, 0.25, np.inf])
-    many = reward(measure <= 0.2, measure)
-    assert [float(reward(bool(m <= 0.2), float(m))) for m in measure] == many.tolist()
-    assert many[0] == 1.0 and many[2] == -1.0 and -1.0 < many[1] < -0.5
-
-
 @pytest.mark.graph
 def test_arena_and_learner_agree_on_it_over_the_graph(tmp_path: Path) -> None:
     extensions = [str(EXAMPLES / "reward.py")]

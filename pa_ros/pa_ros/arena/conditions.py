@@ -72,7 +72,10 @@ def program_for(
     condition: Condition, design: Design, target: Kind, rng: np.random.Generator
 ) -> tuple[Program, tuple[Kind, ...]]:
     """A program for a target, and the blocks that it needs besides the target."""
-    relation = _draw_relation(condition.relations or design.vocabulary.relations, rng)
+    relations = condition.relations or design.vocabulary.relations
+    # A single relation uses no random number, so that the episodes of one relation are the same as
+    # before there were several.
+    relation = relations[int(rng.integers(len(relations))) if len(relations) > 1 else 0]
     if condition.depth:
         # Leave enough kinds unnamed to fill the table, but a program may name up to half of all
         # kinds.
@@ -96,12 +99,6 @@ def program_for(
             case Term.ANY:
                 pass
     return _program(design, relation, *terms), tuple(required)
-
-
-def _draw_relation(relations: tuple[str, ...], rng: np.random.Generator) -> str:
-    """A random relation. A single relation uses no random number, so that the episodes of one
-    relation are the same as before there were several."""
-    return relations[int(rng.integers(len(relations))) if len(relations) > 1 else 0]
 
 
 def _program(design: Design, relation: str, *terms: str) -> Program:

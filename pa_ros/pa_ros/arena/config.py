@@ -53,11 +53,6 @@ class ArenaConfig(Settings):
     # The arm's own, in the order of its joints.
 
     @property
-    def start_pose(self) -> Joints:
-        """Joint angles at the start, rad; the first is drawn from its range in each episode."""
-        return tuple(joint.start for joint in ARMS[self.arm].joints)
-
-    @property
     def joint_lower(self) -> Joints:
         """Lower ends of the joints' working ranges, rad."""
         return tuple(joint.lower for joint in ARMS[self.arm].joints)
@@ -66,16 +61,6 @@ class ArenaConfig(Settings):
     def joint_upper(self) -> Joints:
         """Upper ends of the joints' working ranges, rad."""
         return tuple(joint.upper for joint in ARMS[self.arm].joints)
-
-    @property
-    def block_radii_m(self) -> tuple[float, float]:
-        """Least and greatest distance from the base axis at which blocks start."""
-        return ARMS[self.arm].block_radii_m
-
-    @property
-    def block_angles(self) -> tuple[float, float]:
-        """Least and greatest angle about the base axis at which blocks start, rad."""
-        return ARMS[self.arm].block_angles
 
     @property
     def substeps(self) -> int:

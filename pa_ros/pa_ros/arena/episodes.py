@@ -7,6 +7,7 @@ from math import cos, pi, sin
 
 import numpy as np
 
+from pa_ros.arena.arms import ARMS
 from pa_ros.arena.conditions import Condition, program_for
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.designs import Design, Kind
@@ -60,7 +61,8 @@ def generate(
         Block(chosen[i], x, y, float(rng.uniform(-pi, pi)))
         for i, (x, y) in zip(order, _places(config, len(chosen), rng), strict=True)
     )
-    return Episode(index, condition.name, blocks, (base, *config.start_pose[1:]), program)
+    start = base, *(joint.start for joint in ARMS[config.arm].joints[1:])
+    return Episode(index, condition.name, blocks, start, program)
 
 
 def _distractors(
@@ -84,8 +86,8 @@ def _distractors(
 
 def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[tuple[float, float]]:
     """Draw places uniformly from a sector of a ring around the base, with the least separation."""
-    low, high = config.block_radii_m
-    first, last = config.block_angles
+    arm = ARMS[config.arm]
+    (low, high), (first, last) = arm.block_radii_m, arm.block_angles
     for _ in range(PLACEMENT_TRIES):
         places: list[tuple[float, float]] = []
         # An unlucky first place can make the rest impossible, so start again after a while.

@@ -10,7 +10,7 @@ from itertools import chain, combinations
 
 import numpy as np
 
-from pa_ros.arena import ReachTask
+from pa_ros.arena import ARMS, ReachTask
 from pa_ros.arena.references import pursue
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.world.relation import RELATIONS
@@ -70,7 +70,7 @@ def _held(task: ReachTask, hand: Float64, blocks: Float64, middle: Float64) -> i
 
 def _in_reach(task: ReachTask, place: Float64) -> bool:
     """Whether a block may lie there; the arm reaches those places, but none near its base."""
-    low, high = task.config.block_radii_m
+    low, high = ARMS[task.config.arm].block_radii_m
     return low <= float(np.hypot(*place[:2])) <= high
 
 

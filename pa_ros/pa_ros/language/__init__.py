@@ -12,7 +12,7 @@ from pa_ros.language.evaluate import (
     require_target,
     satisfying,
 )
-from pa_ros.language.flat import FlatProgram, compile_program
+from pa_ros.language.flat import compile_program
 from pa_ros.language.parser import parse
 from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
 from pa_ros.language.vocabulary import Vocabulary
@@ -20,7 +20,6 @@ from pa_ros.language.vocabulary import Vocabulary
 __all__ = [
     "And",
     "Expression",
-    "FlatProgram",
     "LOGICS",
     "Logic",
     "MIN_MAX",

@@ -11,10 +11,13 @@ import numpy as np
 from msgs_schema import action, msg
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import NO_STAMP
-from pa_ros.wire.fields import float32_field, read_stamp, write_stamp
+from pa_ros.wire.fields import copy_fields, fields_of, float32_field, read_stamp, write_stamp
 
 NEVER = -1.0  # time_to_reach_s of a goal that was not reached
 LONGEST_S = 1e9
+# Fields that are alike in the message and in the record.
+SAME_OF_STATUS = ("program_id", "node", "canonical", "code", "reason", "position")
+SAME_OF_RESULT = ("success", "final_distance", "code", "reason", "position")
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,15 +91,9 @@ def decode_program(message: msg.Program) -> ProgramRequest:
 
 def encode_program_status(status: ProgramStatus) -> msg.ProgramStatus:
     """Return one node's answer to a program."""
-    message = msg.ProgramStatus(
-        program_id=status.program_id,
-        node=status.node,
-        status=msg.ProgramStatus.ACCEPTED if status.accepted else msg.ProgramStatus.REFUSED,
-        canonical=status.canonical,
-        code=status.code,
-        reason=status.reason,
-        position=status.position,
-    )
+    message = msg.ProgramStatus()
+    copy_fields(message, status, SAME_OF_STATUS)
+    message.status = message.ACCEPTED if status.accepted else message.REFUSED
     write_stamp(message.stamp, status.stamp_ns)
     return message
 
@@ -107,14 +104,9 @@ def decode_program_status(message: msg.ProgramStatus) -> ProgramStatus:
         expected = "ACCEPTED or REFUSED"
         raise WireError("program_status.status", expected, message.status, code="wire.range")
     return ProgramStatus(
-        program_id=message.program_id,
-        node=message.node,
         accepted=message.status == msg.ProgramStatus.ACCEPTED,
-        canonical=message.canonical,
-        code=message.code,
-        reason=message.reason,
-        position=message.position,
         stamp_ns=read_stamp(message.stamp),
+        **fields_of(message, SAME_OF_STATUS),
     )
 
 
@@ -159,23 +151,13 @@ def decode_goal_feedback(message: action.ExecuteProgram.Feedback) -> GoalProgres
 
 def encode_goal_result(result: GoalResult) -> action.ExecuteProgram.Result:
     """Return how a goal ended."""
-    return action.ExecuteProgram.Result(
-        success=result.success,
-        time_to_reach_s=NEVER if result.time_to_reach_s is None else result.time_to_reach_s,
-        final_distance=result.final_distance,
-        code=result.code,
-        reason=result.reason,
-        position=result.position,
-    )
+    message = action.ExecuteProgram.Result()
+    copy_fields(message, result, SAME_OF_RESULT)
+    message.time_to_reach_s = NEVER if result.time_to_reach_s is None else result.time_to_reach_s
+    return message
 
 
 def decode_goal_result(message: action.ExecuteProgram.Result) -> GoalResult:
     """Return how a goal ended."""
-    return GoalResult(
-        message.success,
-        message.final_distance,
-        None if message.time_to_reach_s == NEVER else message.time_to_reach_s,
-        message.code,
-        message.reason,
-        message.position,
-    )
+    reached_s = None if message.time_to_reach_s == NEVER else message.time_to_reach_s
+    return GoalResult(time_to_reach_s=reached_s, **fields_of(message, SAME_OF_RESULT))

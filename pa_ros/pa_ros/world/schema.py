@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 from math import dist, inf, isfinite
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class OneHot:
     """One feature for each value. Words of the group that are not values are spare."""
 
     values: tuple[str, ...]
+    tolerance: ClassVar[float] = 0.5  # half of 1; two one-hot vectors are √2 apart
+    scale: ClassVar[float] = 1.0  # network units per unit of the features
 
     def names(self, group: str) -> tuple[str, ...]:
         """Feature names, in column order."""
@@ -36,16 +38,6 @@ class OneHot:
         """The features of an object of each value."""
         rows = np.eye(len(self.values)).tolist()
         return {value: tuple(row) for value, row in zip(self.values, rows, strict=True)}
-
-    @property
-    def tolerance(self) -> float:
-        """Half of 1; two one-hot vectors are √2 apart."""
-        return 0.5
-
-    @property
-    def scale(self) -> float:
-        """Network units per unit of the features."""
-        return 1.0
 
     def to_data(self) -> dict[str, Any]:
         """As data for JSON."""
