@@ -75,7 +75,7 @@ def test_train_then_eval(tmp_path, capsys):
         (["train", "--out", "unused", "--learner.updates.discount=NaN"], "got NaN"),
         (["play", "nowhere", "--rate", "nan"], "--rate: expected a number of at least 0, got nan"),
         (["record", "unused", "--storage", "zarr"], "--storage: expected one of ['mcap', "),
-        (["record", "unused", "--repair", "--json", "f"], "expected it alone, got json, too"),
+        (["record", "unused", "--repair", "--split-s", "1"], "expected it alone, got split_s, too"),
         (["send", "RED", "--timeout", "0"], "--timeout: expected a positive number, got 0"),
         (["demo", "--minutes", "0"], "--minutes: expected a positive number, got 0"),
         (["experiment", "programmable-2L", "--seeds", "0"], "--seeds: expected an integer"),

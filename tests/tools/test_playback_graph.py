@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_types_from_msg
 
-from helpers.recordings import SMALL, decoded, train, written
+from helpers.recordings import SMALL, decoded, train
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.format import reliable_qos, topic
@@ -94,11 +94,9 @@ def test_start_duration_and_rate(programs):
     ("arguments", "status", "said"),
     [
         (["--rate", "0", "--wait", "0"], 0, "/thing is left out: elsewhere_msgs/msg/Thing is not"),
-        (["--rate", "0", "--wait", "0"], 0, "/program had no subscriber"),
         (["--topics", "verdict"], 2, "expected one of /program, /thing, got verdict"),
         (["--topics", "thing"], 2, "nothing to play"),
         (["--start", "1000"], 2, "--start: expected less than the bag's "),
-        (["--rate", "-1"], 2, "-1"),
     ],
 )
 def test_what_cannot_be_played_is_named(programs, capsys, arguments, status, said):
@@ -107,19 +105,16 @@ def test_what_cannot_be_played_is_named(programs, capsys, arguments, status, sai
     assert said in output.out + output.err
 
 
-def test_loop_and_clock(programs, tmp_path):
+def test_loop_and_clock(programs):
     with client_node("test") as node, Bag(programs) as bag:
         messages, ticks = received(node, topics.PROGRAM), received(node, topics.ROS_CLOCK)
         options = PlaybackOptions(rate=5.0, topics=("program",), loop=True, clock=True)
         player = Player(bag, node, options)
         player.run(lambda: player.played.counts["/program"] >= 90)
         spin_until(node, lambda: len(messages) >= 90 and len(ticks) > 50, DEADLINE_S)
-        written(tmp_path / "empty", 0)
-        played = replayed(node, tmp_path / "empty", loop=True, wait_s=0.0)  # ends all the same
     assert [int(message.program_id) for message in messages[:90]] == [i % 50 for i in range(90)]
     seconds = [read_stamp(tick.clock) for tick in ticks]
     assert 10**18 - 10**8 < min(seconds) and max(seconds) <= 10**18 + 50 * PERIOD_NS
-    assert played.counts == {"/program": 0}
 
 
 def test_a_published_clock_replaces_the_recorded_one_but_no_arenas_own() -> None:

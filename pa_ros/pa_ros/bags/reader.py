@@ -57,6 +57,8 @@ class Bag:
         with ExitStack() as opened:
             try:
                 self.custom = custom_data(read_metadata(path))
+                origins = json.loads(self.custom.get(ORIGINS, "[]"))
+                recorded_by = origins[0]["software_version"] if origins else "of unknown version"
                 self._reader = Reader(path)
                 self._reader.open()
                 opened.callback(self._reader.close)
@@ -64,7 +66,7 @@ class Bag:
             except Exception as error:  # damaged bytes lead rosbags to errors of many types
                 hint = f"; try {repair_command(path)}" if path.is_dir() else ""
                 raise damaged(path, f"{error}{hint}") from error
-            self._check_version()
+            self._check_version(recorded_by)
             opened.pop_all()
         self._stores: dict[str, Typestore] = {}
 
@@ -180,7 +182,7 @@ class Bag:
             self._stores[topic] = store
         return self._stores[topic]
 
-    def _check_version(self) -> None:
+    def _check_version(self, recorded_by: str) -> None:
         """Reject messages of pa_ros whose definition is not the installed one."""
         for entries in self._connections.values():
             type_name = entries[0].msgtype
@@ -190,17 +192,11 @@ class Bag:
             known = type_name in _installed().fielddefs
             if not known or found != _installed().hash_rihs01(type_name):
                 raise BagError(
-                    f"bag: {self.path}: recorded by pa_ros {self._recorded_version()}, whose "
+                    f"bag: {self.path}: recorded by pa_ros {recorded_by}, whose "
                     f"{type_name} is not the one of pa_ros {__version__} here: read it with the "
                     "version that recorded it",
                     code="bag.version",
                 )
-
-    def _recorded_version(self) -> str:
-        try:
-            return str(json.loads(self.custom[ORIGINS])[0]["software_version"])
-        except (KeyError, IndexError, TypeError, ValueError):
-            return "of an unknown version"
 
 
 @cache

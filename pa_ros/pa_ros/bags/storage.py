@@ -6,7 +6,7 @@ import os
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import yaml
 from mcap.writer import CompressionType
@@ -18,30 +18,6 @@ from pa_ros.bags.format import BAG_VERSION, BagTopic
 CHUNK_BYTES = 1 << 20  # most bytes in memory before a chunk is written
 Retry = Callable[[OSError], bool]
 """Called when a write fails; returns whether there is now space to try once more."""
-
-
-class Storage(Protocol):
-    """What BagWriter needs of a storage file. Topics are numbered in the order they are added."""
-
-    path: Path
-
-    def add_topic(self, topic: BagTopic) -> None:
-        """Declare a topic, before its first message."""
-
-    def write(self, number: int, payload: bytes, log_ns: int, sent_ns: int, sequence: int) -> None:
-        """Add a message: wall times of arrival and sending, and the publisher's own count."""
-
-    def flush(self) -> None:
-        """Pass everything on to the operating system."""
-
-    def size(self) -> int:
-        """Return the bytes in the file so far."""
-
-    def close(self, information: dict[str, Any]) -> None:
-        """Write the index and a copy of the metadata, and close."""
-
-    def abandon(self) -> None:
-        """Close without writing anything more."""
 
 
 class _File:
@@ -98,6 +74,7 @@ class McapStorage:
         self._channels: list[int] = []
 
     def add_topic(self, topic: BagTopic) -> None:
+        """Declare a topic, before its first message. Topics are numbered in this order."""
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
                 topic.type_name, "ros2msg", topic.definition.encode()
@@ -107,16 +84,20 @@ class McapStorage:
         self._channels.append(self._writer.register_channel(topic.name, "cdr", schema, about))
 
     def write(self, number: int, payload: bytes, log_ns: int, sent_ns: int, sequence: int) -> None:
+        """Add a message: wall times of arrival and sending, and the publisher's own count."""
         channel = self._channels[number]
         self._writer.add_message(channel, log_ns, payload, sent_ns, sequence & 0xFFFFFFFF)
 
     def flush(self) -> None:
+        """Pass everything on to the operating system."""
         self._writer.flush()
 
     def size(self) -> int:
+        """Return the bytes in the file so far."""
         return self._file.tell()
 
     def close(self, information: dict[str, Any]) -> None:
+        """Write the index and a copy of the metadata, and close."""
         text = yaml.safe_dump(information, sort_keys=False)
         self._writer.flush()
         self._writer.add_metadata("rosbag2", {"serialized_metadata": text})
@@ -124,6 +105,7 @@ class McapStorage:
         self._file.close()
 
     def abandon(self) -> None:
+        """Close without writing anything more."""
         self._file.close()
 
 
@@ -184,7 +166,7 @@ class SqliteStorage(Sqlite3Writer):  # type: ignore[misc, unused-ignore]
             self.conn.close()
 
 
-STORAGES: dict[str, type[McapStorage] | type[SqliteStorage]] = {
+STORAGES: dict[str, type[McapStorage | SqliteStorage]] = {
     "mcap": McapStorage,
     "sqlite3": SqliteStorage,
 }

@@ -19,7 +19,7 @@ from pa_ros.bags.format import (
     repair_command,
     write_metadata,
 )
-from pa_ros.bags.storage import DISK_ERRORS, STORAGES, Storage
+from pa_ros.bags.storage import DISK_ERRORS, STORAGES, McapStorage, SqliteStorage
 from pa_ros.core.settings import Settings
 
 RESERVE_BYTES = 2 << 20  # enough for the last chunk, the index and metadata.yaml
@@ -81,9 +81,7 @@ class BagWriter:
         return self._finished_bytes + (0 if self._closed else self._storage.size())
 
     def add(self, topic: BagTopic) -> None:
-        """Declare a topic. Raises BagError if its name is declared already."""
-        if topic.name in self._topics:
-            raise BagError(f"bag: {topic.name}: declared twice")
+        """Declare a topic."""
         self._topics[topic.name] = (len(self._topics), topic)
         self.counts[topic.name] = 0
         self._storage.add_topic(topic)
@@ -97,7 +95,8 @@ class BagWriter:
         :param sent_ns: wall time of sending, ns.
         :param sequence: the publisher's own count of its messages; 0 if it has none.
         """
-        self._check_open()
+        if self.failure is not None:
+            raise self.failure
         try:
             if self._split_is_due(log_ns):
                 self._finish_file()
@@ -113,7 +112,8 @@ class BagWriter:
 
     def flush(self) -> None:
         """Pass everything on to the operating system, so that a repair finds it after a SIGKILL."""
-        self._check_open()
+        if self.failure is not None:
+            raise self.failure
         try:
             self._storage.flush()
         except DISK_ERRORS as error:
@@ -129,7 +129,7 @@ class BagWriter:
         try:
             self._finish_file()
             self._closed = True
-            self._write_metadata()
+            write_metadata(self.folder, self._information(self._finished))
         except DISK_ERRORS as error:
             self._give_up(error)
         self._lock.release()
@@ -137,12 +137,6 @@ class BagWriter:
     @property
     def _reserve(self) -> Path:
         return self.folder / RESERVE
-
-    def _check_open(self) -> None:
-        if self.failure is not None:
-            raise self.failure
-        if self._closed:
-            raise BagError(f"bag: {self.folder}: already closed")
 
     def _check_disk(self) -> None:
         """Close the bag if the last write succeeded only because the reserve was freed."""
@@ -158,7 +152,7 @@ class BagWriter:
         self._reserve.unlink()
         return True
 
-    def _next_file(self) -> Storage:
+    def _next_file(self) -> McapStorage | SqliteStorage:
         kind = STORAGES[self.options.storage]
         suffix = f"_{len(self._finished)}" if self._finished else ""
         path = self.folder / f"{self.folder.name}{suffix}{kind.suffix}"
@@ -184,15 +178,11 @@ class BagWriter:
         topics = [topic for _, topic in self._topics.values()]
         return information(self.options.storage, topics, files, self.custom)
 
-    def _write_metadata(self) -> None:
-        write_metadata(self.folder, self._information(self._finished))
-
     def _give_up(self, error: Exception) -> NoReturn:
         """Leave the bag as it is on the disk, to be repaired. Always raises BagFullError."""
         self._reserve.unlink(missing_ok=True)
-        if not self._closed:
-            self._closed = True
-            self._storage.abandon()
+        self._closed = True
+        self._storage.abandon()
         self._fail(error, f"{repair_command(self.folder)} makes it readable")
 
     def _fail(self, error: Exception, rest: str) -> NoReturn:

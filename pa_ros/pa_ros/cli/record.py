@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from pathlib import Path
 
 from pa_ros.bags.repair import repair
-from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, settings_from
+from pa_ros.cli.options import add_setting, add_settings, asked, settings_from
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.text import write_report
 from pa_ros.tools.record import (
     Recorder,
-    RecordingFigures,
     RecordingOptions,
     topics_named,
     topics_of,
@@ -33,15 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser, RecordingOptions, "topics", "namespace", "arenas", "storage", "split_mb", "split_s"
     )
     add_setting(parser, RecordingOptions, "duration_s", "--duration")
-    parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
     parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if recording ended by itself"
 
 
 def run(options: argparse.Namespace) -> int:
     """Record until a signal comes, the time is up, or the disk is full."""
     if options.repair:
-        unused = [*asked(options, RecordingOptions), *(["json"] if options.json else [])]
-        if unused:
+        if unused := asked(options, RecordingOptions):
             raise ConfigError(f"record --repair: expected it alone, got {', '.join(unused)}, too")
         return _repair(options.out)
     return _record(options, settings_from(options, RecordingOptions))
@@ -68,14 +65,14 @@ def _record(options: argparse.Namespace, how: RecordingOptions) -> int:
             chosen = tuple(topics_named(node, how.topics, how.arenas))
         with Recorder(options.out, node, chosen, how) as recorder:
             print(f"recording into {options.out} (Ctrl-C closes it)", flush=True)
-            figures = RecordingFigures(recorder)
-            with Display("Recording (Ctrl-C closes the bag)", figures.rows, figures.line) as shown:
-                while not (
-                    interrupted() or recorder.failure or 0 < how.duration_s <= figures.wall_s
-                ):
+            ends = time.monotonic() + (how.duration_s or math.inf)
+            with Display(
+                "Recording (Ctrl-C closes the bag)", recorder.rows, recorder.line
+            ) as shown:
+                while not (interrupted() or recorder.failure or time.monotonic() >= ends):
                     time.sleep(REFRESH_S)
                     shown.refresh()
-    write_report(options.json, figures.report())
+    print(recorder.line())
     if recorder.failure is not None:
         print(f"pa_ros record: {recorder.failure}", file=sys.stderr)
         return EXIT_FAILED

@@ -27,8 +27,6 @@ from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import BEFORE, LOST, reliable_qos, topic
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.software import device, versions
-from pa_ros.core.text import Report
 from pa_ros.provenance import as_custom_data
 from pa_ros.ros import topics
 from pa_ros.ros.environment import check_namespace
@@ -138,9 +136,20 @@ class Recorder:
         return {reader.name: reader.gaps.lost for reader in self._readers}
 
     @property
-    def size(self) -> int:
-        """Bytes on disk."""
-        return self._writer.size
+    def size_mb(self) -> float:
+        """Megabytes on disk."""
+        return self._writer.size / 1e6
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return (topic, messages and losses) for a live table, and the size."""
+        lost = self.lost
+        rows = [(name, f"{n:>9}  lost {lost.get(name, 0)}") for name, n in self.counts.items()]
+        return [*rows, ("size", f"{self.size_mb:.1f} MB")]
+
+    def line(self) -> str:
+        """Return the same in one line."""
+        messages, lost = sum(self.counts.values()), sum(self.lost.values())
+        return f"{messages} messages  {self.size_mb:.1f} MB  lost {lost}"
 
     def close(self) -> None:
         """Record what has arrived, then write the index and metadata."""
@@ -256,59 +265,6 @@ class SequenceGaps:
             self.lost += number - max(earlier)
             self._expected.remove(max(earlier))
         self._expected = [*self._expected[-self.PUBLISHERS + 1 :], number + 1]
-
-
-class RecordingFigures:
-    """Messages, rates and losses per topic, size and processor time of a recording."""
-
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        self._started, self._cpu = time.monotonic(), time.process_time()
-        self._before = (self._started, recorder.counts)
-
-    @property
-    def wall_s(self) -> float:
-        """Seconds since the start."""
-        return max(time.monotonic() - self._started, 1e-9)
-
-    def rows(self) -> list[tuple[str, str]]:
-        """Return (label, text) for the live table."""
-        counts, lost, now = self._recorder.counts, self._recorder.lost, time.monotonic()
-        (then, before), self._before = self._before, (now, counts)
-        elapsed = max(now - then, 1e-9)
-        rows = [
-            (name, f"{count:>9}  {(count - before.get(name, 0)) / elapsed:8.1f}/s"
-             f"  lost {lost.get(name, 0)}")
-            for name, count in counts.items()
-        ]  # fmt: skip
-        size = f"{self._recorder.size / 1e6:.1f} MB"
-        return [*rows, ("size", size), ("processor", f"{self._cpu_share:.1%}")]
-
-    def line(self) -> str:
-        """Return the same in one line."""
-        counts, lost, size = self._recorder.counts, self._recorder.lost, self._recorder.size
-        return f"{sum(counts.values())} messages  {size / 1e6:.1f} MB  lost {sum(lost.values())}"
-
-    def report(self) -> Report:
-        """Return flat figures of the whole recording."""
-        counts, lost, size = self._recorder.counts, self._recorder.lost, self._recorder.size
-        report: dict[str, float | int | str] = {
-            "record.wall_s": self.wall_s,
-            "record.messages": sum(counts.values()),
-            "record.lost": sum(lost.values()),
-            "record.megabytes": size / 1e6,
-            "record.megabytes_per_min": size / 1e6 / self.wall_s * 60,
-            "record.cpu_share": self._cpu_share,
-        }
-        for name, count in counts.items():
-            report[f"record.topic.{name}.messages"] = count
-            report[f"record.topic.{name}.lost"] = lost.get(name, 0)
-        return {**report, "device": device(), "threads": 1, "versions": versions()}
-
-    @property
-    def _cpu_share(self) -> float:
-        """Processor time of this process per wall time, since the start."""
-        return (time.process_time() - self._cpu) / self.wall_s
 
 
 def reader_qos(profile: QoSProfile) -> QoSProfile:
