@@ -24,7 +24,7 @@ from pa_ros.evaluation.evaluate import (
 from pa_ros.evaluation.scores import normalized, rewards
 from pa_ros.ros.topics import POLICY_WEIGHTS
 from pa_ros.tools.client import client_node
-from pa_ros.tools.domain import use_domain
+from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet, in_step
 from pa_ros.tools.launcher import Supervisor
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> Report:
     Arenas run at REAL_TIME_FACTOR and nothing waits (`in_step=free`), with one update per frame.
     `fleet.seconds_N` counts the seeds that reached GOAL; `fleet.reached_N` says how many did.
     """
-    use_domain(None)
+    use_free_domain()
     score = HeldOutScore()
     report: dict[str, float] = {}
     for arenas in options.arenas:

@@ -13,7 +13,7 @@ from benchmarks.pingpong import measure_round_trips
 from pa_ros.core.errors import PaError
 from pa_ros.core.text import Report
 from pa_ros.tools.client import client_node
-from pa_ros.tools.domain import use_domain
+from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> Report:
     encoding, matching, bookkeeping. `composed_steps_per_s` is the rate of both nodes in one
     process; `with_key_of_without` the rate with signed messages as a share of the rate without.
     """
-    use_domain(None)
+    use_free_domain()
     figures: dict[str, list[float]] = {}
     for _ in range(options.rounds):
         found = lockstep(PARAMETERS)

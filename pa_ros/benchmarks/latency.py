@@ -25,7 +25,7 @@ from pa_ros.core.text import Report
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until, steady_timer
 from pa_ros.tools.client import client_node
-from pa_ros.tools.domain import use_domain
+from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> Report:
 
 def bench_latency(share: float = 1.0, conditions: tuple[str, ...] = ("", "training.")) -> Report:
     """The measurement over `share` of the usual time, under these conditions."""
-    use_domain(None)
+    use_free_domain()
     report: dict[str, float] = {}
     for condition in conditions:
         for rate, mode in RATES.items():

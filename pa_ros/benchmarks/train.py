@@ -20,7 +20,7 @@ from pa_ros.core.text import Report
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
 from pa_ros.tools.client import client_node
-from pa_ros.tools.domain import use_domain
+from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import load_parameters, merged, packaged
 from pa_ros.tools.launcher import Supervisor
@@ -101,7 +101,7 @@ def graph_share(bare: Contender, rounds: int = 5, bare_s: float = 2.0) -> Report
 
     Each graph runs between two measurements of `bare`.
     """
-    use_domain(None)
+    use_free_domain()
 
     def bare_rate() -> float:
         measure([bare], 1, bare_s)

@@ -17,7 +17,7 @@ from chaos.faults import Fault
 from chaos.stage import Stage, staged
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.text import Report
-from pa_ros.tools.domain import use_domain
+from pa_ros.tools.domain import use_free_domain
 
 SHORT: Final = ("agent_node: SIGKILL", "learner_node: SIGKILL", "sim_node: SIGSTOP 5 s")
 ATTEMPTS: Final = 3  # to bring up a stage, on a machine that may be busy
@@ -89,7 +89,7 @@ def campaign(
 
     Faults take turns. Logs and bags are left in `kept`, if it is given.
     """
-    use_domain(None)
+    use_free_domain()
     rows = [Row(fault) for fault in wanted]
     deadline = time.monotonic() + minutes * 60
     with tempfile.TemporaryDirectory(prefix="pa_ros-chaos-") as made:

@@ -28,7 +28,7 @@ from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros.topics import VERDICT
 from pa_ros.tools.client import ArenaClient, client_node
-from pa_ros.tools.domain import use_domain
+from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.film import FEWER, FULL, demo_programs, find_scene
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import load_parameters, merged, packaged
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     folder = options.out or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"--out: expected a new or empty folder, got {folder}")
-    print(f"ROS domain {use_domain(None)}; results: {folder}/\n")
+    print(f"ROS domain {use_free_domain()}; results: {folder}/\n")
     try:
         with _page(options.console, folder):
             good = not options.shipped or _show_shipped(folder, config)

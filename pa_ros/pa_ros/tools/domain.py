@@ -44,24 +44,18 @@ class DomainClaim:
         self.close()
 
 
-_current: DomainClaim | None = None  # held until the process ends or chooses again
+_claims: list[DomainClaim] = []  # held until the process ends
 
 
-def use_domain(domain_id: int | None) -> int:
-    """Put this process and its children into a ROS domain; None: one that nobody uses here.
+def use_free_domain() -> int:
+    """Put this process and its children into a ROS domain that nobody uses; call before ROS starts.
 
-    Call before ROS starts. Raises ConfigError for a number that is neither 0 nor in DOMAINS.
+    Returns the domain's number. Raises ConfigError if every domain is in use.
     """
-    global _current
-    if domain_id is None:
-        claim = DomainClaim()
-        if _current is not None:
-            _current.close()
-        _current, domain_id = claim, claim.number
-    if domain_id != 0 and domain_id not in DOMAINS:
-        raise ConfigError(f"ROS domain: expected 0 to {DOMAINS[-1]}, got {domain_id}")
-    os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-    return domain_id
+    _claims.append(DomainClaim())
+    number = _claims[-1].number
+    os.environ["ROS_DOMAIN_ID"] = str(number)
+    return number
 
 
 def _bound(domain_id: int, offset: int) -> socket.socket | None:
