@@ -65,9 +65,9 @@ def assert_same_as_the_loop(there: PolicySnapshot, folder: Path) -> None:
         assert np.array_equal(there.tensors[name], tensor), name
 
 
-@pytest.mark.parametrize(("eval_every", "compose"), [(0, False), (1, False), (1, True)])
-def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, eval_every, compose):
-    given = parameters(sim_node={"eval_every_episodes": eval_every})
+@pytest.mark.parametrize("compose", [False, True])
+def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, compose):
+    given = parameters(sim_node={"eval_every_episodes": 1})
     there = over_the_graph(tmp_path / "graph", EPISODES, given, compose)
     assert_same_as_the_loop(there, tmp_path / "loop")
 

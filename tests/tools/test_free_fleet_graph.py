@@ -1,4 +1,4 @@
-"""Fleets of two arenas: in step, one seed and one result; free, nobody waits for another."""
+"""A free fleet: nobody waits for another."""
 
 from __future__ import annotations
 
@@ -9,11 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from helpers.recordings import SMALL, launched
+from helpers.recordings import SMALL
 from helpers.waiting import DEADLINE_S
-from pa_ros.bags.experience import Experience
-from pa_ros.bags.reader import Bag
-from pa_ros.bags.verify import verify
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet, in_step
@@ -26,18 +23,6 @@ ONE: Parameters = {
     "agent_node": {"seed": 4, "learning": True, "weights": "topic"},
     "learner_node": {"seed": 4, **SMALL},
 }
-ROUNDS = 4
-
-
-def test_two_arenas_in_step_are_learned_from_in_turn_and_their_bag_is_verified(tmp_path: Path):
-    """One seed has one result: the learner's updates are computed again from the bag."""
-    bag, _ = launched(tmp_path, ONE, 3_000_000, "--arenas", "2", "--in-step", "exact")
-    with Bag(bag) as opened:
-        experience = Experience(opened)
-        found = verify(experience)
-    assert found.equal, found
-    assert found.compared >= ROUNDS and found.checked >= found.frames
-    assert all(version % 2 == 0 for version in experience.published)  # a round has two trajectories
 
 
 def test_a_free_fleet_outlives_a_stopped_learner_and_the_learner_a_dead_arena(tmp_path: Path):
