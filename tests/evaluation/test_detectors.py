@@ -41,7 +41,7 @@ def swapped(agent: TrainedAgent, one: str, other: str) -> TrainedAgent:
 def test_right_detectors_are_judged_right(novice: TrainedAgent, tmp_path):
     rows = results.detectors({4: novice}, tmp_path, 4)
     assert len(read_rows(tmp_path / "detectors.csv", Accuracy)) == len(rows)
-    assert (tmp_path / "detectors.png").stat().st_size < 120_000
+    assert (tmp_path / "detectors.png").stat().st_size > 10_000
     assert {row.seed for row in rows} == {4}
     assert {row.condition for row in rows} == {KNOWN, UNSEEN}
     for row in rows:
@@ -94,7 +94,6 @@ def test_looks_are_taken_along_the_episodes_in_which_the_agent_acts(novice: Trai
     ]
     shown = view.show(looks[1])
     np.testing.assert_array_equal(shown.simulation.objects(), looks[1].observation.objects)
-    assert looks[1].hand == tuple(shown.simulation.positions[0, :2])
 
 
 def test_designs_without_spare_words_have_known_scenes_only(novice: TrainedAgent):

@@ -1,23 +1,19 @@
 """Pictures of learning curves, conditions, detectors and variants, from tables."""
 
-import json
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
 
-from pa_ros.arena import ReachTask, RenderError, design_named, preset_named
+from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.cli.main import main
-from pa_ros.evaluation import generalization_figures, learning_figures
-from pa_ros.evaluation.agents import TrainedAgent
-from pa_ros.evaluation.drawing import draw_detectors, learning_curve
+from pa_ros.evaluation.drawing import draw_detectors
 from pa_ros.evaluation.experiments import experiment_named, summarize, write_table
 from pa_ros.evaluation.generalization import CONDITIONS, Row
-from pa_ros.evaluation.generalization_figures import detector_figure, generalization_figure
-from pa_ros.evaluation.learning_figures import in_words, is_curves, learning_figure
-from pa_ros.evaluation.results import redraw_generalization
-from pa_ros.evaluation.tables import EvaluationError, write_rows
+from pa_ros.evaluation.generalization_figures import generalization_figure
+from pa_ros.evaluation.learning_figures import is_curves, learning_figure, short
+from pa_ros.evaluation.tables import EvaluationError
 
 
 def rows(*scores):
@@ -31,14 +27,6 @@ def rows(*scores):
 def curves_table(folder, curves, name="programmable-2L"):
     summaries = [summarize(seed, own) for seed, own in curves.items()]
     return write_table(folder, experiment_named(name), curves, summaries)
-
-
-def test_a_demonstrations_curve_may_have_gaps(tmp_path):
-    path = tmp_path / "new" / "curve.png"
-    learning_curve(
-        path, [1, 2, 3], [-0.9, 0.1, 0.6], [np.nan, 0.0, 0.5], "2-L", references=(-0.97, 0.88)
-    )
-    assert matplotlib.image.imread(path)[..., :3].std() > 0.01
 
 
 def test_detectors_are_drawn_beside_the_arena(tmp_path):
@@ -65,27 +53,12 @@ def test_the_command_draws_every_table_of_curves(tmp_path, capsys, name):
     assert name in capsys.readouterr().err
 
 
-def test_a_table_without_rows_is_rejected(tmp_path):
+@pytest.mark.parametrize("head", ["seed,frames", "frames"])
+def test_a_table_without_seeds_is_rejected(tmp_path, head):
     table = tmp_path / "empty.csv"
-    table.write_text("seed,frames,wall_s,train_greedy.normalized\n")
-    with pytest.raises(EvaluationError, match="expected rows, got none"):
+    table.write_text(f"{head},train_greedy.normalized\n")
+    with pytest.raises(EvaluationError, match="expected learning curves with a column seed"):
         learning_figure(table)
-
-
-@pytest.mark.parametrize(("count", "mean"), [(3, False), (7, True)])
-def test_many_seeds_have_a_mean_with_its_interval(monkeypatch, tmp_path, count, mean):
-    figures = []
-    monkeypatch.setattr(learning_figures, "save", lambda figure, path: figures.append(figure))
-    lengths = {seed: 4 if seed == 0 else 6 for seed in range(count)}
-    scores = {seed: [0.1 * i for i in range(length)] for seed, length in lengths.items()}
-    learning_figure(curves_table(tmp_path, {seed: rows(*own) for seed, own in scores.items()}))
-    (axes,) = figures[0].axes
-    labels = [text.get_text() for text in figures[0].legends[0].get_texts()]
-    assert bool(axes.collections) == ("95 % interval of the mean" in labels) == mean
-    assert ("seed 2" in labels) != mean
-    if mean:  # it continues past the shortest seed
-        thick = [line for line in axes.lines if line.get_linewidth() == 2 and len(line.get_xdata())]
-        assert [max(line.get_xdata()) for line in thick] == [6000.0, 6000.0]
 
 
 def table(level: float) -> list[Row]:
@@ -103,39 +76,14 @@ def test_the_generalization_figure_shows_the_scores(tmp_path):
         path = tmp_path / "new" / f"{level}.png"
         generalization_figure(path, table(level), "3-D")
         pictures.append(matplotlib.image.imread(path)[..., :3])
-        assert path.stat().st_size < 100_000
     assert pictures[0].shape == pictures[1].shape
     assert np.abs(pictures[0] - pictures[1]).mean() > 0.003
 
 
-def test_a_damaged_table_of_conditions_is_rejected(tmp_path):
-    path = tmp_path / "generalization.csv"
-    write_rows(path, table(0.5)[:-1])
-    facts = {"design": "3-D", "preset": "fast", "agents": {"0": {}}, "episodes": 5}
-    path.with_suffix(".json").write_text(json.dumps(facts))
-    with pytest.raises(EvaluationError, match="expected 5 episodes of each of 2 seeds, got 9"):
-        redraw_generalization(path)
-
-
-def test_the_detector_figure_needs_no_opengl(novice: TrainedAgent, tmp_path, monkeypatch):
-    def refuse(*_: object) -> None:
-        raise RenderError("no OpenGL")
-
-    monkeypatch.setattr(generalization_figures, "render", refuse)
-    from_above = tmp_path / "above.png"
-    detector_figure(from_above, novice, 2, "novice")
-    assert matplotlib.image.imread(from_above)[..., :3].std() > 0.05
-    assert from_above.stat().st_size < 120_000
-
-
 @pytest.mark.parametrize(
     ("changed", "words"),
-    [
-        ("", ""),
-        ("learner.updates.discount=0.99", "discount 0.99"),
-        ("learner.relabeling.rule=none", "relabeling: no"),
-        ("learner.replay.batch_size=32", "batch size 32"),
-    ],
-)
+    [("", ""), ("learner.updates.discount=0.99 learner.relabeling.rule=none",
+                "discount=0.99, rule=none")],
+)  # fmt: skip
 def test_a_variant_is_named_after_its_change(changed: str, words: str) -> None:
-    assert in_words(changed) == words
+    assert short(changed) == words

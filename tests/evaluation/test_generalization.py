@@ -78,7 +78,6 @@ def test_scores_are_computed_once(novice: TrainedAgent, tmp_path, monkeypatch):
         raise AssertionError("scored again")
 
     monkeypatch.setattr(scorer, "run_episodes", fail)
-    monkeypatch.setattr(scorer, "reference_scores", fail)
     assert generalize({0: novice}, tmp_path, 2, ("eval",), quiet) == before
     for changed in ({0: without_training(novice, 0)}, {0: novice}):
         with pytest.raises(AssertionError):

@@ -94,19 +94,6 @@ def test_a_damaged_setting_is_rejected(tmp_path, text, capsys) -> None:
         assert "programmable-2L.free.json: " in error and error.count("\n") == 1
 
 
-def test_a_seed_without_its_summary_is_rejected(tmp_path) -> None:
-    for experiment in (
-        BASE,
-        replace(BASE, tag="free", options={"learner.detectors.sparsity": 0.0}),
-    ):
-        table(tmp_path, experiment, {0: [0.1, 0.95]})
-    other = tmp_path / "other"
-    table(other, replace(BASE, tag="free"), {3: [0.1]})
-    (other / "programmable-2L.free-seeds.csv").rename(tmp_path / "programmable-2L.free-seeds.csv")
-    with pytest.raises(EvaluationError, match=r"free-seeds.csv: expected seeds \[0\], found none"):
-        write_variants("programmable-2L", tmp_path)
-
-
 @pytest.mark.parametrize("text", ["", "a,b\n1,2\n"])
 def test_a_damaged_table_is_rejected(tmp_path, text, capsys) -> None:
     for experiment in (

@@ -21,7 +21,7 @@ from pa_ros.cli.options import add_settings, folder_to_write, settings_from
 from pa_ros.console.settings import TOKEN, control_address, free_port
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
-from pa_ros.evaluation.drawing import draw_detectors, learning_curve
+from pa_ros.evaluation.drawing import draw_detectors
 from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
@@ -166,7 +166,7 @@ def execute(folder: Path, design: Design, checkpoint: str, seed: int, speed: flo
 def _learn(folder: Path, config: DemoConfig) -> bool:
     """Learn from random weights until the zero-shot target is reached; whether it was.
 
-    Leaves the checkpoint, the learning curve and a picture of the detectors.
+    Leaves the checkpoint and a picture of the detectors.
     """
     design, arena = design_named(LEARNED), preset_named(PRESET)
     held_out = ", ".join(kind.conjunction for kind in design.held_out)
@@ -210,9 +210,6 @@ def _learn(folder: Path, config: DemoConfig) -> bool:
     took = f"{time.monotonic() - started:.0f} s and {tally.frames} control steps"
     verdict = "reached" if reached else "NOT reached"
     print(f"\nZero-shot score {target.score(tally)[0]:.2f}: target {verdict} after {took}.")
-    title = f"design {LEARNED}, seed {config.seed}, over the graph"
-    if tally.episodes:
-        learning_curve(folder / "learning-curve.png", *tally.curve(), title, (random, script))
     program = demo_programs(design)[1]
     scene = find_scene(arena, design, config.seed + SCENE_SEED, program)
     seen, _ = task.reset_to(scene.episode)

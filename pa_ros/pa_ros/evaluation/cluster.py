@@ -22,11 +22,8 @@ from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.software import versions
 from pa_ros.evaluation.agents import load_agent, trained
-from pa_ros.evaluation.blind import BLIND
-from pa_ros.evaluation.evaluate import REFERENCES
 from pa_ros.evaluation.experiments import Experiment, frames_saved, run_seed
-from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, acting_under, conditions_of
-from pa_ros.evaluation.scorer import Benchmark, Scorer
+from pa_ros.evaluation.generalization import conditions_of, generalize
 from pa_ros.evaluation.seeds import SeedsProgress, check_failures, folder_of, progress_bar
 from pa_ros.evaluation.tables import CURVE, EvaluationError
 from pa_ros.language import MIN_MAX, Logic
@@ -48,7 +45,8 @@ SCORES = "scores"
 class Part:
     """Work for a node in a folder that holds `files`; `keep` picks the files to send back."""
 
-    work: Callable[[Path], None]  # these two are functions of modules, so that nodes import them
+    # Functions of modules, so that nodes import them.
+    work: Callable[[Path], object]
     keep: Callable[[Path], Files]
     files: Files
 
@@ -180,12 +178,10 @@ def write_files(root: Path, files: Files) -> None:
     """Write files below `root` in order, each whole or not at all."""
     for name, content in files.items():
         path = root / name
-        if not path.resolve().is_relative_to(root.resolve()):
-            raise EvaluationError(f"cluster: expected files below {root}, got {name!r}", code=CODE)
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_name(f".{path.name}.unfinished")
         unfinished.write_bytes(content)
-        os.replace(unfinished, path)
+        unfinished.replace(path)
 
 
 def _import_ray() -> Any:
@@ -246,18 +242,13 @@ class SeedJob:
             return None
         every = self.experiment.checkpoint_every_frames
         until = min(frames, (done // every + 1) * every)
-        work = partial(train_part, self.experiment, self.seed, until)
+        work = partial(run_seed, self.experiment, self.seed, until=until)
         return Part(work, run_files, run_files(self.folder))
 
     def receive(self, files: Files) -> None:
         write_files(self.folder, files)
         root = checkpoint_of(self.folder)
         remove_older(root, find_checkpoint(root).name)
-
-
-def train_part(experiment: Experiment, seed: int, until: int, folder: Path) -> None:
-    """On a node: train the seed in `folder` up to so many frames."""
-    run_seed(experiment, seed, folder, until)
 
 
 def run_files(folder: Path) -> Files:
@@ -281,75 +272,54 @@ def score_on(
 
     The scores go into the cache that `generalization.generalize` reads.
     """
-    jobs = score_jobs(runs, cache, episodes, conditions, logic)
+    names = conditions or conditions_of(load_agent(next(iter(runs.values()))).design)
+    jobs = [ScoreJob(name, runs, cache, episodes, logic) for name in names]
     with progress_bar() as bar:
         task = bar.add_task("generalization", total=len(jobs))
 
         def show() -> None:
-            bar.update(task, completed=sum(job.stored.exists() for job in jobs))
+            bar.update(task, completed=sum(job.done for job in jobs))
 
         cluster.run(jobs, show, partial(bar.console.print, markup=False, soft_wrap=True))
 
 
-@dataclass(frozen=True)
+@dataclass
 class ScoreJob:
-    """One agent, or one reference, under one condition."""
+    """All agents (by seed) and all references under one condition, as one part."""
 
-    name: str
-    run: Path
+    name: str  # the condition
+    runs: Mapping[int, Path]
     cache: Path
-    stored: Path  # within the cache
-    score: Callable[[Path], None]
+    episodes: int
+    logic: Logic
+    done: bool = False
 
     def part(self) -> Part | None:
-        if self.stored.exists():
+        if self.done:
             return None
-        checkpoint = find_checkpoint(trained(self.run))
-        files = read_files(checkpoint, [checkpoint / name for name in ACTING])
-        return Part(self.score, score_files, files)
+        files = dict[str, bytes]()
+        for seed, run in self.runs.items():
+            checkpoint = find_checkpoint(trained(run))
+            files |= {f"{seed}/{name}": (checkpoint / name).read_bytes() for name in ACTING}
+        # Scores that an interrupted study has computed are not computed again.
+        kept = read_files(self.cache, self.cache.rglob(f"{self.name}.csv"))
+        files |= {f"{SCORES}/{path}": content for path, content in kept.items()}
+        work = partial(score_part, tuple(self.runs), self.name, self.episodes, self.logic)
+        return Part(work, score_files, files)
 
     def receive(self, files: Files) -> None:
         write_files(self.cache, files)
+        self.done = True
 
 
-def score_jobs(
-    runs: Mapping[int, Path],
-    cache: Path,
-    episodes: int,
-    conditions: Sequence[str],
-    logic: Logic = MIN_MAX,
-) -> list[ScoreJob]:
-    """A job for each condition and reference, and for each condition and agent (by seed)."""
-    agents = {seed: load_agent(run, logic=logic) for seed, run in runs.items()}
-    first, agent = next(iter(agents.items()))
-    scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
-    jobs = []
-
-    def add(name: str | int, condition: str, stored: Path) -> None:
-        run = runs[first if isinstance(name, str) else name]
-        score = partial(score_part, name, condition, episodes, logic)
-        jobs.append(ScoreJob(f"{condition}, {name}", run, cache, stored, score))
-
-    for condition in conditions or conditions_of(agent.design):
-        for name in (*REFERENCES, *BLIND) if condition != RANDOM_WEIGHTS else ():
-            add(name, condition, scorer.path(name, condition))
-        for seed, one in agents.items():
-            acting, drawn_from = acting_under(condition, one, seed)
-            add(seed, condition, scorer.path(acting.key, drawn_from))
-    return jobs
-
-
-def score_part(name: str | int, condition: str, episodes: int, logic: Logic, folder: Path) -> None:
-    """On a node: score the agent in `folder`, with seed `name`, or a reference of this name."""
-    agent = load_agent(folder, logic=logic)
-    benchmark = Benchmark(design=agent.design, arena=agent.arena, episodes=episodes)
-    scorer = Scorer(benchmark, folder / SCORES)
-    if isinstance(name, str):
-        scorer.reference(name, condition)
-    else:
-        scorer.agent(*acting_under(condition, agent, name))
+def score_part(
+    seeds: Sequence[int], condition: str, episodes: int, logic: Logic, folder: Path
+) -> None:
+    """On a node: score the agents in folders named by their seeds."""
+    agents = {seed: load_agent(folder / str(seed), logic=logic) for seed in seeds}
+    generalize(agents, folder / SCORES, episodes, (condition,), lambda line: None)
 
 
 def score_files(folder: Path) -> Files:
-    """The scores that a node computed, by their paths in a cache."""
+    """The scores that a node has, by their paths in a cache."""
     return read_files(folder / SCORES, (folder / SCORES).rglob("*.csv"))

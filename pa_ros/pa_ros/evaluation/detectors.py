@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.arena import Design, Episode, ReachTask, condition_named
+from pa_ros.arena import Design, Episode, ReachTask, conditions_for
 from pa_ros.arena.conditions import novel
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
@@ -40,8 +40,6 @@ class Look:
     logic: Logic  # by which the agent acts; Φ is sharpened for it
     p: NDArray[np.float64]  # [N]
     observation: Observation
-    hand: tuple[float, float]  # m, table frame
-    places: tuple[tuple[float, float], ...]  # of the blocks
 
     @property
     def margin(self) -> float:
@@ -91,9 +89,10 @@ class DetectorView:
         phi = self._inference.properties(observation.objects, self._world.arm(observation))
         hand, logic = observation.hand_index, self._agent.logic
         p = relevance(task.program, phi.tolist(), vocabulary.row, hand, logic)
-        first, *blocks = [(float(x), float(y)) for x, y, _ in task.simulation.positions]
-        return Look(task.episode, observation.step, task.verifier.targets, vocabulary.words, phi,
-                    logic, np.array(p), observation, first, tuple(blocks))  # fmt: skip
+        targets, words = task.verifier.targets, vocabulary.words
+        return Look(
+            task.episode, observation.step, targets, words, phi, logic, np.array(p), observation
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,11 +175,7 @@ def extremes(looks: Sequence[Look]) -> tuple[Look, Look]:
 def detector_conditions(design: Design) -> tuple[str, ...]:
     """KNOWN (or `train`, if nothing is held out), and UNSEEN if the design has it."""
     known = KNOWN if design.held_out else "train"
-    try:
-        condition_named(UNSEEN, design)
-    except ConfigError:
-        return (known,)
-    return (known, UNSEEN)
+    return (known, UNSEEN) if UNSEEN in conditions_for(design) else (known,)
 
 
 def detector_table(agents: Mapping[int, TrainedAgent], episodes: int) -> list[Accuracy]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import torch
@@ -171,12 +172,12 @@ class _Comparison:
         return np.asarray(p.numpy())
 
 
-def differences(seed: int, agent: TrainedAgent, episodes: int) -> list[Difference]:
-    """A row for each law and each of CONDITIONS; `agent` must be a programmable one."""
-    comparison = _Comparison(agent)
+def difference_table(agents: Mapping[int, TrainedAgent], episodes: int) -> list[Difference]:
+    """A row for each programmable agent (by seed), each of CONDITIONS and each law."""
     rows = []
-    for condition in CONDITIONS:
-        for law in LAWS:
+    for seed, agent in agents.items():
+        comparison = _Comparison(agent)
+        for condition, law in product(CONDITIONS, LAWS):
             found = np.array(
                 [comparison.measure(law, condition, index) for index in range(episodes)]
             )  # [E, 3]
@@ -185,8 +186,3 @@ def differences(seed: int, agent: TrainedAgent, episodes: int) -> list[Differenc
             figures = condition, episodes, p, action, score, mean
             rows.append(Difference(seed, law.name, agent.logic.name in law.exact, *figures))
     return rows
-
-
-def difference_table(agents: Mapping[int, TrainedAgent], episodes: int) -> list[Difference]:
-    """Differences of every agent, by seed."""
-    return [row for seed, agent in agents.items() for row in differences(seed, agent, episodes)]

@@ -91,13 +91,17 @@ def run_episodes(
         yield EpisodeScore(index, program, total / steps, verdict.satisfied, verdict.distance)
 
 
+def reference_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
+    """`scripted` (it knows the target; the upper reference) or `random` (the lower one)."""
+    policy = scripted_action if name == "scripted" else random_policy(task.seed)
+    return lambda _: policy(task)
+
+
 def reference_scores(
     task: ReachTask, name: str, condition: str, episodes: int
 ) -> tuple[EpisodeScore, ...]:
-    """Scores of `scripted` (it knows the target; upper reference) or `random` (lower)."""
-    random = random_policy(task.seed)
-    policy = scripted_action if name == "scripted" else random
-    return tuple(run_episodes(task, lambda _: policy(task), condition, episodes))
+    """Scores of one of REFERENCES."""
+    return tuple(run_episodes(task, reference_policy(task, name), condition, episodes))
 
 
 def evaluate(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -28,7 +27,6 @@ from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.evaluation.scores import normalized, rewards
 from pa_ros.evaluation.tables import (
     CURVE,
-    EvaluationError,
     write_cells,
     write_rows,
     write_setting,
@@ -98,11 +96,6 @@ class Experiment:
         return min(50_000, max(self.frames // 4, 1))
 
     def __post_init__(self) -> None:
-        if self.tag and not re.fullmatch(r"[\w-]+(\.[\w-]+)*", self.tag, re.ASCII):
-            raise ConfigError(
-                "experiment tag: expected letters, digits, '-' and '_', also with dots between, "
-                f"got {self.tag!r}"
-            )
         if self.frames < self.evaluate_every_frames:
             raise ConfigError(
                 f"experiment frames: expected at least {self.evaluate_every_frames}, "
@@ -332,9 +325,9 @@ def write_table(
     """
     path = folder / f"{experiment.label}.csv"
     names = list(next(iter(curves.values()))[0])
-    if wrong := [seed for seed, rows in curves.items() if any(list(row) != names for row in rows)]:
-        raise EvaluationError(f"{path}: expected columns {names}, got others of seeds {wrong}")
-    cells = [[seed, *row.values()] for seed, rows in curves.items() for row in rows]
+    cells = [
+        [seed, *(row[name] for name in names)] for seed, rows in curves.items() for row in rows
+    ]
     write_cells(path, ["seed", *names], cells)
     write_rows(seeds_table(path), summaries)
     settings = experiment.settings

@@ -11,11 +11,10 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
-from pa_ros.arena import ReachTask, RenderError
+from pa_ros.arena import ReachTask
 from pa_ros.arena.model import TABLE_SIDE_M
-from pa_ros.arena.render import render, top_view
+from pa_ros.arena.render import top_view
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.detectors import (
     DetectorView,
@@ -28,9 +27,6 @@ from pa_ros.evaluation.drawing import heat_map, save
 from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, Row, Summary, summarize
 
 BOX, SEEDS, SCRIPT, BLIND_MARK = "#8fb8de", "#1f4e79", "#555555", "#c0392b"
-COLORS = 256  # of the palette
-GROUPS = ("only-color", "blocks-2", "ignore-new", "reach-new-shape", "depth-3")
-"""A vertical line is drawn before these conditions."""
 WORDS = {
     "train": "trained programs",
     RANDOM_WEIGHTS: "random weights",
@@ -58,8 +54,6 @@ def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
     )
     for x, summary in enumerate(summaries):
         _column(axes, x, [row for row in rows if row.condition == summary.condition], summary)
-        if summary.condition in GROUPS and x > 0:
-            axes.axvline(x - 0.5, color="#cccccc", linewidth=0.8)
     axes.fill_between([], [], color=BOX, label="middle half of the episodes (whiskers 5 % to 95 %)")
     axes.plot([], [], "o", color=SEEDS, markersize=4, label="mean of each seed")
     axes.plot([], [], color=SCRIPT, linewidth=2, label="scripted, knows the target")
@@ -69,7 +63,7 @@ def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
     axes.set(ylabel="reward per step", ylim=(-1.05, 1.05), title=title)
     # Below the axes, because the boxes leave no free corner.
     figure.legend(loc="outside lower center", fontsize=8, ncols=4, frameon=False)
-    save(figure, path, COLORS)
+    save(figure, path)
 
 
 def in_words(condition: str) -> str:
@@ -125,30 +119,18 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
     for _, table in axes[:-1]:
         table.set_xticklabels([])
     figure.suptitle(title, fontsize=10)
-    save(figure, path, COLORS)
+    save(figure, path)
 
 
 def _case(axes: Sequence[Axes], task: ReachTask, look: Look) -> None:
     picture, table = axes
-    image, half = _picture(task)
-    if half is None:
-        picture.imshow(image)
-        picture.set(xticks=[], yticks=[])
-    else:
-        picture.imshow(image, extent=(-half, half, -half, half))
-        picture.set(xticks=(-half, 0, half), yticks=(-half, 0, half))
-        picture.set_xlabel("x (m)", fontsize=7, labelpad=1)
-        picture.tick_params(labelsize=6)
+    half = TABLE_SIDE_M / 2
+    picture.imshow(top_view(task, 300), extent=(-half, half, -half, half))
+    picture.set(xticks=(-half, 0, half), yticks=(-half, 0, half))
+    picture.set_xlabel("x (m)", fontsize=7, labelpad=1)
+    picture.tick_params(labelsize=6)
     picture.set_title(f"target: {named(look)}", fontsize=8)
     kinds = [block.kind for block in look.episode.blocks]
     heat_map(table, kinds, look.phi, look.p, look.words)
     table.tick_params(labelsize=7)
     table.set_title(str(look.episode.program), fontsize=6.5, family="monospace")
-
-
-def _picture(task: ReachTask) -> tuple[NDArray[np.uint8], float | None]:
-    """A picture [H, W, 3]: rendered with OpenGL, or else from above with half its side in m."""
-    try:
-        return render(task.simulation, 400, 300), None
-    except RenderError:
-        return top_view(task, 300), TABLE_SIDE_M / 2

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
-from itertools import cycle, product
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from pa_ros.evaluation.drawing import save
 from pa_ros.evaluation.experiments import SOLVED, SeedSummary
-from pa_ros.evaluation.scores import Interval, mean_interval
+from pa_ros.evaluation.scores import mean_interval
 from pa_ros.evaluation.tables import read_curves, read_setting
 from pa_ros.evaluation.variants import Variant
 
@@ -26,9 +27,6 @@ Curves = Mapping[int, Sequence[Mapping[str, float]]]
 """Rows of learning curves, by seed."""
 Scores = Mapping[int, Mapping[float, float]]
 """One score by frames, for each seed."""
-FEW = 4  # up to so many seeds, each has its own line style and no mean is drawn
-_STYLES = ("-", "--", ":", "-.")
-_MARKERS = ("", "o", "s", "^")
 _SEVERAL = ("#268bd2", "#d33682", "#859900", "#b58900")
 _CURVES = (
     ("train_greedy.normalized", "training programs", "#b58900"),
@@ -39,9 +37,8 @@ _CURVES = (
 def learning_figure(table: Path) -> Path:
     """Draw the seeds of a table beside it and return the picture's path.
 
-    More than FEW seeds also have a mean with its 95 % interval. If the training programs were
-    switched, marks that and when the replay buffer had turned over. Raises EvaluationError for a
-    file that is no table of curves.
+    If the training programs were switched, marks that and when the replay buffer had turned over.
+    Raises EvaluationError for a file that is no table of curves.
     """
     curves, setting = _read(table)
     count = len(curves)
@@ -60,7 +57,7 @@ def learning_figure(table: Path) -> Path:
         f"{setting.get('arm', 'jaco')}, {setting['preset']} preset: "
         f"{count} seed{'s' if count > 1 else ''}"
     )
-    _finish(figure, axes, title, [_scores(curves, column) for column, _, _ in shown])
+    _finish(figure, axes, title)
     picture = table.with_suffix(".png")
     save(figure, picture)
     return picture
@@ -70,14 +67,11 @@ def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
     """Draw the held-out scores of several tables; `tables` by the curves' labels."""
     figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
     column, _, _ = _CURVES[1]
-    found = []
-    looks = cycle(product(_MARKERS, _SEVERAL))
-    for (label, table), (marker, color) in zip(tables.items(), looks, strict=False):
+    for (label, table), color in zip(tables.items(), cycle(_SEVERAL), strict=False):
         curves, setting = _read(table)
-        found.append(_scores(curves, column))
-        _curve(axes, found[-1], f"{label}, {len(found[-1])} seeds, held out", color, marker)
+        _curve(axes, _scores(curves, column), f"{label}, {len(curves)} seeds, held out", color)
     title = f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}"
-    _finish(figure, axes, title, found)
+    _finish(figure, axes, title)
     save(figure, path)
 
 
@@ -100,35 +94,21 @@ def _scores(curves: Curves, column: str) -> Scores:
     }
 
 
-def _curve(axes: Axes, scores: Scores, label: str, color: str, marker: str = "") -> None:
-    """Draw few seeds each in its style; many as thin lines with their mean.
+def _curve(axes: Axes, scores: Scores, label: str, color: str) -> None:
+    """Draw each seed as a thin line, and the mean of several with its 95 % interval.
 
-    `marker` is drawn at some points of all but the thin lines.
+    The mean ends where the shortest seed ends.
     """
-    many = len(scores) > FEW
-    thick: dict[str, Any] = {"marker": marker, "markevery": 0.1, "markersize": 5, "color": color}
-    for own, style in zip(scores.values(), _STYLES * len(scores), strict=False):
-        thin = {"linewidth": 0.8, "alpha": 0.35, "color": color}
-        axes.plot(list(own), list(own.values()), **(thin if many else thick | {"linestyle": style}))
-    axes.plot([], [], linewidth=2, label=label, **thick)
-    if many:
-        frames, intervals = _means(scores)
-        axes.plot(frames, [i.mean for i in intervals], linewidth=2, **thick)
-        axes.fill_between(
-            frames, [i.low for i in intervals], [i.high for i in intervals],
-            color=color, alpha=0.2, linewidth=0,
-        )  # fmt: skip
+    for own in scores.values():
+        axes.plot(list(own), list(own.values()), linewidth=0.8, alpha=0.4, color=color)
+    frames = sorted(set.intersection(*(set(own) for own in scores.values())))
+    means = [mean_interval(np.array([own[at] for own in scores.values()])) for at in frames]
+    axes.plot(frames, [i.mean for i in means], linewidth=2, label=label, color=color)
+    axes.fill_between(frames, [i.low for i in means], [i.high for i in means], color=color,
+                      alpha=0.2, linewidth=0)  # fmt: skip
 
 
-def _means(scores: Scores) -> tuple[list[float], list[Interval]]:
-    """Means over the seeds that reached each number of frames, as long as more than FEW did."""
-    frames = sorted({at for own in scores.values() for at in own})
-    values = [np.array([own[at] for own in scores.values() if at in own]) for at in frames]
-    enough = [(at, mean_interval(v)) for at, v in zip(frames, values, strict=True) if len(v) > FEW]
-    return [at for at, _ in enough], [interval for _, interval in enough]
-
-
-def _finish(figure: Figure, axes: Axes, title: str, drawn: Sequence[Scores]) -> None:
+def _finish(figure: Figure, axes: Axes, title: str) -> None:
     """Add scales, the level that counts as solved, and the legend."""
     axes.axhline(SOLVED, color="grey", linestyle=":", linewidth=1, label=f"{SOLVED}: solved")
     axes.set(
@@ -140,43 +120,14 @@ def _finish(figure: Figure, axes: Axes, title: str, drawn: Sequence[Scores]) -> 
     axes.title.set_fontsize(10)
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda frames, _: f"{frames:,.0f}"))
-    if any(len(scores) > FEW for scores in drawn):
-        axes.plot([], [], color="grey", linewidth=0.8, alpha=0.6, label="each seed")
-        axes.plot([], [], color="grey", linewidth=2, label="mean of the seeds")
-        axes.fill_between([], [], color="grey", alpha=0.25, label="95 % interval of the mean")
-    elif max(map(len, drawn)) > 1:
-        for seed, style in zip(drawn[0], _STYLES, strict=False):
-            axes.plot([], [], color="grey", linestyle=style, label=f"seed {seed}")
+    axes.plot([], [], color="grey", linewidth=0.8, alpha=0.6, label="each seed")
+    axes.fill_between([], [], color="grey", alpha=0.25, label="95 % interval of the mean")
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8)
 
 
-VARIANTS_IN_WORDS = {
-    "self_weight": "the hand attends to itself: {}",
-    "rule": "relabeling: {}",
-    "programs_per_transition": "programs for each transition: {}",
-    "discount": "discount {}",
-    "critic_output_bias": "the critic begins at {}",
-    "gain": "detectors' rate × {}",
-    "sparsity": "sparse detectors: {}",
-    "detectors_have_biases": "detectors with biases: {}",
-    "property_dropout": "hidden properties: {}",
-    "warmup_frames": "frames before the first update: {}",
-    "sigma": "exploration noise σ {}",
-    "position_scale": "positions × {}",
-    "detector_init_scale": "random detectors at first, × {}",
-    "relations_see_properties": "f, r and attention see properties: {}",
-}
-
-
-def in_words(changed: str) -> str:
-    """Describe what a variant changed, given as "learner.updates.discount=0.99 …"."""
-    return ", ".join(_in_words(*part.partition("=")[::2]) for part in changed.split())
-
-
-def _in_words(path: str, value: str) -> str:
-    name = path.rpartition(".")[2]
-    form = VARIANTS_IN_WORDS.get(name, f"{name.replace('_', ' ')} {{}}")
-    return form.format({"0": "no", "true": "yes", "false": "no", "none": "no"}.get(value, value))
+def short(changed: str) -> str:
+    """What a variant changed, such as "discount=0.99" for "learner.updates.discount=0.99"."""
+    return ", ".join(re.sub(r"^.*\.(?=\w+=)", "", part) for part in changed.split())
 
 
 def variants_figure(
@@ -196,7 +147,7 @@ def variants_figure(
         if missing := len(own) - len(solved):
             frames.text(1.0, y, f"{missing} never ", transform=frames.get_yaxis_transform(),
                         ha="right", va="center", fontsize=8)  # fmt: skip
-    names = [in_words(row.changed) or "nothing changed" for row in reversed(rows)]
+    names = [short(row.changed) or "nothing changed" for row in reversed(rows)]
     scores.set_yticks(range(len(rows)), names)
     scores.axvline(SOLVED, color="grey", linestyle=":", linewidth=1)
     scores.set(xlabel=f"held-out score after {rows[0].frames:,.0f} frames", xlim=(-0.1, 1.05))

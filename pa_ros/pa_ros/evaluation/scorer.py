@@ -10,15 +10,14 @@ from typing import ClassVar
 from pydantic import Field
 
 from pa_ros import __version__
-from pa_ros.arena import ArenaConfig, Design, ReachTask, conditions_for, scoring_of
-from pa_ros.core.errors import ConfigError
+from pa_ros.arena import ArenaConfig, Design, ReachTask, scoring_of
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.core.settings import Settings
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.blind import BLIND, blind_policy
-from pa_ros.evaluation.evaluate import EPISODES_SEED, reference_scores, run_episodes
+from pa_ros.evaluation.evaluate import EPISODES_SEED, reference_policy, run_episodes
 from pa_ros.evaluation.scores import EpisodeScore
-from pa_ros.evaluation.tables import EvaluationError, read_rows, write_rows
+from pa_ros.evaluation.tables import read_rows, write_rows
 
 MakePolicy = Callable[[], Callable[[Observation], Float64]]
 
@@ -57,8 +56,9 @@ class Scorer:
 
     def reference(self, name: str, condition: str) -> list[EpisodeScore]:
         """Scores of one of `evaluate.REFERENCES` or `blind.BLIND`."""
-        policy = (lambda: blind_policy(self._task, name)) if name in BLIND else None
-        return self._scores(name, condition, policy)
+        if name in BLIND:
+            return self._scores(name, condition, lambda: blind_policy(self._task, name))
+        return self._scores(name, condition, lambda: reference_policy(self._task, name))
 
     def agent(self, agent: TrainedAgent, condition: str) -> list[EpisodeScore]:
         """Scores of a trained agent that acts greedily."""
@@ -69,23 +69,9 @@ class Scorer:
 
         return self._scores(agent.key, condition, policy)
 
-    def path(self, name: str, condition: str) -> Path:
-        """The file with the scores of a reference, or of the agent with this key."""
-        return self._cache / name / f"{condition}.csv"
-
-    def _scores(self, name: str, condition: str, policy: MakePolicy | None) -> list[EpisodeScore]:
-        if condition not in (known := conditions_for(self.benchmark.design)):
-            raise ConfigError(f"benchmark: expected a condition of {known}, got {condition!r}")
-        path, count = self.path(name, condition), self.benchmark.episodes
+    def _scores(self, name: str, condition: str, policy: MakePolicy) -> list[EpisodeScore]:
+        path = self._cache / name / f"{condition}.csv"
         if not path.exists():
-            if policy is None:
-                write_rows(path, reference_scores(self._task, name, condition, count))
-            else:
-                write_rows(path, list(run_episodes(self._task, policy(), condition, count)))
-        kept = read_rows(path, EpisodeScore)
-        if [score.episode for score in kept] != list(range(count)):
-            raise EvaluationError(
-                f"{path}: expected episodes 0 to {count - 1}, got {len(kept)}: delete the file to "
-                "score them again"
-            )
-        return kept
+            episodes = run_episodes(self._task, policy(), condition, self.benchmark.episodes)
+            write_rows(path, list(episodes))
+        return read_rows(path, EpisodeScore)

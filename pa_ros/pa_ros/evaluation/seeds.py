@@ -16,7 +16,6 @@ from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.core.signals import end_with_parent, interrupts_later
-from pa_ros.core.text import renewable
 from pa_ros.evaluation.experiments import (
     Experiment,
     SeedSummary,
@@ -67,7 +66,7 @@ def train_seeds(
                 name = f"seed {seed_of[future]}"
                 try:
                     future.result()
-                    progress.log_trained(name)
+                    progress.log(f"{name} is trained")
                 except PaError as error:
                     failures[name] = error
                     progress.log(f"{name} failed: {error}")
@@ -119,11 +118,6 @@ class SeedsProgress:
     def log(self, line: str) -> None:
         """Print a line above the bar."""
         self._bar.console.print(line, markup=False, soft_wrap=True)
-
-    def log_trained(self, name: str) -> None:
-        """Say that a seed is trained where the bar cannot: in a file or a dumb terminal."""
-        if not renewable(self._bar.console):
-            self.log(f"{name} is trained")
 
 
 def progress_bar() -> Progress:

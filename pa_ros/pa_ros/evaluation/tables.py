@@ -87,14 +87,12 @@ def read_curve(path: Path) -> list[dict[str, float]]:
 
 
 def read_curves(table: Path) -> dict[int, list[dict[str, float]]]:
-    """The learning curves of a table by seed. Raises EvaluationError if it holds none."""
+    """The learning curves of a table by seed. Raises EvaluationError for a table without seeds."""
     by_seed: dict[int, list[dict[str, float]]] = {}
     for row in read_curve(table):
-        if "seed" not in row:
-            raise EvaluationError(f"{table}: expected a column seed, got {list(row)}")
-        by_seed.setdefault(int(row["seed"]), []).append(row)
-    if not by_seed:
-        raise EvaluationError(f"{table}: expected rows, got none")
+        by_seed.setdefault(int(row.get("seed", -1)), []).append(row)
+    if not by_seed or -1 in by_seed:
+        raise EvaluationError(f"{table}: expected learning curves with a column seed")
     return by_seed
 
 

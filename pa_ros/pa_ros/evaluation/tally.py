@@ -14,7 +14,6 @@ from pa_ros.evaluation.scores import normalized
 class StreamedEpisode:
     """An episode that was observed from its reset to its time limit."""
 
-    frames: int  # training control steps observed so far, its own included
     held_out: bool  # greedy, under the evaluation condition
     reward_per_step: float
     success: bool  # satisfied at its end
@@ -44,24 +43,7 @@ class EpisodeTally:
         self._rewards.append(verdict.reward)
         if verdict.truncated:
             mean, self._rewards = float(np.mean(self._rewards)), None
-            episode = StreamedEpisode(self.frames, evaluation, mean, verdict.satisfied)
-            self.episodes.append(episode)
-
-    def curve(self, bins: int = 60) -> tuple[list[float], list[float], list[float]]:
-        """Frames, training and held-out reward per step, means over equal spans of frames.
-
-        NaN where a span has no episode of a kind.
-        """
-        edges = np.linspace(0, max(self.frames, 1), bins + 1)
-        ends = np.searchsorted(edges, [episode.frames for episode in self.episodes]) - 1
-        curves = []
-        for held_out in (False, True):
-            spans: list[list[float]] = [[] for _ in range(bins)]
-            for end, episode in zip(ends, self.episodes, strict=True):
-                if episode.held_out == held_out:
-                    spans[max(end, 0)].append(episode.reward_per_step)
-            curves.append([float(np.mean(span)) if span else float("nan") for span in spans])
-        return edges[1:].tolist(), curves[0], curves[1]
+            self.episodes.append(StreamedEpisode(evaluation, mean, verdict.satisfied))
 
 
 @dataclass(frozen=True)
