@@ -15,18 +15,6 @@ def task() -> ReachTask:
     return ReachTask(preset_named("paper"), design_named("3-C"), seed=5)
 
 
-def test_layout_and_types(task: ReachTask) -> None:
-    observation, _ = task.reset(0)
-    assert observation.objects.shape == (5, len(NAMES))
-    assert observation.objects.dtype == np.float32
-    arm = task.world.arm(observation)
-    assert arm.shape == (18,) and arm.dtype == np.float32
-    assert observation.hand_index == 0
-    hand = np.zeros(16)
-    hand[NAMES.index("qw")] = 1.0
-    np.testing.assert_array_equal(observation.objects[0], hand)
-
-
 def test_one_hots_are_the_properties_of_the_blocks(task: ReachTask) -> None:
     observation, _ = task.reset(1)
     names = [name.split("_")[-1].upper() for name in NAMES]

@@ -58,18 +58,6 @@ def test_a_block_rests_at_its_new_place_and_the_arm_continues():
     assert place[2] == pytest.approx(look_of(kinds_of(task)[1]).rest_height, abs=1e-3)
 
 
-def test_a_block_in_the_air_falls_and_a_pushed_one_moves():
-    task = begun()
-    changed = bodies(task)[1:]
-    changed[0] = Body.at_rest(FAR + [0, 0, 0.3], FLAT)
-    slow = changed[2].position[:2].copy()
-    changed[2] = Body(changed[2].position, FLAT, np.array([0.5, 0.0, 0.0]), np.zeros(3))
-    rearrange(task, kinds_of(task), changed)
-    hold(task, 15)
-    assert task.simulation.positions[1][2] < 0.05
-    assert task.simulation.positions[3][0] > slow[0] + 0.003
-
-
 def test_poses_and_velocities_are_reported_as_given():
     task = begun()
     spun = bodies(task)[1:]

@@ -103,18 +103,6 @@ def words(task: ReachTask) -> set[str]:
     return set(task.episode.program.words)
 
 
-def test_nearest_of_several_named_blocks_counts() -> None:
-    task = new_task()
-    observation, _ = task.reset(0)
-    before = observation.program_id
-    observation, verdict = task.set_program(parse("NEAR(HAND, NOT(RED))", WORDS))
-    assert observation.program_id == verdict.program_id != before
-    distances = np.linalg.norm(observation.objects[:, :3], axis=1)
-    blue = [i for i, b in enumerate(task.episode.blocks, start=1) if b.kind["color"] == "BLUE"]
-    assert len(blue) == 2
-    assert verdict.distance == pytest.approx(distances[blue].min(), abs=1e-6)
-
-
 def test_a_program_can_change_during_an_episode_without_effect_on_physics() -> None:
     task, same = new_task(), new_task()
     task.reset(3), same.reset(3)

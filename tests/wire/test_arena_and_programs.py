@@ -71,7 +71,6 @@ def test_an_arena_survives_the_wire():
     [
         ("wire_version", "0", "wire.version"),
         ("mode", 3, "wire.range"),
-        ("object_feature_names", ["x"], "wire.feature_names"),
         ("joint_names", ["a"] * 6, "wire.joint_names"),
         ("joint_lower", [0.0] * 5, "wire.size"),
         ("joint_lower", [2.0] * 6, "wire.range"),

@@ -187,7 +187,6 @@ def test_a_learners_announcement_survives_the_wire():
     ("field", "value", "code"),
     [
         ("wire_version", "1", "wire.version"),
-        ("run_id", "", "wire.range"),
         ("trajectory_steps", 0, "wire.range"),
         ("control_period", math.nan, "wire.range"),
         ("thresholds", (math.inf,), "wire.range"),

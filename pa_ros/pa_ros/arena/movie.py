@@ -55,10 +55,11 @@ def captioned(picture: Picture, lines: Sequence[str], color: str = "black") -> P
 def write_movie(path: Path, pictures: Iterable[Picture], period_s: float) -> int:
     """Write pictures of one size, each shown for `period_s`; returns their number.
 
+    Check the file name first (`check_movie`).
+
     Raises RenderError if the file cannot be written. An existing file stays until the new one is
     complete.
     """
-    check_movie(path)
     kind = path.suffix.lower()
     count = 0
 

@@ -140,9 +140,6 @@ def decode_arena_info(message: msg.ArenaInfo) -> ArenaDescription:
 
 
 def _check(message: msg.ArenaInfo, world: World) -> None:
-    names, field = tuple(message.object_feature_names), "arena_info.object_feature_names"
-    if names != world.schema.feature_names:
-        raise WireError(field, world.schema.feature_names, names, code="wire.feature_names")
     if message.mode not in tuple(Mode):
         modes = [int(mode) for mode in Mode]
         raise WireError("arena_info.mode", modes, message.mode, code="wire.range")

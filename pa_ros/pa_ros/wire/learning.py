@@ -116,9 +116,6 @@ def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
 def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
     """Return what a learner asks of its agents. Raises WireError."""
     check_version("learner_info", message)
-    for name in ("run_id", "learner_id"):
-        if not getattr(message, name):
-            raise WireError(f"learner_info.{name}", "a name", "''", code="wire.range")
     if not 1 <= message.trajectory_steps <= MAX_TRANSITIONS:
         field, expected = "learner_info.trajectory_steps", f"1 to {MAX_TRANSITIONS}"
         raise WireError(field, expected, message.trajectory_steps, code="wire.range")

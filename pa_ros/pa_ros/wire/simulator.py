@@ -46,7 +46,6 @@ class SpawnCode(IntEnum):
     NAME_INVALID = srv.SpawnEntity.Response.NAME_INVALID
     UNSUPPORTED_FORMAT = srv.SpawnEntity.Response.UNSUPPORTED_FORMAT
     NO_RESOURCE = srv.SpawnEntity.Response.NO_RESOURCE
-    NAMESPACE_INVALID = srv.SpawnEntity.Response.NAMESPACE_INVALID
     INVALID_POSE = srv.SpawnEntity.Response.INVALID_POSE
 
 
@@ -258,14 +257,8 @@ def decode_filters(message: Any) -> EntityFilter:
 
 
 def decode_spawning(message: srv.SpawnEntity.Request) -> Spawning:
-    """Return the block to add. Raises WireError for another frame, a namespace or a file."""
+    """Return the block to add. Raises WireError for another frame."""
     _check_frame("spawn_entity.initial_pose", message.initial_pose.header.frame_id)
-    for field, value in (
-        ("entity_namespace", message.entity_namespace),
-        ("entity_resource.resource_string", message.entity_resource.resource_string),
-    ):
-        if value:
-            raise WireError(f"spawn_entity.{field}", "nothing", value, code="wire.range")
     uri, body = message.entity_resource.uri, _body(message.initial_pose.pose)
     return Spawning(message.name, message.allow_renaming, uri, body)
 
