@@ -21,7 +21,7 @@ Message = NewType("Message", object)
 class WireError(PaError):
     """A message that differs from what its definition in msgs_schema promises.
 
-    Codes: `wire.size`, `wire.non_finite`, `wire.range`, `wire.joint_names`, `wire.stamp`,
+    Codes: `wire.size`, `wire.non_finite`, `wire.range`, `wire.joint_names`,
     `wire.feature_names`, `wire.world`, `wire.reward`, `wire.arena_fact`, `wire.dtype`,
     `wire.truncated`, `wire.checksum`, `wire.version`, `wire.unknown_type`, `program.id_taken`.
     """
