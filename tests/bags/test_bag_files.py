@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -166,7 +165,7 @@ def test_a_bag_of_another_version_is_rejected_naming_both(tmp_path, capsys, comm
     old = other_topic("msgs_schema/msg/Trajectory", "string agent_id\nuint64 sequence\n")
     with BagWriter(tmp_path / "bag") as bag:
         bag.add(old)
-        bag.custom["pa_ros.provenance"] = json.dumps([{"software_version": "0.1.0"}])
+        bag.custom["pa_ros.version"] = "0.1.0"
     out = str(tmp_path / "out")
     assert main([*(out if one == "OUT" else one for one in command), str(tmp_path / "bag")]) == 2
     error = capsys.readouterr().err

@@ -63,7 +63,7 @@ def test_a_wrong_request_of_a_page_is_logged_and_ends_nothing(monkeypatch):
         console.tick(pages=0)
         assert probe.until(lambda: probe.count_publishers(sends_to("")) == 1)
         assert any("got 'a b'" in line for line in said)
-        with serve.beside(probe, ConsoleSettings(port=0, rate_hz=30.0)):
+        with serve.beside(probe, ConsoleSettings(port=0)):
             assert probe.until(lambda: any("no such block" in line for line in said))
 
 

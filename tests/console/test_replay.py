@@ -94,7 +94,7 @@ def test_an_error_while_drawing_is_logged_and_ends_nothing(recorded, monkeypatch
             raise IndexError("no such row")
 
     monkeypatch.setattr(Timeline, "tick", tick)
-    settings = ConsoleSettings(port=0, rate_hz=30.0)
+    settings = ConsoleSettings(port=0)
     finished = iter([False, False, True])
     serve_bag(recorded, settings, None, lambda: next(finished), lambda *_: None)
     assert "refused: timeline: [console] IndexError: no such row" in capsys.readouterr().err

@@ -125,10 +125,8 @@ def recorded(folder: Path, steps: list[Step]) -> Path:
         about = describe(ARENA, DESIGN, 3, [parse("NEAR(HAND, RED)", DESIGN.vocabulary)], "x")
         write("/arena_info", encode_arena_info(about))
         for i, (observation, verdict, command, program, evaluation) in enumerate(steps):
-            if observation.step == 0:
-                request = ProgramRequest(observation.program_id, str(program))
-                write("/program", encode_program(request))
-            features = encode_observation(observation, StepContext(evaluation=evaluation))
+            context = StepContext(evaluation=evaluation, program=str(program))
+            features = encode_observation(observation, context)
             parts = [
                 ("/joint_states", encode_joints(observation, ARMS["jaco"].joint_names)),
                 ("/object_features", features),

@@ -17,7 +17,6 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.wire import Message
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.learning import decode_trajectory
-from pa_ros.wire.program import decode_program, decode_program_status
 from pa_ros.wire.step import (
     decode_command,
     decode_observation,
@@ -30,9 +29,7 @@ from pa_ros.world.schema import POSE
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
 VERDICT: Final = "msgs_schema/msg/Verdict"
 COMMAND: Final = "msgs_schema/msg/JointCommand"
-PROGRAM: Final = "msgs_schema/msg/Program"
-PROGRAM_STATUS: Final = "msgs_schema/msg/ProgramStatus"
-STEP_TYPES: Final = (FEATURES, VERDICT, COMMAND, PROGRAM, PROGRAM_STATUS)
+STEP_TYPES: Final = (FEATURES, VERDICT, COMMAND)
 _COMPLETE_AFTER: Final = 20  # rows of the next episode: by then all of the one before has arrived
 
 
@@ -44,7 +41,7 @@ class Row:
     stamp_ns: int  # simulation time; -1: not recorded
     objects: Float32  # [N, F], in the order of the world's schema
     hand_index: int
-    program: str  # in force; its id where the text is not recorded
+    program: str  # in force; empty: none
     joint_position: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad
     joint_velocity: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad/s
     action: Float32 = field(default_factory=lambda: np.empty(0, np.float32))  # [J]
@@ -178,21 +175,11 @@ class _Builder:
     """Joins the messages of each control step by their stamp; they may arrive in any order."""
 
     def __init__(self) -> None:
-        self._texts: dict[str, str] = {}  # of programs, by id
         self._open: list[RecordedEpisode] = []  # the newest last
         self._rows: dict[int, Row] = {}  # of the open episodes, by stamp
         self._early: dict[int, list[tuple[str, Message]]] = {}  # arrived before their features
 
     def take(self, type_name: str, message: Message) -> None:
-        if type_name == PROGRAM:
-            request = decode_program(message)
-            self._texts[request.program_id] = request.text
-            return
-        if type_name == PROGRAM_STATUS:  # names the program if the recorder started after it
-            status = decode_program_status(message)
-            if status.accepted:
-                self._texts.setdefault(status.program_id, status.canonical)
-            return
         stamp_ns = header_stamp(message)
         if type_name == FEATURES:
             self._begin_row(stamp_ns, message)
@@ -212,7 +199,6 @@ class _Builder:
         ):
             episode = self._open.pop(0)
             for row in episode.rows:
-                row.program = self._texts.get(row.program, row.program)
                 self._rows.pop(row.stamp_ns, None)
             yield episode
 
@@ -228,14 +214,13 @@ class _Builder:
         if newest is None or not same or mark.step <= newest.rows[-1].step:
             newest = RecordedEpisode(mark.episode, mark.evaluation)
             self._open.append(newest)
-        program = mark.program or self._texts.get(mark.program_id, mark.program_id)
         seen = decode_observation(message)
         row = Row(
             mark.step,
             stamp_ns,
             seen.objects,
             seen.hand_index,
-            program,
+            mark.program,
             seen.joint_position,
             seen.joint_velocity,
             hand_pose=seen.hand_pose,

@@ -25,7 +25,8 @@ METADATA: Final = "metadata.yaml"
 RESERVE: Final = ".reserve"  # a file that keeps space free for closing the bag on a full disk
 UNLIMITED: Final = _QosTime(9223372036, 854775807)  # how rosbag2 writes an unlimited duration
 
-# Keys of custom_data in metadata.yaml, besides those of pa_ros.provenance.
+# Keys of custom_data in metadata.yaml.
+VERSION: Final = "pa_ros.version"  # of the recorder's software
 LOST: Final = "pa_ros.lost"  # JSON: messages that were published but not received, by topic
 BEFORE: Final = "pa_ros.before"  # JSON: messages published before the recorder connected, by topic
 REPAIRED: Final = "pa_ros.repaired"  # what a repair found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from pa_ros import __version__
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.format import (
     METADATA,
+    VERSION,
     FolderLock,
     custom_data,
     damaged,
@@ -27,7 +27,6 @@ from pa_ros.bags.format import (
     repair_command,
 )
 from pa_ros.bags.repair import storage_files
-from pa_ros.provenance import ORIGINS
 from pa_ros.wire import Message
 from pa_ros.wire.definitions import hash_of, installed_types
 
@@ -57,8 +56,6 @@ class Bag:
         with ExitStack() as opened:
             try:
                 self.custom = custom_data(read_metadata(path))
-                origins = json.loads(self.custom.get(ORIGINS, "[]"))
-                recorded_by = origins[0]["software_version"] if origins else "of unknown version"
                 self._reader = Reader(path)
                 self._reader.open()
                 opened.callback(self._reader.close)
@@ -66,7 +63,7 @@ class Bag:
             except Exception as error:  # damaged bytes lead rosbags to errors of many types
                 hint = f"; try {repair_command(path)}" if path.is_dir() else ""
                 raise damaged(path, f"{error}{hint}") from error
-            self._check_version(recorded_by)
+            self._check_version()
             opened.pop_all()
         self._stores: dict[str, Typestore] = {}
 
@@ -182,8 +179,9 @@ class Bag:
             self._stores[topic] = store
         return self._stores[topic]
 
-    def _check_version(self, recorded_by: str) -> None:
+    def _check_version(self) -> None:
         """Reject messages of pa_ros whose definition is not the installed one."""
+        version = self.custom.get(VERSION, "0.1 or a version that is not known")
         for entries in self._connections.values():
             type_name = entries[0].msgtype
             if not type_name.startswith(OURS):
@@ -192,7 +190,7 @@ class Bag:
             known = type_name in _installed().fielddefs
             if not known or found != _installed().hash_rihs01(type_name):
                 raise BagError(
-                    f"bag: {self.path}: recorded by pa_ros {recorded_by}, whose "
+                    f"bag: {self.path}: recorded by pa_ros {version}, whose "
                     f"{type_name} is not the one of pa_ros {__version__} here: read it with the "
                     "version that recorded it",
                     code="bag.version",

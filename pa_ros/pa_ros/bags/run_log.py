@@ -15,7 +15,7 @@ from pa_ros.bags.writer import BagOptions, BagWriter, refuse_existing
 from pa_ros.core.experience import PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
-from pa_ros.provenance import as_custom_data, describe, learner_origin
+from pa_ros.provenance import describe, learner_origin
 from pa_ros.wire import Message
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, to_cdr
@@ -92,7 +92,6 @@ class RunLog:
         )
         about_arena = self._arena, self._design, self._seed, self._programs, run_id
         arena = describe(*about_arena, reward=learner.scoring.reward)
-        writer.custom = as_custom_data([about], [arena])
         self._write("/provenance", encode_provenance(about))
         self._write("/arena_info", encode_arena_info(arena))
         self._write("/learner_info", encode_learner_info(run.info))

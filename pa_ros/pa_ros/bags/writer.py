@@ -9,9 +9,11 @@ from typing import ClassVar, Literal, NoReturn
 
 from pydantic import Field
 
+from pa_ros import __version__
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import (
     RESERVE,
+    VERSION,
     BagTopic,
     FileContents,
     FolderLock,
@@ -47,7 +49,7 @@ class BagWriter:
         self.folder = folder
         self.options = options or BagOptions()
         self.counts: dict[str, int] = {}  # messages by topic
-        self.custom: dict[str, str] = {}  # custom_data of metadata.yaml, written when closing
+        self.custom = {VERSION: __version__}  # custom_data of metadata.yaml, written when closing
         self.failure: BagFullError | None = None
         self._topics: dict[str, tuple[int, BagTopic]] = {}
         self._finished: list[FileContents] = []

@@ -90,14 +90,10 @@ def _film(bag: Bag, options: argparse.Namespace) -> int:
     if not arenas:
         raise ProvenanceError(f"bag: {bag.path}: no arena_info in it: which arena is unknown")
     wanted = (options.episode, options.evaluation)
-    others: list[int] = []
     for episode in episodes(bag, options.namespace):
         if (episode.number, episode.evaluation) == wanted:
             count = film(episode, arenas[-1], options.out, options.rendered, options.width)
             print(f"{count} pictures of episode {episode.number} in {options.out}")
             return 0
-        if episode.evaluation == options.evaluation:
-            others.append(episode.number)
     kind = "evaluation episode" if options.evaluation else "episode"
-    there = f"{min(others)} to {max(others)}" if others else "none"
-    raise BagError(f"bag: {bag.path}: expected an {kind} of {there}, got {options.episode}")
+    raise BagError(f"bag: {bag.path}: expected an {kind} that was recorded, got {options.episode}")

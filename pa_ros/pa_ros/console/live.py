@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import queue
 import time
-from collections import OrderedDict
 from collections.abc import Callable
 from itertools import count
 from typing import Any
@@ -31,7 +30,6 @@ from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
 from pa_ros.wire.step import decode_context, decode_observation, decode_verdict
 
-REMEMBERED = 256  # programs by id
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0  # how often curves and alarms are updated
 LOCKSTEP_S = 0.5  # in lockstep, learning needs every core: the page is drawn twice a second
@@ -140,7 +138,6 @@ class LiveConsole:
         self._namespace = namespace.strip("/")
         self._arena: ArenaDescription | None = None
         self.vocabulary, self.examples = None, ()
-        self._texts: OrderedDict[str, str] = OrderedDict()  # of accepted programs, by id
         self.services = ArenaServices(self._node, self._namespace)
         self._weights = AgentWeights(self._node, self._namespace, self._refusals)
         self._publisher = in_namespace(PROGRAM, self._namespace).publisher(self._node)
@@ -159,12 +156,7 @@ class LiveConsole:
         self.vocabulary, self._arena = arena.world.vocabulary, arena
 
     def _on_status(self, message: Message) -> None:
-        status = decode_program_status(message)
-        self._history.add_status(status)
-        if status.accepted:
-            self._texts[status.program_id] = status.canonical
-            while len(self._texts) > REMEMBERED:
-                self._texts.popitem(last=False)
+        self._history.add_status(decode_program_status(message))
 
     def _send(self, text: str) -> None:
         """Publish a program; a text that is none is only noted in the history."""
@@ -197,10 +189,9 @@ class LiveConsole:
             self._refusals.refuse("step", error)
             return
         self._history.observe(verdicts)
-        text = context.program or self._texts.get(seen.program_id, "")
-        explanation, why = explained(self._weights.insight, seen, text, vocabulary)
+        explanation, why = explained(self._weights.insight, seen, context.program, vocabulary)
         moment = Moment(
-            arena, seen, context.evaluation, text, verdict.reward,
+            arena, seen, context.evaluation, context.program, verdict.reward,
             verdict.distance, verdict.satisfied, explanation, self._weights.why or why,
         )  # fmt: skip
         factor = self._figures.value("sim_node", "real_time_factor")

@@ -41,14 +41,15 @@ class Page:
 
     def show(self, moment: Moment, remark: str = "") -> None:
         """Draw a moment. If the scene cannot show it, the state says why."""
+        state = markup.state(moment, remark)
         try:
-            drawn, why = self.scene.show(moment), ""
+            self.scene.show(moment)
         except PaError as error:
-            drawn, why = False, str(error)
-        self.set_panel("State", markup.state(moment, remark) + (markup.quiet(why) if why else ""))
-        if drawn:
-            self.set_panel("Why", markup.tree(moment, self.scene.names))
-            self.set_panel("Φ and p", markup.words_by_objects(moment, self.scene.names))
+            self.set_panel("State", state + markup.quiet(str(error)))
+            return
+        self.set_panel("State", state)
+        self.set_panel("Why", markup.tree(moment, self.scene.names))
+        self.set_panel("Φ and p", markup.words_by_objects(moment, self.scene.names))
 
     def set_panel(self, panel: str, html: str) -> None:
         """Put HTML into a panel; nothing is sent if it is there already."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,14 +18,13 @@ from pa_ros.console.insight import Moment
 from pa_ros.tools.scenes import name_of
 from pa_ros.world.relation import RELATIONS
 
-REBUILD_S = 1.0  # least time between two changes of the blocks
 HIDDEN_GROUP = 5  # mjviser does not draw geoms of this group
 OUTLINE = (255, 170, 0)
 LINE_HEIGHT_M = 0.004  # of lines above the table
 LABEL_M, LABEL_STEP_M = 0.06, 0.06  # height of labels above blocks, and between two labels
 CROWDED_M = 0.35  # blocks so close have their labels at different heights
 _KINDS = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")): kind for kind in (
-    "BOX", "SPHERE", "CYLINDER", "CAPSULE", "ELLIPSOID")}  # fmt: skip
+    "BOX", "SPHERE", "CYLINDER", "CAPSULE")}  # fmt: skip
 
 
 @dataclass
@@ -49,7 +47,6 @@ class ArenaScene:
         self._arm: ViserMujocoScene | None = None
         self._blocks: list[_Block] = []
         self._of: tuple[str, bytes] | None = None  # arena, and looks of the blocks that are shown
-        self._made_at = -REBUILD_S
         server.scene.set_up_direction("+z")
         server.initial_camera.position = (1.15, -1.15, 1.05)
         server.initial_camera.look_at = (0.1, 0.0, 0.1)
@@ -65,21 +62,15 @@ class ArenaScene:
         found = ((one.name, one.solid.position) for one in self._blocks)
         return tuple((name, (float(p[0]), float(p[1]), float(p[2]))) for name, p in found)
 
-    def show(self, moment: Moment) -> bool:
-        """Draw a moment; return False if its blocks are new and others were new just before.
-
-        Raises BagError if its joints are not known.
-        """
+    def show(self, moment: Moment) -> None:
+        """Draw a moment. Raises BagError if its joints are not known."""
         of = moment.arena.arena_id, moment.row.looks
         if of != self._of:
-            if time.monotonic() - self._made_at < REBUILD_S:
-                return False
             self._rebuild(moment, of)
         assert self._stage is not None and self._arm is not None
         self._stage.show(moment.row)
         self._arm.update_from_mjdata(self._stage.task.simulation.data)
         self._place(moment, self._stage)
-        return True
 
     def _rebuild(self, moment: Moment, of: tuple[str, bytes]) -> None:
         episode = RecordedEpisode(moment.observation.episode, moment.evaluation, [moment.row])
@@ -102,7 +93,7 @@ class ArenaScene:
         self._blocks = [
             self._block(model, i, name_of(block.kind.words, row)) for i, block in enumerate(blocks)
         ]
-        self._of, self._made_at = of, time.monotonic()
+        self._of = of
 
     def _block(self, model: mujoco.MjModel, index: int, name: str) -> _Block:
         scene, path = self._server.scene, f"/blocks/{index}"
@@ -166,7 +157,7 @@ def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
 
 def _mesh(geom: Any, factor: float) -> Any:
     """Return a geom's shape in its own frame, larger by a factor."""
-    size, kind = geom.size * factor, _KINDS.get(int(geom.type[0]), "SPHERE")
+    size, kind = geom.size * factor, _KINDS[int(geom.type[0])]
     if kind == "BOX":
         return trimesh.creation.box(extents=2 * size)
     if kind == "CYLINDER":
@@ -175,8 +166,7 @@ def _mesh(geom: Any, factor: float) -> Any:
         mesh = trimesh.creation.capsule(radius=size[0], height=2 * size[1])
         mesh.apply_translation(-mesh.bounding_box.centroid)
         return mesh
-    mesh = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
-    return mesh.apply_scale(size if kind == "ELLIPSOID" else size[0])
+    return trimesh.creation.icosphere(subdivisions=3, radius=size[0])
 
 
 def _outline(stage: Stage, block: Any) -> Any:

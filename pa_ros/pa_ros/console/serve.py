@@ -28,6 +28,7 @@ from pa_ros.tools.client import client_node
 
 Announce = Callable[[str, str], None]
 """Receives the address for sending programs, and the one for viewing only."""
+PERIOD_S = 0.1  # between two updates of an open page
 REFRESH_S = 1.0  # how often the offered examples, arenas and blocks are updated
 VIEW_ONLY = (
     "This page is for viewing. To send programs, open the address with the token that was printed "
@@ -85,7 +86,7 @@ def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterat
                     if isinstance(controls, Controls):
                         attempt(refusals, "controls", controls.refresh)
 
-        timer = steady_timer(node, 1.0 / settings.rate_hz, tick)
+        timer = steady_timer(node, PERIOD_S, tick)
         try:
             yield server
         finally:
@@ -117,4 +118,4 @@ def serve_bag(
         announce(server.control_address, server.view_address)
         while not finished():
             attempt(refusals, "timeline", lambda: timeline.tick(server.pages))
-            time.sleep(1.0 / settings.rate_hz)
+            time.sleep(PERIOD_S)

@@ -21,7 +21,6 @@ class ConsoleSettings(Settings):
     """How the page is served."""
 
     port: int = Field(8765, ge=0, le=65535, description="on 127.0.0.1; 0: any free port")
-    rate_hz: float = Field(10.0, ge=0.5, le=30, description="how often an open page is updated")
     token: str = Field("", description="in the address for sending programs; empty: a new one")
     light: Literal["full", "plain"] = Field(
         "full",

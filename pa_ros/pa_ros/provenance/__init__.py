@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from pa_ros import __version__
 from pa_ros.arena import ARMS, ArenaConfig, Design, scoring_of, world_of
@@ -19,10 +17,6 @@ from pa_ros.world import Reward, Sparse
 
 if TYPE_CHECKING:  # it imports torch, which an arena does not need
     from pa_ros.learning.learner import Learner
-
-# Keys of custom_data in a bag's metadata.yaml.
-ORIGINS: Final = "pa_ros.provenance"  # JSON list, one object per process
-ARENAS: Final = "pa_ros.arena_info"  # JSON list, one object per arena
 
 
 def origin(node: str, instance: str, seed: int, **of_process: Any) -> Origin:
@@ -96,11 +90,3 @@ def describe(
         arena_id=instance,
         software_version=__version__,
     )
-
-
-def as_custom_data(origins: Iterable[Origin], arenas: Iterable[ArenaDescription]) -> dict[str, str]:
-    """The entries of custom_data in a bag's metadata.yaml."""
-    return {
-        ORIGINS: json.dumps([asdict(origin) for origin in origins], sort_keys=True),
-        ARENAS: json.dumps([asdict(arena) for arena in arenas], sort_keys=True),
-    }

@@ -12,7 +12,6 @@ import json
 import logging
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -26,16 +25,13 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosReliability
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import BEFORE, LOST, reliable_qos, topic
 from pa_ros.bags.writer import BagOptions, BagWriter
-from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.provenance import as_custom_data
+from pa_ros.core.errors import ConfigError
 from pa_ros.ros import topics
 from pa_ros.ros.environment import check_namespace
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.graph import DISCOVERY_S
-from pa_ros.wire.arena import decode_arena_info
 from pa_ros.wire.definitions import installed_types, message_class, message_type, register
-from pa_ros.wire.diagnostics import decode_provenance
 
 log = logging.getLogger(__name__)
 
@@ -160,7 +156,7 @@ class Recorder:
         before = {reader.name: reader.gaps.before for reader in self._readers}
         counted = {LOST: json.dumps(self.lost), BEFORE: json.dumps(before)}
         try:
-            self._writer.close({**counted, **self._provenance()})
+            self._writer.close(counted)
         except BagFullError as error:
             self.failure = error
         self._reader.destroy_node()
@@ -192,31 +188,13 @@ class Recorder:
                 taken += 1
         return taken
 
-    def _provenance(self) -> dict[str, str]:
-        """Return what the nodes said about themselves, decoded for the metadata."""
-        origins, arenas = [], []
-        for reader in self._readers:
-            for payload in reader.descriptions:
-                message = self._types.deserialize_cdr(payload, reader.type_name)
-                try:
-                    if reader.type_name.endswith("/Provenance"):
-                        origins.append(decode_provenance(message))
-                    else:
-                        arenas.append(decode_arena_info(message))
-                except PaError:
-                    continue  # of a node of another version; the message itself is in the bag
-        return as_custom_data(origins, arenas)
-
 
 class _TopicReader:
     """The recorder's subscription to one topic."""
 
     def __init__(self, node: Node, name: str, one: Topic) -> None:
         self.name = name
-        self.type_name = message_type(one.type)
         self.gaps = SequenceGaps(lambda: node.count_publishers(name))
-        self.descriptions: deque[bytes] = deque(maxlen=100)  # which go into the metadata as well
-        self._describes = one.type in (topics.PROVENANCE.type, topics.ARENA_INFO.type)
         self._subscription = node.create_subscription(
             one.type, name, lambda _: None, reader_qos(one.reader), raw=True
         )
@@ -232,8 +210,6 @@ class _TopicReader:
             payload, info = taken
             if number := info["publication_sequence_number"] or 0:
                 self.gaps.take(number)
-            if self._describes:
-                self.descriptions.append(payload)
             yield payload, info
 
 
