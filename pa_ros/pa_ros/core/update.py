@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ class Batch:
     discount: Float32  # [B]; γ, or 0 after a true termination
 
 
-@runtime_checkable
 class Engine(Protocol):
     """An algorithm's actor, critics, their targets and optimizers, somewhere.
 

@@ -88,7 +88,7 @@ def train(
                 while frames < config.frames and not stopped():
                     rewards = _episode(environment, episode, config, agent, thread, max_speed)
                     before, frames, episode = frames, frames + len(rewards), episode + 1
-                    records.rewards.add(rewards)
+                    records.add_rewards(rewards)
                     if watcher is not None:
                         watcher.episode(frames, len(rewards), float(np.mean(rewards)))
                     if _crossed(before, frames, config.evaluate_every_frames):

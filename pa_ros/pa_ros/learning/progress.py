@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,30 +14,6 @@ from pa_ros.core.files import write_whole
 from pa_ros.learning.errors import CheckpointError, LearningError
 
 Row = Mapping[str, float] | Mapping[str, str]
-
-
-@dataclass
-class Rewards:
-    """Rewards of the steps since the last row."""
-
-    total: float = 0.0
-    steps: int = 0
-
-    @property
-    def facts(self) -> dict[str, float]:
-        """Values that the checkpoint keeps."""
-        return {"reward_sum": self.total, "reward_steps": self.steps}
-
-    @property
-    def mean(self) -> float:
-        """Reward per step."""
-        return self.total / self.steps
-
-    def add(self, rewards: Sequence[float]) -> None:
-        """Add an episode's, one by one, so that the sum does not depend on a stop between."""
-        for reward in rewards:
-            self.total += reward
-        self.steps += len(rewards)
 
 
 class Progress:

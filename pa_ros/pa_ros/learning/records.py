@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
@@ -13,7 +13,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.progress import Progress, Rewards
+from pa_ros.learning.progress import Progress
 from pa_ros.learning.run import LearningRun
 
 log = logging.getLogger(__name__)
@@ -40,21 +40,29 @@ class Records:
 
     def __init__(self, config: TrainConfig, run: LearningRun, resumed: Mapping[str, Any]) -> None:
         """`resumed`: values from the checkpoint that the run resumes from; empty: a new run."""
-        self.rewards = Rewards(resumed.get("reward_sum", 0.0), resumed.get("reward_steps", 0))
         self._config, self._run = config, run
+        self._reward_sum: float = resumed.get("reward_sum", 0.0)  # since the last row
+        self._reward_steps: int = resumed.get("reward_steps", 0)
         self._started = time.monotonic() - resumed.get("wall_s", 0.0)
         frames = run.learner.counters.frames if resumed else None
         self._progress = Progress(config.out / "progress.csv", frames)
 
+    def add_rewards(self, rewards: Sequence[float]) -> None:
+        """Add an episode's, one by one, so that the sum does not depend on a stop between."""
+        for reward in rewards:
+            self._reward_sum += reward
+        self._reward_steps += len(rewards)
+
     def row(self, frames: int) -> dict[str, float]:
         """How learning went since the last row, by column; the learner must be idle."""
         metrics = self._run.learner.metrics()
-        rewards, self.rewards = self.rewards, Rewards()
+        reward_per_step = self._reward_sum / self._reward_steps
+        self._reward_sum, self._reward_steps = 0.0, 0
         return {
             "frames": float(frames),
             "wall_s": time.monotonic() - self._started,
             "updates": float(metrics["updates"]),
-            "behaviour.reward_per_step": rewards.mean,
+            "behaviour.reward_per_step": reward_per_step,
             **{name: metrics.get(name, float("nan")) for name in FIGURES},
         }
 
@@ -69,7 +77,8 @@ class Records:
         """Write a checkpoint; the learner must be idle. CheckpointError if there is no room."""
         config = self._config
         about = config.seed, config.design, config.preset, config.arm
-        extra = {**self._run.facts(self._started, *about), **self.rewards.facts}
+        extra = self._run.facts(self._started, *about)
+        extra |= {"reward_sum": self._reward_sum, "reward_steps": self._reward_steps}
         save_checkpoint(checkpoint_of(config.out), self._run.learner, extra)
 
     def save_if_there_is_room(self) -> None:

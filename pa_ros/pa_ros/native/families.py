@@ -57,7 +57,7 @@ class Trunk:
             hide_properties=not network.relations_see_properties,
             critic=critic,
             self_weight=network.self_weight,
-            relations=network.relation_inputs,
+            relations=network.vocabulary.relation_inputs,
             min_max=logic == MIN_MAX,
             **_world(network),
         )

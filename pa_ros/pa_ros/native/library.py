@@ -39,7 +39,7 @@ def why_not_network(network: NetworkConfig) -> str:
     level()
     if not isinstance(family_of(network), Canonical):
         return ""
-    if network.relation_inputs:
+    if network.vocabulary.relation_inputs:
         return "it does not distinguish relations in canonical networks"
     slots = len(slot_values(network.world))
     return f"it takes {limit} slots, not {slots}" if slots > limit else ""

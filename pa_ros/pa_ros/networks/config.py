@@ -91,11 +91,6 @@ class NetworkConfig(NetworkSettings):
         """The world's words."""
         return self.world.vocabulary
 
-    @property
-    def relation_inputs(self) -> int:
-        """As `Vocabulary.relation_inputs`."""
-        return self.vocabulary.relation_inputs
-
     @cached_property
     def architecture(self) -> str:
         """Canonical JSON of what an actor's tensors mean: equal text, exchangeable weights."""

@@ -79,7 +79,7 @@ class Programmable(Family):
         shapes |= linear("local.0", hidden, columns) | linear("local.1", hidden, hidden)
         shapes |= linear("message.0", hidden, 2 * columns)
         shapes |= linear("message.1", hidden, hidden)
-        if several := config.relation_inputs:
+        if several := config.vocabulary.relation_inputs:
             shapes["relation.weight"] = (hidden, several)
         if not critic:
             return shapes | linear("output", actions, hidden)

@@ -37,21 +37,12 @@ class Programs:
         return relevant_objects(phi, hand_index, self.op, self.a, self.b, logic)
 
 
-class Attention(nn.Module):
-    """w of the neighbourhood attention, [64]."""
+class Weight(nn.Module):
+    """A tensor that is learned, called `weight` in a state dict."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, *shape: int) -> None:
         super().__init__()
-        self.weight = nn.Parameter(torch.zeros(size))
-
-
-class Relations(nn.Module):
-    """What each relation adds to the first layer of r, [H, R]: "parameterizing the message passing
-    operation based on the relation to be achieved" (paper, appendix)."""
-
-    def __init__(self, hidden: int, count: int) -> None:
-        super().__init__()
-        self.weight = nn.Parameter(torch.zeros(hidden, count))
+        self.weight = nn.Parameter(torch.zeros(shape))
 
 
 class Trunk(nn.Module):
@@ -78,12 +69,14 @@ class Trunk(nn.Module):
             self.detectors.bias.requires_grad_(config.detectors_have_biases)
         self.query = nn.Linear(columns, config.attention)
         self.context = nn.Linear(columns, config.attention)
-        self.attention = Attention(config.attention)
+        self.attention = Weight(config.attention)  # w of the neighbourhood attention
         hidden = config.hidden
         self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
         self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
-        if several := config.relation_inputs:
-            self.relation = Relations(hidden, several)
+        if several := config.vocabulary.relation_inputs:
+            # What each relation adds to the first layer of r: "parameterizing the message passing
+            # operation based on the relation to be achieved" (paper, appendix).
+            self.relation = Weight(hidden, several)
         self.true = TrueProperties(config.world)
         self.register_buffer("scales", input_scales(config), persistent=False)
         seen = torch.ones(columns)
