@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import sysconfig
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -194,7 +195,7 @@ class Site:
     @property
     def ledger(self) -> dict[str, Any]:
         """The sequence numbers of all agents in the newest checkpoint."""
-        return dict(read_metadata(checkpoint_of(self.folder / "run"))["replay"]["ledger"])
+        return dict(self._metadata()["replay"]["ledger"])
 
     @property
     def frames(self) -> int:
@@ -216,8 +217,20 @@ class Site:
             log = self.folder / f"{host}-agent_node.log"
             wait_for(lambda log=log: "]: acting" in log.read_text(), f"acting in {log}")  # type: ignore[misc]
         wait_for(lambda: self.heard == {"arena1", "arena2"}, "both agents' trajectories")
-        before = self.frames
-        wait_for(lambda: self.frames >= before + frames, f"{frames} frames after {before}")
+        before = self._saved_frames()
+        wait_for(lambda: self._saved_frames() >= before + frames, f"{frames} frames after {before}")
+
+    def _saved_frames(self) -> int:
+        """Frames in the newest checkpoint; the log states them only now and then."""
+        return int(self._metadata()["counters"]["frames"])
+
+    def _metadata(self) -> dict[str, Any]:
+        """Of the newest checkpoint, read rarely, because the nodes need the processor."""
+        time.sleep(0.25)
+        try:
+            return read_metadata(checkpoint_of(self.folder / "run"))
+        except PaError:  # none yet, or it was replaced meanwhile
+            return read_metadata(checkpoint_of(self.folder / "run"))
 
 
 def ended(site: Site) -> dict[str, dict[str, object]]:
