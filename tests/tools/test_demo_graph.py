@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from helpers.waiting import DEADLINE_S
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.cli.demo import execute
+from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
@@ -83,12 +81,12 @@ def processes_of(folder: Path) -> int:
 
 
 @graph
-def test_without_enough_time_it_says_so_and_leaves_what_was_learned(tmp_path):
+def test_without_enough_time_it_says_so_and_leaves_what_was_learned(tmp_path, monkeypatch, capfd):
     folder = tmp_path / "demo"
-    command = [sys.executable, "-m", "pa_ros", "demo", "--no-shipped", "--no-console"]
-    command += ["--out", str(folder), "--minutes", "0.2"]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
-    assert ended.returncode == 1 and "target NOT reached" in ended.stdout, ended
+    monkeypatch.setattr("pa_ros.cli.demo.REFERENCE_EPISODES", 2)
+    options = ["--no-shipped", "--no-console", "--out", str(folder), "--minutes", "0.2"]
+    assert main(["demo", *options]) == 1
+    assert "target NOT reached" in capfd.readouterr().out
     assert load_policy(folder / "checkpoint").version > 0
     assert (folder / "detectors.png").exists()
     assert not processes_of(tmp_path)
