@@ -13,11 +13,15 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 
 from helpers.waiting import DEADLINE_S
+from pa_ros.acting.execution import HOLD_S, WINDOW_S
+from pa_ros.cli.main import main
 from pa_ros.core.experience import Float32
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
+from pa_ros.tools.send import GoalClient
 from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.program import ProgramGoal
 from pa_ros.wire.step import decode_objects
 
 ROOT = Path(__file__).parents[2]
@@ -47,9 +51,7 @@ def test_an_example_executes_a_program_and_the_robot_refuses_another(nodes, prog
     started = [subprocess.Popen(one, stderr=subprocess.PIPE, text=True) for one in nodes]
     try:
         for program, status in programs.items():
-            command = [sys.executable, "-m", "pa_ros", "send", program, "--wait", "--timeout", "60"]
-            sent = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
-            assert sent.returncode == status, (program, sent.stdout, sent.stderr)
+            assert main(["send", program, "--wait", "--timeout", "60"]) == status, program
     finally:
         for process in started:
             process.terminate()
@@ -110,10 +112,11 @@ def test_features_from_poses_are_the_arenas_and_the_agent_does_with_them_what_it
         with client_node("tracker") as tracker:
             seen = Tracker(tracker)
             assert spin_until(tracker, seen.agrees, DEADLINE_S)
-            command = [sys.executable, "-m", "pa_ros", "send", "NEAR(HAND, CYLINDER)", "--wait"]
-            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sent:
-                assert spin_until(tracker, lambda: sent.poll() is not None, DEADLINE_S)
-                assert sent.returncode == 0, sent.communicate()
+            goals = GoalClient(tracker)
+            assert goals.offered(DEADLINE_S)
+            goal = ProgramGoal("NEAR(HAND, CYLINDER)", WINDOW_S, HOLD_S)
+            assert goals.execute(goal, DEADLINE_S).success
+            goals.close()
             assert spin_until(tracker, lambda: seen.late_s() < 1, DEADLINE_S)
             seen.silent = True
             assert spin_until(tracker, lambda: seen.late_s() > 1, DEADLINE_S), "old poses are used"
