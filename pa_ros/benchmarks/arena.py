@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from time import perf_counter
 
-import mujoco
 import numpy as np
 
 from pa_ros.arena import (
@@ -17,7 +16,6 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
-from pa_ros.core.experience import Float64
 from pa_ros.core.text import Report
 from pa_ros.world.relation import RELATIONS
 
@@ -33,7 +31,7 @@ def run(options: argparse.Namespace) -> Report:
     """Speed of each preset, and reward per step by preset and relation."""
     report: dict[str, float] = {}
     for preset, config in PRESETS.items():
-        report |= {f"arena.{preset}.{name}": value for name, value in speed(config).items()}
+        report[f"arena.{preset}.steps_per_s"] = speed(config)
         for relation in RELATIONS:
             design = design_named(DESIGN).with_relations(relation)
             task, name = ReachTask(config, design, seed=0), f"arena.{preset}.{relation}"
@@ -42,36 +40,14 @@ def run(options: argparse.Namespace) -> Report:
     return report
 
 
-def speed(config: ArenaConfig, steps: int = 5000) -> dict[str, float]:
-    """Control steps per second with random commands, resets included.
-
-    `physics_share` is the time of the same commands in MuJoCo alone, divided by the whole.
-    """
+def speed(config: ArenaConfig, steps: int = 5000) -> float:
+    """Control steps per second with random commands, resets included."""
     task = ReachTask(config, design_named(DESIGN), seed=0)
     rng = np.random.default_rng(0)
     commands = rng.uniform(-1, 1, (steps, config.joints)) * np.array(config.joint_speed_limits)
-    _step_all(task, commands[: config.episode_steps])  # builds models, fills caches
     start = perf_counter()
-    _step_all(task, commands)
-    whole = perf_counter() - start
-    return {"steps_per_s": steps / whole, "physics_share": _physics_s(task, commands) / whole}
-
-
-def _step_all(task: ReachTask, commands: Float64) -> None:
     for i, command in enumerate(commands):
-        if i % task.config.episode_steps == 0:
-            task.reset(i // task.config.episode_steps)
+        if i % config.episode_steps == 0:
+            task.reset(i // config.episode_steps)
         task.step(command)
-
-
-def _physics_s(task: ReachTask, commands: Float64) -> float:
-    """Seconds in mj_step for the same commands from the same starts."""
-    spent = 0.0
-    for i, command in enumerate(commands):
-        if i % task.config.episode_steps == 0:
-            task.reset(i // task.config.episode_steps)
-        task.simulation.data.ctrl[:] = command
-        start = perf_counter()
-        mujoco.mj_step(task.simulation.model, task.simulation.data, task.config.substeps)
-        spent += perf_counter() - start
-    return spent
+    return steps / (perf_counter() - start)

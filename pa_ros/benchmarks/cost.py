@@ -7,19 +7,10 @@ computed once. What an implementation computes again or moves through memory is 
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
-from functools import singledispatch
 from math import prod
 
-from pa_ros.core.errors import ConfigError
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import (
-    Canonical,
-    Family,
-    Programmable,
-    Shapes,
-    canonical_inputs,
-    family_of,
-)
+from pa_ros.networks.families import Shapes, family_of
 from pa_ros.networks.parameters import actor_shapes, critic_shapes
 
 ADAM_FLOPS = 12  # per parameter: 3 for m, 4 for v, 5 for the step
@@ -78,19 +69,13 @@ def floor_us(cost: Cost, rates: Rates) -> float:
 
 
 def update_cost(network: NetworkConfig, sizes: Sizes) -> Cost:
-    """One update: targets, both gradients, Adam (docs/DESIGN.md, "Learning")."""
-    return _parts(family_of(network), network, sizes) + _adam(network) + _batch(network, sizes)
+    """One update of programmable networks: targets, both gradients, Adam."""
+    return _networks(network, sizes) + _adam(network) + _batch(network, sizes)
 
 
-@singledispatch
-def _parts(family: Family, network: NetworkConfig, z: Sizes) -> Cost:
-    """What an update computes, without Adam and the batch."""
-    raise ConfigError(f"benchmark: expected networks whose cost is known, got {family.name!r}")
-
-
-@_parts.register
-def _(family: Programmable, network: NetworkConfig, z: Sizes) -> Cost:
+def _networks(network: NetworkConfig, z: Sizes) -> Cost:
     """Forward four times, backward twice; the critic's head once more, at π(s)."""
+    family = family_of(network)
     words, actions = len(network.vocabulary.words), network.world.actions
     rows, total = z.transitions * z.programs, Cost()
     for critic in (False, True):
@@ -139,24 +124,6 @@ def _scene(network: NetworkConfig, objects: int) -> int:
 def _first_columns(network: NetworkConfig, detectors: int) -> int:
     """Outputs of all first layers: f, r of receiver and sender, query, context, detectors."""
     return 3 * network.hidden + 2 * network.attention + detectors
-
-
-@_parts.register
-def _(family: Canonical, network: NetworkConfig, z: Sizes) -> Cost:
-    """MLPs: three layers; the critic's first is shared by Q(s, a) and Q(s, π(s))."""
-    rows, h = z.transitions * z.programs, network.canonical_hidden
-    inputs = canonical_inputs(network.world)
-    first = Cost(flops=2 * rows * inputs * h, tanhs=rows * h)
-    second = Cost(flops=2 * rows * h * h, tanhs=rows * h)
-    enters = Cost(
-        flops=2 * rows * network.world.actions * h
-    )  # the action of a hidden layer, or the reverse
-    output = Cost(flops=2 * rows * h)
-    forward = first * 4 + second * 5 + enters * 3 + enters * 2 + output * 3
-    squash = Cost(tanhs=2 * rows * network.world.actions)
-    weights = first.flops + 2 * second.flops + 6 * rows * h  # also ∂/∂first; 1 − t², twice
-    backward = Cost(flops=2 * weights + 3 * enters.flops + 2 * output.flops)
-    return forward + squash + backward + enters + output  # ∂Q/∂a
 
 
 def _adam(network: NetworkConfig) -> Cost:

@@ -8,20 +8,12 @@ import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
 from pa_ros.acting.actor import Actor
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import design_named, preset_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.text import Report
-from pa_ros.evaluation.evaluate import (
-    REFERENCES,
-    TRAINING_SCORES_SEED,
-    reference_scores,
-    run_episodes,
-)
-from pa_ros.evaluation.scores import normalized, rewards
+from pa_ros.evaluation.evaluate import TrainingScores
 from pa_ros.ros.topics import POLICY_WEIGHTS
 from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_free_domain
@@ -57,7 +49,7 @@ def run(options: argparse.Namespace) -> Report:
     `fleet.seconds_N` counts the seeds that reached GOAL; `fleet.reached_N` says how many did.
     """
     use_free_domain()
-    score = HeldOutScore()
+    score = TrainingScores(preset_named(PRESET), design_named(DESIGN), EPISODES)
     report: dict[str, float] = {}
     for arenas in options.arenas:
         runs = [_run(arenas, seed, score, options.compose) for seed in range(options.seeds)]
@@ -72,32 +64,6 @@ def run(options: argparse.Namespace) -> Report:
     return report
 
 
-class HeldOutScore:
-    """The normalized reward of a policy on the held-out programs, on fixed episodes."""
-
-    def __init__(self) -> None:
-        config = preset_named(PRESET)
-        self._task = ReachTask(config, design_named(DESIGN), TRAINING_SCORES_SEED)
-        self._speeds = np.array(config.joint_speed_limits)
-        self._script, self._chance = (
-            float(rewards(reference_scores(self._task, name, "eval", EPISODES)).mean())
-            for name in REFERENCES
-        )
-
-    def __call__(self, snapshot: PolicySnapshot) -> float:
-        actor, task = Actor.fitting(snapshot), self._task
-        actor.load(snapshot)
-        scores = list(
-            run_episodes(
-                task,
-                lambda o: actor.act(o, task.program).astype(np.float64) * self._speeds,
-                "eval",
-                EPISODES,
-            )
-        )
-        return normalized(float(rewards(scores).mean()), self._chance, self._script)
-
-
 def _parameters(arenas: int, seed: int) -> Parameters:
     # On a busy machine commands may arrive late; the arm holds only after five seconds.
     timing = {"real_time_factor": REAL_TIME_FACTOR, "command_timeout_s": 5.0}
@@ -110,7 +76,9 @@ def _parameters(arenas: int, seed: int) -> Parameters:
     return in_step(fleet(one, arenas), "free")
 
 
-def _run(arenas: int, seed: int, score: HeldOutScore, compose: bool) -> tuple[float, float | None]:
+def _run(
+    arenas: int, seed: int, scores: TrainingScores, compose: bool
+) -> tuple[float, float | None]:
     """Frames per second of one run, and seconds until GOAL (None: not within FRAMES)."""
     figures = GraphFigures()
     policies: dict[int, tuple[float, PolicySnapshot]] = {}
@@ -139,8 +107,11 @@ def _run(arenas: int, seed: int, score: HeldOutScore, compose: bool) -> tuple[fl
                 raise PaError(f"fleet: expected {FRAMES} frames in {TIMEOUT_S:g} s, got {marks}")
     rate = (marks[-1][1] - marks[0][1]) / (marks[-1][0] - marks[0][0])
     began = policies[min(policies)][0]
-    times = (at - began for _, (at, policy) in sorted(policies.items()) if score(policy) >= GOAL)
-    seconds = next(times, None)
+
+    def good(policy: PolicySnapshot) -> bool:
+        return scores(Actor.of(policy))["eval_greedy.normalized"] >= GOAL
+
+    seconds = next((at - began for _, (at, one) in sorted(policies.items()) if good(one)), None)
     reached = "not reached" if seconds is None else f"after {seconds:.0f} s"
     print(f"{arenas} arenas, seed {seed}: {rate:.0f} frames/s, {GOAL} {reached}", flush=True)
     return rate, seconds

@@ -59,16 +59,12 @@ def run(options: argparse.Namespace) -> Report:
     `training.`: another process learns at the same time. `fast.`: in lockstep, as fast as possible;
     otherwise at 10 Hz, where a program waits for the next control step.
     """
-    return bench_latency(options.share)
-
-
-def bench_latency(share: float = 1.0, conditions: tuple[str, ...] = ("", "training.")) -> Report:
-    """The measurement over `share` of the usual time, under these conditions."""
     use_free_domain()
     report: dict[str, float] = {}
-    for condition in conditions:
+    for condition in ("", "training."):
         for rate, mode in RATES.items():
-            found = _measure(mode, SECONDS[rate] * share, PAUSE_S[rate], condition != "")
+            seconds = SECONDS[rate] * options.share
+            found = _measure(mode, seconds, PAUSE_S[rate], condition != "")
             report |= {f"{condition}latency.{rate}{name}": value for name, value in found.items()}
     return report
 

@@ -35,7 +35,6 @@ from pa_ros.learning.protocols import LearningSettings
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world import Trajectory
 from pa_ros.world.schema import ObjectSchema
@@ -49,7 +48,7 @@ SAMPLED = "learner.sampled_updates_per_s"  # batches drawn from the replay buffe
 STRAIGHTFORWARD = "learner.straightforward_updates_per_s"
 EAGER = "learner.eager_updates_per_s"
 SB3 = "learner.sb3_ddpg_updates_per_s"
-ACT, ACT_TORCH = "actor.inference_us", "actor.inference_torch_us"
+ACT = "actor.inference_us"
 RATIOS = {  # of OURS to each, or of SAMPLED where the other draws its batches too
     "learner.ratio_to_straightforward": (OURS, STRAIGHTFORWARD),
     "learner.ratio_to_eager": (OURS, EAGER),
@@ -99,7 +98,7 @@ def bench_learner(
     contenders = [
         *_engines(learner, list(learner.batches(16))),
         Contender(SAMPLED, learner.update),
-        *_actors(learner),
+        Contender(ACT, _acting(learner)),
         *others,
     ]
     measure(contenders, rounds, slice_s)
@@ -113,8 +112,8 @@ def bench_learner(
     for c in contenders:
         report[c.name] = 1e6 / c.rate if c.name.endswith("_us") else c.rate
         report[f"{c.name}_spread"] = c.spread
-        report[f"{c.name}_cpu_share"] = c.share
-    report |= _floor(network, sizes, 1e6 / report[OURS])
+    if family_of(network).evaluates_programs:
+        report |= _floor(network, sizes, 1e6 / report[OURS])
     return report | {
         name: report[one] / report[other]
         for name, (one, other) in RATIOS.items()
@@ -204,28 +203,20 @@ def _straightforward(learner: Learner) -> StraightforwardEngine:
     return StraightforwardEngine(network, config, learner.table, *tensors)
 
 
-def _actors(learner: Learner) -> list[Contender]:
-    """One observation to one action, by the agents' actor and by torch."""
-    network, snapshot = learner.network, learner.snapshot()
-    program = learner.table.programs[0]
-    actor = Actor(network)
-    actor.load(snapshot)
-    plain = TorchActor(network, snapshot.tensors, actor.logic)
+def _acting(learner: Learner) -> Callable[[int], None]:
+    """One observation to one action, by the agents' actor."""
+    world, program = learner.network.world, learner.table.programs[0]
+    actor = Actor.of(learner.snapshot())
     objects = learner.replay.arrays["objects"][0].copy()
-    joints = np.random.default_rng(0).normal(size=network.world.joints)
+    joints = np.random.default_rng(0).normal(size=world.joints)
     pose = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])
     observation = Observation(0, 0, 0, objects, joints, joints, 0, "0.0", pose)
-    arm = network.world.arm(observation)
 
-    def fused(calls: int) -> None:
+    def run(calls: int) -> None:
         for _ in range(calls):
             actor.act(observation, program)
 
-    def reference(calls: int) -> None:
-        for _ in range(calls):
-            plain.act(observation.objects, arm, program, 0)
-
-    return [Contender(ACT, fused), Contender(ACT_TORCH, reference)]
+    return run
 
 
 def _floor(network: NetworkConfig, sizes: Sizes, update_us: float) -> dict[str, float]:

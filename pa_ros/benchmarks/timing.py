@@ -55,11 +55,6 @@ class Contender:
         quarter = len(ordered) // 4
         return (ordered[-1 - quarter] - ordered[quarter]) / self.rate
 
-    @property
-    def share(self) -> float:
-        """Median share of its threads' time that it got; below 1 other processes were running."""
-        return median(map(self._share, self.slices))
-
     def _share(self, s: Slice) -> float:
         return s.cpu_s / s.wall_s / self.threads
 

@@ -16,17 +16,13 @@ from chaos.cycles import Cycle, mis_joined, orphans, run_cycle, shared_memory
 from chaos.faults import Fault
 from chaos.stage import Stage, staged
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.text import Report
 from pa_ros.tools.domain import use_free_domain
 
 SHORT: Final = ("agent_node: SIGKILL", "learner_node: SIGKILL", "sim_node: SIGSTOP 5 s")
-ATTEMPTS: Final = 3  # to bring up a stage, on a machine that may be busy
 PER_STAGE: Final = 12  # cycles, so that a recording stays short enough to be replayed
 TABLE = ("<!-- make chaos -->\n", "<!-- end -->\n")  # the table in FAULTS.md lies between these
-HEAD = """{cycles} cycles, {failed} of {rows} rows failed.
-
-| Fault | Injected | Reported, s | Recovered, s | Verdict |
-|---|---|---|---|---|
+HEAD = """| Fault | Reported, s | Recovered, s |
+|---|---|---|
 """
 
 
@@ -81,30 +77,16 @@ def chosen(only: Sequence[str] = (), short: bool = False) -> list[Fault]:
 def campaign(
     wanted: Sequence[Fault],
     cycles: int,
-    minutes: float,
     kept: Path | None = None,
     log: Callable[[str], None] = print,
 ) -> list[Row]:
-    """Run so many cycles, or those that begin within so many minutes.
-
-    Faults take turns. Logs and bags are left in `kept`, if it is given.
-    """
+    """Run so many cycles; faults take turns. Logs and bags are left in `kept`, if it is given."""
     use_free_domain()
     rows = [Row(fault) for fault in wanted]
-    deadline = time.monotonic() + minutes * 60
     with tempfile.TemporaryDirectory(prefix="pa_ros-chaos-") as made:
-        folder = kept or Path(made)
         for number, part in enumerate(_parts(rows, cycles)):
-            attempts = 0
-            while part and time.monotonic() < deadline:
-                attempts += 1
-                where = folder / f"{number}-{len(part)}-{attempts}"
-                if _on_one_stage(where, number, part, deadline, log):
-                    attempts = 0
-                elif attempts == ATTEMPTS:
-                    failed = [f"the graph did not start, {ATTEMPTS} times, before any fault"]
-                    part.pop(0).cycles.append(Cycle("", time.time(), failures=failed))
-                    attempts = 0
+            while part:
+                _on_one_stage((kept or Path(made)) / f"{number}-{len(part)}", number, part, log)
     return rows
 
 
@@ -123,13 +105,8 @@ def _parts(rows: list[Row], cycles: int) -> Iterator[list[Row]]:
             yield same[begun : begun + PER_STAGE]
 
 
-def _on_one_stage(
-    folder: Path, number: int, part: list[Row], deadline: float, log: Callable[[str], None]
-) -> bool:
-    """Run cycles on one graph as long as it recovers, and remove them from `part`.
-
-    Returns False if the graph did not start.
-    """
+def _on_one_stage(folder: Path, number: int, part: list[Row], log: Callable[[str], None]) -> None:
+    """Run cycles on one graph as long as it recovers, and remove them from `part`."""
     done: list[Cycle] = []
     agents: set[str] = set()
     memory: set[Path] = set()
@@ -140,23 +117,19 @@ def _on_one_stage(
                 agents.add(stage.observer.text("agent_node", "agent_id"))
                 memory.update(shared_memory(stage.mark))
 
-            while part and time.monotonic() < deadline:
+            while part and (not done or done[-1].recovered_after is not None):
                 row = part.pop(0)
                 note()
                 done.append(run_cycle(stage, row.fault))
                 row.cycles.append(done[-1])
                 note()
                 log(_line(done[-1]))
-                if done[-1].recovered_after is None:
-                    break
     except PaError as error:
-        if not done:
-            log(str(error))
-            return False
+        if not done:  # the graph did not start
+            part.pop(0).cycles.append(Cycle("", time.time(), failures=[str(error)]))
+            return
         done[-1].failures.append(str(error))
-    if done:
-        _check_afterwards(stage, done, agents, memory, log)
-    return True
+    _check_afterwards(stage, done, agents, memory, log)
 
 
 def _check_afterwards(
@@ -190,43 +163,22 @@ def _line(cycle: Cycle) -> str:
             + "; ".join(cycle.failures))  # fmt: skip
 
 
-def report(rows: Sequence[Row]) -> Report:
-    """Figures of all rows."""
-    begun = [row for row in rows if row.cycles]
-    return {
-        "chaos.cycles": sum(len(row.cycles) for row in begun),
-        "chaos.rows": len(begun),
-        "chaos.lost": sum(row.lost for row in begun),
-        "chaos.mis_joined": sum(row.mis_joined for row in begun),
-        "chaos.failed_rows": sum(row.failed for row in begun),
-    }
-
-
 def write_table(path: Path, rows: Sequence[Row]) -> None:
     """Rewrite the table between the markers of a page; a row for each fault that was injected."""
-    figures = report(rows)
-    head = HEAD.format(
-        cycles=figures["chaos.cycles"],
-        failed=figures["chaos.failed_rows"],
-        rows=figures["chaos.rows"],
-    )
-    text = path.read_text() if path.exists() else "".join(TABLE)
-    before, _, rest = text.partition(TABLE[0])
+    before, _, rest = path.read_text().partition(TABLE[0])
     _, _, after = rest.partition(TABLE[1])
-    table = head + "".join(_cells(row) for row in rows if row.cycles)
+    table = HEAD + "".join(_cells(row) for row in rows if row.cycles)
     path.write_text(before + TABLE[0] + table + TABLE[1] + after)
 
 
 def _cells(row: Row) -> str:
     harm = [f"{row.lost} trajectories lost"] if row.lost else []
     harm += [f"{row.mis_joined} trajectories mis-joined"] if row.mis_joined else []
-    verdict = "; ".join([*harm, *row.failures[:3]]) or "held"
+    failures = "; ".join([*harm, *row.failures[:3]])
     seen, recovered = row.median("seen_after"), row.median("recovered_after")
     cells = (
-        row.fault.name,
-        str(len(row.cycles)),
+        f"{row.fault.name} **failed**: {failures}" if failures else row.fault.name,
         "–" if seen is None else f"{seen:.1f}",
         "never" if recovered is None else f"{recovered:.1f}",
-        f"**failed**: {verdict}" if row.failed else verdict,
     )
     return "| " + " | ".join(cell.replace("|", "/").replace("\n", " ") for cell in cells) + " |\n"

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import arena, peers
+from benchmarks import peers
 from benchmarks.latency import Latencies
 from benchmarks.learner import bare_updates, setting
 from benchmarks.peers import OURS, Score, run_contender
 from benchmarks.train import process_share
-from pa_ros.arena import preset_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.tables import read_rows, write_rows
 
@@ -43,11 +42,6 @@ def test_latencies_are_reported_as_percentiles_in_milliseconds():
     found = times.figures()
     assert found["step_p50_ms"] == pytest.approx(501) and found["step_p99_ms"] == pytest.approx(991)
     assert found["program_p999_ms"] == 500 and found["steps"] == 1001 and found["programs"] == 1
-
-
-def test_the_arena_reports_its_rate_and_the_share_of_the_physics():
-    found = arena.speed(preset_named("fast"), steps=300)
-    assert found["steps_per_s"] > 0 and 0 < found["physics_share"] < 1
 
 
 def test_learning_is_compared_with_updates_alone():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -96,6 +97,11 @@ class Experiment:
         return min(50_000, max(self.frames // 4, 1))
 
     def __post_init__(self) -> None:
+        if self.tag and not re.fullmatch(r"[\w-]+(\.[\w-]+)*", self.tag):
+            raise ConfigError(
+                "experiment tag: expected letters, digits, '-' and '_', also with dots between, "
+                f"got {self.tag!r}"
+            )
         if self.frames < self.evaluate_every_frames:
             raise ConfigError(
                 f"experiment frames: expected at least {self.evaluate_every_frames}, "
