@@ -11,8 +11,8 @@ from typing import Any
 
 from rclpy.node import Node
 
-from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.ros.environment import prepare_environment, start_ros
+from pa_ros.core.errors import PaError
+from pa_ros.ros.environment import check_namespace, prepare_environment, start_ros
 from pa_ros.ros.executor import release, spin_until
 from pa_ros.ros.topics import ARENA_INFO, RESET, SET_SIMULATION_STATE
 from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset
@@ -36,24 +36,21 @@ class NoAnswerError(PaError):
 def client_node(name: str, namespace: str = "") -> Iterator[Node]:
     """Start ROS and make a node named `<name>_<pid>`; end both afterwards.
 
-    A process can have one at a time. Signals keep their handlers. Raises ConfigError for what ROS
-    rejects.
+    A process can have one at a time. Signals keep their handlers. Raises ConfigError for a
+    namespace that ROS rejects.
     """
     prepare_environment()
     import rclpy
-    from rclpy.exceptions import InvalidNamespaceException
 
+    check_namespace(namespace.strip("/"))
     start_ros([])
     try:
-        try:
-            node = rclpy.create_node(
-                f"{name}_{os.getpid()}",
-                namespace=f"/{namespace.strip('/')}",
-                enable_rosout=False,
-                start_parameter_services=False,
-            )
-        except InvalidNamespaceException as error:
-            raise ConfigError(f"namespace: {error}") from error
+        node = rclpy.create_node(
+            f"{name}_{os.getpid()}",
+            namespace=f"/{namespace.strip('/')}",
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
         try:
             yield node
         finally:

@@ -145,16 +145,10 @@ def extended(parameters: Parameters, extensions: Sequence[str]) -> Parameters:
 def new_folder(kind: str) -> Path:
     """Make and return a new folder runs/KIND-TIME, with a number if that exists already."""
     stem = Path("runs") / f"{kind}-{time.strftime('%Y%m%d-%H%M%S')}"
-    for number in itertools.count(1):
-        folder = stem if number == 1 else Path(f"{stem}-{number}")
-        try:
-            folder.mkdir(parents=True)
-            return folder
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise ConfigError(f"launch: {folder}: {error}") from error
-    raise AssertionError("numbers do not end")
+    numbered = (Path(f"{stem}-{number}") for number in itertools.count(2))
+    folder = next(path for path in itertools.chain([stem], numbered) if not path.exists())
+    folder.mkdir(parents=True)
+    return folder
 
 
 def learning_into(folder: Path, parameters: Parameters) -> Parameters:
@@ -166,7 +160,7 @@ def learning_into(folder: Path, parameters: Parameters) -> Parameters:
     if learner is None:
         return parameters
     out = learner.get("out", str(folder.resolve()))
-    if isinstance(out, str) and out and learner.get("resume") is not True:
+    if out and learner.get("resume") is not True:
         refuse_used(Path(out))
     return merged(parameters, {"learner_node": {"out": out}})
 

@@ -147,12 +147,9 @@ def node_command(nodes: Sequence[str], params: Path, namespace: str = "") -> lis
 
 def tail(log: Path, lines: int = TAIL_LINES) -> str:
     """The last lines of a log, of which at most 16 kB are read."""
-    try:
-        with log.open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
-            text = file.read().decode(errors="replace")
-    except OSError as error:
-        return f"({error})"
+    with log.open("rb") as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
+        text = file.read().decode(errors="replace")
     return "\n".join(text.splitlines()[-lines:]) or "(it wrote nothing)"
 
 
