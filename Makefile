@@ -68,7 +68,7 @@ chaos: install-dev  ## inject faults and write FAULTS.md (half an hour); ARGS=--
 	PYTHONPATH=tests $(BIN)/python -m chaos $(or $(ARGS),--table FAULTS.md)
 
 links: install-dev  ## a fleet behind a bad link, a cluster that loses a host (as root)
-	$(BIN)/python -m pytest -q -s -p no:xdist tests/tools/links.py tests/tools/discovery.py tests/evaluation/cluster_on_hosts.py
+	$(BIN)/python -m pytest -q -s -p no:xdist tests/tools/links.py tests/evaluation/cluster_on_hosts.py
 
 NAME ?= graph
 bench: install  ## one benchmark: NAME=learner ARGS="--json learner.json"

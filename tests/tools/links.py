@@ -1,9 +1,14 @@
-"""Three hosts as in test_machines_graph.py, one of them behind a bad link: 2 % of the Ethernet
-frames lost, 20 ± 10 ms delay each way, reordered; then cut for 30 s. Minutes: `make links`."""
+"""Three hosts as in test_machines_graph.py: one of them behind a bad link (2 % of the Ethernet
+frames lost, 20 ± 10 ms delay each way, reordered; then cut for 30 s), and discovery without
+multicast.
+
+Not part of `make test`, because it takes minutes: `make links`.
+"""
 
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,6 +37,7 @@ SPAN_S = 20.0  # of each measurement
 STILL_S = 8.0  # at the cut's end, in which the arm is looked at
 STILL_RAD_S = 0.05  # that a joint which holds may have
 TOPICS = ["trajectories", "policy_weights", "provenance"]
+ATTEMPTS, MATCHED_S = 4, 40.0  # by a discovery server; usually 6 s
 
 
 @pytest.fixture
@@ -125,3 +131,43 @@ def check_arm(way: str, said_after_s: float | None, speeds: dict[int, float]) ->
         assert len(speeds) == 1
     else:
         assert len(speeds) > 1 and max(speeds.values()) < STILL_RAD_S
+
+
+def test_without_multicast_by_the_addresses_of_the_others(tmp_path: Path):
+    with hosts(3) as made:
+
+        def environment(host: int) -> dict[str, str]:
+            others = ";".join(made.address(i) for i in range(3) if i != host)
+            return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_STATIC_PEERS": others}
+
+        site = Site(made, tmp_path, environment)
+        site.begin()
+        site.learns()
+        assert ended(site).keys() == {"arena1", "arena2"}
+
+
+def test_by_a_discovery_server(tmp_path: Path):
+    """Fast DDS's own, which the wheels contain, on the learner's host. It leaves a reader and a
+    writer unmatched in some starts (docs/machines.md): then all are started again."""
+    for attempt in range(ATTEMPTS):
+        with hosts(3) as made:
+            folder = tmp_path / str(attempt)
+            folder.mkdir()
+            server = made.address(0)
+            site = Site(made, folder, lambda _, at=server: {"ROS_DISCOVERY_SERVER": f"{at}:11811"})  # type: ignore[misc]
+            binary = Path(sys.executable).with_name("fast-discovery-server")
+            made.run(0, [binary, "-i", "0", "-l", server, "-p", "11811"])
+            site.begin()
+            if not both_heard(site):
+                continue
+            site.learns()
+            assert ended(site).keys() == {"arena1", "arena2"}
+            return
+    pytest.fail(f"in {ATTEMPTS} starts the learner never received from both agents")
+
+
+def both_heard(site: Site) -> bool:
+    deadline = time.monotonic() + MATCHED_S
+    while site.heard != {"arena1", "arena2"} and time.monotonic() < deadline:
+        time.sleep(0.1)
+    return site.heard == {"arena1", "arena2"}
