@@ -276,8 +276,12 @@ def test_an_agent_that_cannot_do_as_asked_says_why_and_does_not_act(field, value
     assert agent.rejection == "" and agent.prepare() is None
 
 
-def test_an_arena_of_other_facts_stops_an_agent_that_acted(arm) -> None:
+def test_an_arena_of_other_facts_stops_an_agent_that_acted_but_a_strange_learner_does_not(arm):
     arm.reset(0)
+    with pytest.raises(ActingError, match="thresholds"):
+        arm.agent.follow(again(FAR_BEHIND, 0, thresholds=(9.0,)), FACTS)
+    arm.run(10)
+    assert arm.spans == [(0, 0, 10)]
     slower = FACTS._replace(control_period=0.5)
     with pytest.raises(ActingError, match="control_period"):
         arm.agent.follow(FAR_BEHIND, slower)
@@ -286,14 +290,6 @@ def test_an_arena_of_other_facts_stops_an_agent_that_acted(arm) -> None:
     arm.agent.follow(FAR_BEHIND, FACTS)
     arm.run(1)
     assert arm.velocity.any()
-
-
-def test_a_newcomer_that_cannot_be_followed_changes_nothing(arm) -> None:
-    arm.reset(0)
-    with pytest.raises(ActingError, match="thresholds"):
-        arm.agent.follow(again(FAR_BEHIND, 0, thresholds=(9.0,)), FACTS)
-    arm.run(10)
-    assert arm.spans == [(0, 0, 10)]
 
 
 @pytest.mark.parametrize("learning", [False, True])

@@ -20,9 +20,7 @@ from helpers.worlds import (
     run,
 )
 from pa_ros.acting.actor import Actor
-from pa_ros.core.settings import read_json
 from pa_ros.core.software import here
-from pa_ros.learning import checkpoints
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoint_files import find_checkpoint, make_latest, newest_whole
 from pa_ros.learning.checkpoints import load_policy, read_metadata, restore, save_checkpoint
@@ -68,19 +66,6 @@ def test_a_checkpoint_is_plain_and_acts(saved) -> None:
     assert Actor.of(load_policy(saved)).act(observation, PROGRAMS[0]).shape == (6,)
     files = {p.suffix for p in find_checkpoint(saved).iterdir()}
     assert files == {".json", ".safetensors", ""}
-
-
-def test_a_policy_is_of_one_checkpoint_though_the_next_is_saved_meanwhile(saved, monkeypatch):
-    read = read_json
-
-    def read_while_learning(text: str) -> object:
-        monkeypatch.undo()
-        run(saved.parent, 120, resume=True)
-        return read(text)
-
-    monkeypatch.setattr(checkpoints, "read_json", read_while_learning)
-    assert load_policy(saved).version == 5
-    assert load_policy(saved).version == 6
 
 
 def test_a_checkpoint_names_the_machines_that_its_run_used(saved, monkeypatch) -> None:

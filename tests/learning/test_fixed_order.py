@@ -104,11 +104,3 @@ def test_free_agents_never_wait_and_what_too_old_weights_did_is_rejected_and_cou
     assert run.learner.metrics()["too_old_trajectories"] == 1
     run.consume(replace(ours[4], policy_version=1))
     assert run.learner.metrics()["frames"] == 40
-
-
-def test_the_age_of_weights_matters_to_free_agents_only():
-    run = run_of("arrival", oldest_policy=0)
-    assert not run.info.free and run.info.policy_lag == 1
-    for m in range(3):
-        run.consume(replace(trajectory(m), run_id=run.info.run_id))
-    assert run.learner.metrics()["frames"] == 30

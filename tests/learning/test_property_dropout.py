@@ -84,15 +84,6 @@ def test_a_shape_a_color_or_both_in_equal_parts(probability) -> None:
     assert block[:, 2].mean() == pytest.approx(probability / 2, abs=0.02)
 
 
-def test_the_extremes_of_the_draws() -> None:
-    below_one = np.nextafter(np.float32(1), np.float32(0))
-    drawn = np.array([[0, 0], [0, below_one], [below_one, 0], [below_one, below_one]], np.float32)
-    objects, shown = hide(("AND(RED, CUBE)",), drawn, 1.0)
-    assert np.argwhere((objects != shown).any(-1)).tolist() == [[0, 2], [1, 3], [2, 2], [3, 3]]
-    objects, shown = hide(("AND(RED, CUBE)",), drawn, 0.5)
-    assert np.argwhere((objects != shown).any(-1)).tolist() == [[0, 2], [1, 3]]
-
-
 def test_new_programs_of_the_table_count_too() -> None:
     table = ProgramTable(ALL)
     rows = [table.add(parse("NEAR(HAND, AND(RED, CUBE))", ALL))]

@@ -222,16 +222,6 @@ def test_sparsity_removes_small_detector_weights_only(name: str) -> None:
     assert not weights[2.0][:, 1::2].any()
 
 
-def test_nan_is_not_hidden() -> None:
-    made = setting()
-    engine = made.engine()
-    batch = make_batch(np.random.default_rng(0), 8, 5, 1, 6)
-    batch.objects[3, 2, 1] = np.nan
-    engine.update(batch)
-    assert np.isnan(engine.metrics()["critic_loss"])
-    assert np.isnan(engine.tensors()["actor.message.0.weight"]).any()
-
-
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
 @pytest.mark.parametrize("logic", LOGICS.values(), ids=LOGICS)
 @pytest.mark.parametrize(("hand", "self_weight"), [(0, 1.0), (2, 0.3), (2, 0.0)])
