@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from helpers.pictures import captions
 from helpers.recordings import DESIGN, STEPS, acted, columns, rearranged, rewritten
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.experience import arenas_of
@@ -236,12 +235,3 @@ def test_a_film_shows_a_target_only_while_one_is_known(stepped, text):
         stage.show(row)
         targets.append(len(stage.task.verifier.targets))
     assert episode.rows[4].program and targets == [0] * 4 + [1] + [0] * 4
-
-
-def test_a_film_states_program_step_and_distance(stepped, tmp_path, monkeypatch):
-    said = captions(monkeypatch, "pa_ros.bags.film.captioned")
-    assert film(stepped, tmp_path / "film.gif") == 0
-    steps = acted()[: STEPS + 1]
-    for (program, state), (_, verdict, _, asked, _) in zip(said, steps, strict=True):
-        assert program == str(asked) and f"distance {verdict.distance:.2f} m" in state
-    assert said[0][1].startswith("step 0") and f"step {STEPS}   reward" in said[-1][1]

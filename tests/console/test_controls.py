@@ -10,7 +10,6 @@ import pytest
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
 from pa_ros.console.controls import Controls
-from pa_ros.world.schema import PAPER
 
 BLOCKS = (("RED CUBE", (0.1, 0.2, 0.03)), ("BLUE SPHERE", (0.3, 0.4, 0.03)))
 
@@ -85,13 +84,3 @@ def test_a_button_calls_its_service(label: str, value: str, service: str, given:
     made = Made()
     made.press(label, value)
     getattr(made.live.services, service).assert_called_once_with(*given)
-
-
-def test_a_text_is_read_again_when_an_arena_is_known():
-    made = Made()
-    reading = made.client.gui.add_html.return_value
-    made.choose("Text", "NEAR(HAND, AND(RED, CUBE))")
-    assert "no arena is known yet" in reading.content
-    made.live.vocabulary = PAPER.vocabulary
-    made.controls.refresh()
-    assert "✓ NEAR(HAND, AND(RED, CUBE))" in reading.content

@@ -16,8 +16,6 @@ from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
 from pa_ros.console.replay import Replay, Timeline
-from pa_ros.console.serve import serve_bag
-from pa_ros.console.settings import ConsoleSettings
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 
 
@@ -84,20 +82,6 @@ def test_a_slider_of_a_longer_episode_shows_the_last_step():
     step.on_update.call_args[0][0](None)
     timeline.tick(pages=1)
     replay.moment.assert_called_once_with(1, 1)
-
-
-def test_an_error_while_drawing_is_logged_and_ends_nothing(recorded, monkeypatch, capsys):
-    ticks = iter(range(3))
-
-    def tick(timeline, pages):
-        if next(ticks) == 0:
-            raise IndexError("no such row")
-
-    monkeypatch.setattr(Timeline, "tick", tick)
-    settings = ConsoleSettings(port=0)
-    finished = iter([False, False, True])
-    serve_bag(recorded, settings, None, lambda: next(finished), lambda *_: None)
-    assert "refused: timeline: [console] IndexError: no such row" in capsys.readouterr().err
 
 
 def test_a_file_for_rerun_contains_what_was_recorded(recorded, tmp_path, capsys):

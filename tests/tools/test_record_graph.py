@@ -211,17 +211,6 @@ def test_names_that_ros_rejects_leave_no_bag(tmp_path, capsys, asked):
     assert not (tmp_path / "bag").exists()
 
 
-def test_a_recorder_that_fails_says_so(tmp_path, capsys, monkeypatch):
-    def fail(*_):
-        raise ValueError("a programming error")
-
-    monkeypatch.setattr("pa_ros.tools.record.Recorder._drain", fail)
-    assert main(["record", str(tmp_path / "bag")]) == 1
-    assert "ValueError: a programming error" in capsys.readouterr().err
-    with Reader(tmp_path / "bag") as reader:
-        assert reader.message_count == 0
-
-
 @pytest.mark.parametrize(
     ("numbers", "publishers", "lost", "before"),
     [

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export = actions.add_parser("export", help="episodes as NPZ or Parquet, and a table of them")
     export.add_argument("--out", type=Path, metavar="DIR", help="for the files of --format")
     export.add_argument(
-        "--rerun", type=Path, metavar="FILE.rrd", help="all in one file for Rerun's viewer"
+        "--rerun", type=file_to_write, metavar="FILE.rrd", help="all in one file for Rerun's viewer"
     )
     export.add_argument(
         "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
@@ -73,9 +73,8 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
 
 def _export_rerun(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.console.replay import Replay
-    from pa_ros.console.rerun_file import check_rerun, write_rerun
+    from pa_ros.console.rerun_file import write_rerun
 
-    check_rerun(options.rerun)
     count = write_rerun(Replay(bag, options.namespace), options.rerun, options.episodes)
     print(f"{count} episodes in {options.rerun}, described in docs/bags.md")
     return 0

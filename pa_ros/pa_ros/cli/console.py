@@ -24,7 +24,7 @@ NICE = 5  # arena, agents and learner come first
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros console`."""
-    add_settings(parser, ConsoleSettings, "port", "token", "light")
+    add_settings(parser, ConsoleSettings, "port", "light")
     parser.add_argument(
         "--namespace", default="", help="namespace of the arena that is shown first"
     )

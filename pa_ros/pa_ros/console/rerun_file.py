@@ -27,28 +27,19 @@ _BOX, _SPHERE = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_SPHERE
 _CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 
 
-def check_rerun(path: Path) -> None:
-    """Raise BagError if `path` is taken, ConfigError if it is not .rrd or the extra is missing."""
-    _rerun()
+def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = None) -> int:
+    """Write episodes, all or those of some numbers, on one time line; return how many.
+
+    Raises ConfigError if `path` is not .rrd or the extra is missing; BagError if `path` exists, the
+    bag lacks some of `numbers`, or joint positions are not recorded.
+    """
+    rerun = _rerun()
     if path.suffix != ".rrd":
         raise ConfigError(f"export: expected a file that ends in .rrd, got {path}")
     if path.exists():
         raise BagError(f"export: {path} already exists and is not overwritten: name another file")
-
-
-def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = None) -> int:
-    """Write episodes, all or those of some numbers, on one time line; return how many.
-
-    Raises BagError if the file cannot be written, the bag lacks some of `numbers`, or joint
-    positions are not recorded.
-    """
-    rerun = _rerun()
     if missing := sorted(set(numbers or ()) - {episode.number for episode in replay.episodes}):
         raise BagError(f"export: the bag does not contain episodes {missing}")
-    try:
-        path.open("xb").close()
-    except OSError as error:
-        raise BagError(f"export: {error}") from error
     chosen = [
         (place, episode)
         for place, episode in enumerate(replay.episodes)

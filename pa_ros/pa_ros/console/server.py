@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import secrets
 import socket
 from collections.abc import Callable
@@ -12,9 +13,9 @@ import viser
 
 from pa_ros.console.settings import (
     HOST,
+    TOKEN,
     ConsoleSettings,
     control_address,
-    new_token,
     view_address,
 )
 from pa_ros.core.errors import PaError
@@ -31,8 +32,8 @@ class ConsoleServer:
     """A viser server with a token. A context manager."""
 
     def __init__(self, settings: ConsoleSettings) -> None:
-        """Raises ConsoleError if the port is taken, ConfigError for a token that is not valid."""
-        self.token = new_token(settings)
+        """Raises ConsoleError if the port is taken."""
+        self.token = os.environ.get(TOKEN) or secrets.token_urlsafe(16)
         self.reflections = settings.light == "full"
         _check_free(settings.port)
         with contextlib.redirect_stdout(io.StringIO()):  # its banner shows an address without token
