@@ -161,9 +161,10 @@ class Stage:
             return [*command, "--namespace", namespace]
         path = self.folder / f"{_file_name(name)}-{self._starts}.yaml"
         if name == LAUNCHER:
-            write_parameters(path, {n: self._values(n) for n in self.nodes})
+            write_parameters(path, {n: self._values(n, beside) for n in self.nodes})
             options = ["--out", str(self.folder / f"launch-{self._starts}")]
-            options += ["--record", str(self.bags[-1]), "--namespace", namespace]
+            bag = self.folder / f"bag-second-{self._starts}" if beside else self.bags[-1]
+            options += ["--record", str(bag), "--namespace", namespace]
             return [sys.executable, "-m", "pa_ros", "launch", "--params", str(path), *options]
         write_parameters(path, {name: self._values(name, beside)}, namespace)
         rules = remaps(name) if self._kind == "relayed" else {}
