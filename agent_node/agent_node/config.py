@@ -23,36 +23,37 @@ class AgentConfig(NodeSettings):
     weights: Literal["topic", "checkpoint", "random"] = Field(
         "topic", description="where weights come from; learning needs topic"
     )
-    checkpoint: str = Field("", description="folder, for weights checkpoint")
+    checkpoint: str = Field("", description="folder of the checkpoint, if weights is checkpoint")
     learner: str = Field(
         "",
-        description="namespace of the learner: weights come from there, and experience goes there; "
+        description="namespace of the learner that sends weights and receives experience; "
         "empty: the agent's own",
     )
     agent_id: str = Field("", description="empty: a new one at each start")
     seed: int = Field(0, ge=0, description="of the exploration noise, and of random weights")
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
         MIN_MAX.name,
-        description="what AND and OR of degrees are in executing programs; who learns acts by "
-        "product",
+        description="how AND and OR combine degrees while programs are executed; a learning agent "
+        "uses product",
     )
     resend_period_s: float = Field(
         2.0,
         gt=0,
         le=LONGEST_S,
-        description="wall time; trajectories not yet taken up are sent again",
+        description="wall time after which trajectories are sent again if the learner has not "
+        "accounted for them",
     )
     stuck_after_s: float = Field(
         10.0,
         gt=0,
         le=LONGEST_S,
-        description="wall time; waiting longer than this for weights is an alarm",
+        description="wall time; waiting longer than this for weights is an ERROR",
     )
     controller: Literal["none", "velocity", "joint_trajectory"] = Field(
-        "none", description="as what commands are sent to ros2_control, too"
+        "none", description="how commands are also sent to ros2_control"
     )
     max_acceleration: float = Field(
-        0.0, ge=0, le=1e3, description="rad/s², of what controllers are sent; 0: no limit"
+        0.0, ge=0, le=1e3, description="rad/s², of commands to controllers; 0: no limit"
     )
 
     @model_validator(mode="after")

@@ -314,7 +314,6 @@ class AgentNode(ManagedNode):
             "commands": str(self._commands),
             "core_us": f"{core_us:.1f}",
             "trajectories": str(self._trajectories),
-            "observation_age_s": f"{self._status.observation_age_s:.2f}",
         }
         if isinstance(self.agent, LearningAgent):
             values["interrupted"] = str(self.agent.interrupted)

@@ -45,11 +45,6 @@ class AgentStatus:
         self._warning, self._warned_at = warning, self._clock()
 
     @property
-    def observation_age_s(self) -> float:
-        """Time since the newest part of a step."""
-        return self._clock() - self.observed_at
-
-    @property
     def idle_s(self) -> float:
         """Time since the newest command."""
         return self._clock() - self.commanded_at
@@ -68,7 +63,7 @@ class AgentStatus:
         return (
             self._cannot_act(agent, arenas.current)
             or self._no_step(lacking)
-            or self._second_peer(arenas.fault or learners.fault)
+            or ((ERROR, fault) if (fault := arenas.fault or learners.fault) else None)
             or self._doubtful(agent)
             or (OK, "acting" if self.has_program else "waits for a program (program)")
         )
@@ -89,7 +84,7 @@ class AgentStatus:
         return None
 
     def _no_step(self, lacking: Sequence[str]) -> Status | None:
-        age_s = self.observation_age_s
+        age_s = self._clock() - self.observed_at
         missing = f"{' and '.join(lacking)} with the same stamp are missing" if lacking else ""
         reason = self.step_refusal or missing
         if reason and age_s < REPORTED_S and self._clock() - self.step_at > QUIET_S:
@@ -98,15 +93,11 @@ class AgentStatus:
             return WARN, "waits for observations (object_features): has sim_node ended or paused?"
         return None
 
-    def _second_peer(self, fault: str) -> Status | None:
-        return (ERROR, fault) if fault else None
-
     def _doubtful(self, agent: Agent) -> Status | None:
-        if isinstance(agent, LearningAgent):
-            if agent.stalled:
-                return WARN, (
-                    f"acts with version {agent.version}, but its learner takes in no trajectories "
-                    f"({len(agent.unaccounted)} wait); does learner_node run?"
-                )
+        if isinstance(agent, LearningAgent) and agent.stalled:
+            return WARN, (
+                f"acts with version {agent.version}, but its learner takes in no trajectories "
+                f"({len(agent.unaccounted)} wait); does learner_node run?"
+            )
         recent = self._clock() - self._warned_at < REPORTED_S
         return (WARN, self._warning) if recent else None

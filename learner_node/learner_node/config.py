@@ -16,7 +16,7 @@ class LearnerNodeConfig(NodeSettings, LearningSettings):
 
     seed: int = Field(0, ge=0, description="of initial weights and of sampling")
     arenas: tuple[str, ...] = Field(
-        (), description="namespaces of the arenas that are learned about; empty: the learner's own"
+        (), description="namespaces of the arenas to learn about; empty: the learner's own"
     )
     agents: tuple[str, ...] = Field(
         (),
@@ -24,7 +24,7 @@ class LearnerNodeConfig(NodeSettings, LearningSettings):
         "in which their trajectories are learned from",
     )
     out: str = Field("", description="folder of the checkpoint; empty: none is written")
-    resume: bool = Field(False, description="go on from the checkpoint in out")
+    resume: bool = Field(False, description="continue from the checkpoint in out")
     tensorboard: str = Field(
         "", description="folder of scalars for TensorBoard, every 5 s; empty: none are written"
     )
@@ -47,7 +47,7 @@ class LearnerNodeConfig(NodeSettings, LearningSettings):
 
     @property
     def turns(self) -> tuple[str, ...]:
-        """Agents in the order of their turns; empty: trajectories are learned from as they come."""
+        """Agents in the order of their turns; empty: learn in the order of arrival."""
         return self.agents if self._exact else ()
 
     @property

@@ -14,7 +14,7 @@ from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import LearnerInfo, PublishedPolicy
 from pa_ros.learning.checkpoint_files import newest_whole
-from pa_ros.learning.errors import CheckpointError, FolderTakenError, LearningError
+from pa_ros.learning.errors import CheckpointError, LearningError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.progress import Scalars
 from pa_ros.ros import topics
@@ -27,10 +27,8 @@ from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import encode_provenance
 from pa_ros.wire.learning import decode_trajectory, encode_learner_info, encode_weights
 from pa_ros.wire.step import arena_of
-from pa_ros.world import reward_from
 
 CHECK_S = 0.5  # between two checks of the worker
-OTHER_ARENA_S = 3.0  # how long to wait for another arena if the checkpoint doesn't suit the first
 
 
 class LearnerNode(ManagedNode):
@@ -53,7 +51,6 @@ class LearnerNode(ManagedNode):
             refuse_used(Path(config.out))
         self.worker: LearnerWorker | None = None
         self._failure: PaError | None = None  # why it can't learn about the followed arena
-        self._failed_at = 0.0
         self._status, self._rates = LearnerStatus(), RateMeter()
         self._weights_out = self.advertise(topics.POLICY_WEIGHTS)
         self._info_out = self.advertise(topics.LEARNER_INFO)
@@ -130,11 +127,12 @@ class LearnerNode(ManagedNode):
             self.worker.close(save=False)
             self.worker = None
         try:
-            reward_from(arena.reward)  # raises for an unknown one
             sinks = Sinks(self._publish, self._refuse, self.get_logger().info)
             self.worker, self._failure = LearnerWorker(self.config, arena, sinks), None
         except PaError as error:
-            self._failure, self._failed_at = error, time.monotonic()
+            self._failure = error
+            if isinstance(error, CheckpointError):  # waiting for another arena would not help
+                self.ended_by = error
             raise
         self._announce(self.worker, arena)
         self.worker.start()
@@ -189,16 +187,10 @@ class LearnerNode(ManagedNode):
 
     def _check_worker(self) -> None:
         if self.worker is None:
-            # A stranger may have described an arena that the checkpoint doesn't suit, so the
-            # learner waits for another one before it ends.
-            waited = time.monotonic() - self._failed_at > OTHER_ARENA_S
-            if isinstance(self._failure, FolderTakenError) or (
-                isinstance(self._failure, CheckpointError) and waited
-            ):
-                self.ended_by = self._failure
-        elif self.worker.failure is not None:
+            return
+        if self.worker.failure is not None:
             raise self.worker.failure
-        elif self._steps and self.worker.has_learned:
+        if self._steps and self.worker.has_learned:
             # From now on no other arena can be learned about: save the cost of every step.
             for subscription in self._steps:
                 self.destroy_subscription(subscription)

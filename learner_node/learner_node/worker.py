@@ -9,14 +9,14 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from learner_node.config import LearnerNodeConfig
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PublishedPolicy
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import restore, save_checkpoint
-from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
+from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.fixed_order import FixedOrder
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
@@ -50,7 +50,8 @@ class LearnerWorker:
         self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
         self._learner = _make_learner(config, arena)
-        self._folder = self._claim_folder()
+        # The lock keeps other runs out of the folder.
+        self._folder = claim(Path(config.out), config.resume) if config.out else None
         extra = self._restore() if config.resume else {}
         self.run = LearningRun(self._learner, arena.control_period, extra)
         self._started = time.monotonic() - float(extra.get("wall_s", 0.0))
@@ -257,17 +258,6 @@ class LearnerWorker:
             if self._folder is not None:
                 self._folder.close()
             raise
-
-    def _claim_folder(self) -> IO[bytes] | None:
-        """Lock the folder against other runs; None, reported as trouble, if it can't be written."""
-        config = self._config
-        try:
-            return claim(Path(config.out), config.resume) if config.out else None
-        except FolderTakenError:
-            raise
-        except CheckpointError as error:
-            self.unsaved = error
-            return None
 
 
 def _make_learner(config: LearnerNodeConfig, arena: ArenaDescription) -> Learner:

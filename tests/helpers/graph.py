@@ -103,6 +103,14 @@ class Probe(Node):
         assert self.until(lambda: publisher.get_subscription_count() >= wanted)
         return publisher
 
+    def end(self, node: Any) -> None:
+        """Close and destroy a node while the others continue."""
+        self.nodes.remove(node)
+        node.executor.remove_node(node)
+        node.close()
+        self.until(lambda: False, 0.1)  # the executor may have queued calls of the node's timers
+        node.destroy_node()
+
     def pause(self, paused: bool = True) -> Outcome:
         """Pause simulation time, or let it continue."""
         state = SimState.PAUSED if paused else SimState.PLAYING

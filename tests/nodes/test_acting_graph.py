@@ -33,7 +33,7 @@ def step_key(message: Any) -> tuple[int, int, int]:
     return message.episode, message.step, header_stamp(message)
 
 
-def test_every_message_of_a_step_names_the_step(probe):
+def test_all_messages_of_a_step_have_its_stamp(probe):
     steps = [step_key(m) for m in probe.heard["object_features"]]
     assert len({stamp for _, _, stamp in steps}) == len(set(steps))
     commands = {step_key(m) for m in probe.heard["joint_commands"]}
@@ -44,13 +44,13 @@ def test_every_message_of_a_step_names_the_step(probe):
     assert len(joints & {stamp for _, _, stamp in steps}) >= len(set(steps)) - 1
 
 
-def test_an_episodes_last_step_is_answered_by_no_command(probe):
+def test_the_last_step_of_an_episode_gets_no_command(probe):
     assert {m.step for m in probe.heard["object_features"]} == set(range(11))
     assert {m.step for m in probe.heard["joint_commands"]} == set(range(10))
     assert probe.until(lambda: probe.value("sim_node", "refused") == "0")
 
 
-def test_the_clock_never_goes_back_not_even_at_a_reset(probe):
+def test_the_clock_never_goes_back_even_at_a_reset(probe):
     for episode in (7, 3, None):
         assert probe.call(topics.RESET, encode_reset(ResetRequest(episode))).success
         ticks = probe.count(topics.CLOCK)
@@ -59,7 +59,7 @@ def test_the_clock_never_goes_back_not_even_at_a_reset(probe):
     assert stamps == sorted(stamps)
 
 
-def test_a_paused_arena_takes_single_steps_and_the_agent_is_silent(probe):
+def test_a_paused_arena_takes_single_steps_and_the_agent_sends_nothing(probe):
     running = probe.call(topics.STEP_SIMULATION, encode_steps_request(1))
     assert not running.success and "expected a paused arena" in running.reason
     assert probe.pause().success

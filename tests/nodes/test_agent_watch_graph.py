@@ -1,4 +1,4 @@
-"""An agent says that it acts only while it does."""
+"""An agent reports that it acts only while it does, and otherwise why it can't."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ pytestmark = pytest.mark.graph
 REAL_TIME = {"sim_node__mode": "real_time", "sim_node__design": "3-D"}
 
 
-def test_an_agent_that_can_take_in_no_step_says_why_until_it_can() -> None:
-    """Features first lack a joint, then are whole."""
+def test_an_agent_that_rejects_every_step_says_why_until_steps_are_valid() -> None:
+    """Features first lack a joint, and later contain all of them."""
     given = {**REAL_TIME, "agent_node__weights": "random"}
     with graph(SimNode, AgentNode, remaps=["sim_node:object_features:=whole"], **given) as probe:
         out, joints = topics.OBJECT_FEATURES.publisher(probe), 5
@@ -26,23 +26,19 @@ def test_an_agent_that_can_take_in_no_step_says_why_until_it_can() -> None:
             message.joint_position = message.joint_position[:joints]
             out.publish(message)
 
-        def says(reason: str) -> bool:
-            said = f"takes in no step: {reason}"
-            return probe.until(lambda: probe.message("agent_node").startswith(said))
-
         topic = topics.OBJECT_FEATURES
         probe.create_subscription(topic.type, "whole", pass_on, topic.reader)
-        assert says("object_features.joint_position: expected")
+        said = "takes in no step: object_features.joint_position: expected"
+        assert probe.until(lambda: probe.message("agent_node").startswith(said))
         assert probe.health["/agent_node"].level == WARN and not probe.count(topics.JOINT_COMMANDS)
         joints = 6
         assert probe.until(lambda: probe.message("agent_node") == "acting")
         assert probe.health["/agent_node"].level == OK and probe.count(topics.JOINT_COMMANDS)
 
 
-@pytest.mark.parametrize("mode", ["lockstep", "real_time"])
-def test_an_agent_of_another_arms_weights_says_so(mode: str) -> None:
+def test_an_agent_with_weights_for_another_arm_says_so() -> None:
     trained = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
-    panda = {**REAL_TIME, "sim_node__mode": mode, "sim_node__arm": "panda"}
+    panda = {**REAL_TIME, "sim_node__arm": "panda"}
     with graph(SimNode, AgentNode, **panda, **trained) as probe:
         assert probe.until(lambda: "takes in no step: " in probe.message("agent_node"))
         assert probe.health["/agent_node"].level == WARN

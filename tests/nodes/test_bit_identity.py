@@ -72,7 +72,7 @@ def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, compose):
     assert_same_as_the_loop(there, tmp_path / "loop")
 
 
-def test_a_graph_that_was_stopped_and_resumed_ends_where_the_loop_ends(tmp_path):
+def test_a_resumed_graph_learns_the_same_bits_as_the_loop(tmp_path):
     out = {"out": str(tmp_path / "run")}
     over_the_graph(tmp_path / "first", EPISODES, parameters(learner_node=out))
     reached = read_metadata(tmp_path / "run" / "checkpoint")

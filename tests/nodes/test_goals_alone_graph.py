@@ -45,7 +45,7 @@ def test_a_goal_without_an_arena_is_refused() -> None:
         assert result_of(probe, "NEAR(HAND, RED)").code == "goal.unready"
 
 
-def test_words_that_the_weights_lack_are_refused_and_the_arm_holds_under_them() -> None:
+def test_a_program_with_words_unknown_to_the_weights_holds_the_arm() -> None:
     scene = {"sim_node__design": "3-D", "sim_node__program_source": "topic"}
     weights = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:2-L"}
     with graph(SimNode, AgentNode, **scene, **weights) as probe:  # 2-L has no GREEN

@@ -104,7 +104,7 @@ def test_a_goal_is_reached(client: Client) -> None:
     assert 0 < result.time_to_reach_s < 500 and result.final_distance < 0.2
 
 
-def test_feedback_shows_what_the_agent_takes_the_program_to_mean_and_cancelling_holds_the_arm(
+def test_feedback_shows_relevance_and_cancelling_holds_the_arm(
     probe: Probe, client: Client
 ) -> None:
     handle = client.send("NEAR(HAND, AND(GREEN, CUBE))", hold_s=1e9)
@@ -132,7 +132,7 @@ def test_feedback_shows_what_the_agent_takes_the_program_to_mean_and_cancelling_
         ("NEAR(HAND, RED)", -1.0, "wire.range", -1),
     ],
 )
-def test_a_refusal_says_why_and_where(client, text, limit, code, position) -> None:
+def test_a_rejected_goal_says_why_and_where(client, text, limit, code, position) -> None:
     status, result = client.result(client.send(text, time_limit_s=limit))
     assert (status, result.code, result.position) == (ABORTED, code, position)
     assert "expected" in result.reason and ("^" in result.reason or position < 0)
@@ -152,7 +152,7 @@ def test_another_goal_and_another_program_replace_a_goal(probe: Probe, client: C
     assert (status, result.code) == (ABORTED, "goal.replaced")
 
 
-def test_a_goal_that_is_replaced_before_its_first_step_ends(probe: Probe, client: Client) -> None:
+def test_a_goal_replaced_before_its_first_step_is_aborted(probe: Probe, client: Client) -> None:
     """A program takes effect with the next step, which is slow to come here."""
     speaker = probe.speaker(topics.PROGRAM)
     assert probe.call(topics.SPEED, encode_speed(0.2)).success
@@ -180,13 +180,13 @@ def test_the_time_limit_ends_a_goal_and_holds_the_arm(probe: Probe, client: Clie
     assert probe.until(lambda: not commanded(probe))
 
 
-def test_a_goal_ends_with_its_arena_and_its_result_stays(probe: Probe, client: Client) -> None:
+def test_a_goal_ends_with_its_arena_and_keeps_its_result(
+    probe: Probe, client: Client
+) -> None:
     handle = client.send("NEAR(HAND, RED)", hold_s=1e9)
     assert probe.until(lambda: len(client.feedback) > 1)
     arena, agent = probe.nodes
-    probe.nodes.remove(arena)  # this is the last test that needs it
-    arena.close()
-    arena.destroy_node()
+    probe.end(arena)  # this is the last test that needs it
     result = client.result(handle)
     assert result[1].code == "goal.arena_gone"
     clock = topics.CLOCK.publisher(probe)

@@ -17,7 +17,7 @@ def matcher() -> Any:  # messages are texts here
     return StepMatcher(("a", "b"))
 
 
-def test_parts_are_joined_by_their_stamp_in_the_order_of_time(matcher):
+def test_messages_of_one_stamp_are_joined_in_order_of_time(matcher):
     assert matcher.add("a", 10, "a10") is None and matcher.add("b", 20, "b20") is None
     assert matcher.add("b", 10, "b10") == {"a": "a10", "b": "b10"}
     assert matcher.add("a", 20, "a20") == {"a": "a20", "b": "b20"}
@@ -29,7 +29,7 @@ def test_parts_are_joined_by_their_stamp_in_the_order_of_time(matcher):
     assert matcher.add("a", 1, "a") is None and matcher.add("b", 1, "b") is not None
 
 
-def test_of_incomplete_steps_only_the_newest_are_kept(matcher):
+def test_only_the_newest_incomplete_steps_are_kept(matcher):
     for stamp in range(2 * INCOMPLETE_STEPS):
         matcher.add("a", stamp, "a")
     assert matcher.add("b", 0, "b") is None
@@ -50,7 +50,7 @@ def book() -> ProgramBook:
     return ProgramBook(Vocabulary.of(color=("RED", "BLUE")))
 
 
-def test_an_accepted_program_is_known_by_its_id_and_parsed_once(book):
+def test_an_accepted_program_is_remembered_by_id_and_parsed_once(book):
     assert book.accept(ProgramRequest("1", "NEAR(HAND,RED )")) == "NEAR(HAND, RED)"
     assert book.accept(ProgramRequest("1", "NEAR(HAND, RED)")) == "NEAR(HAND, RED)"
     assert book.program("NEAR(HAND, RED)") is book.program("NEAR(HAND, RED)")
@@ -58,7 +58,7 @@ def test_an_accepted_program_is_known_by_its_id_and_parsed_once(book):
     assert book.named("1", "NEAR(HAND, BLUE)") is book.named("2", "NEAR(HAND, RED)") is None
 
 
-def test_an_id_that_names_another_program_and_a_text_that_is_none_are_refused(book):
+def test_a_reused_id_and_an_invalid_text_are_rejected(book):
     book.accept(ProgramRequest("1", "NEAR(HAND, RED)"))
     with pytest.raises(PaError) as refused:
         book.accept(ProgramRequest("1", "NEAR(HAND, BLUE)"))

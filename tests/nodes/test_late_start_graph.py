@@ -15,7 +15,7 @@ from sim_node.node import SimNode
 pytestmark = pytest.mark.graph
 
 
-def test_the_first_steps_own_program_is_announced_though_a_users_replaces_it() -> None:
+def test_a_late_agent_accepts_the_first_steps_program_although_another_replaced_it() -> None:
     """Else the agent waits for it for ever, and a lockstep arena for the agent."""
     with graph(SimNode, agent_node__weights="random") as probe:
         text = (
@@ -48,7 +48,7 @@ def test_a_program_outlives_its_sender() -> None:
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) == 4)
 
 
-def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go() -> None:
+def test_an_arena_that_starts_paused_publishes_no_steps_until_resumed() -> None:
     with graph(SimNode, AgentNode, agent_node__weights="random", sim_node__paused=True) as probe:
         assert probe.until(lambda: probe.message("sim_node") != "")
         assert probe.until(lambda: probe.value("agent_node", "refused") != "")
@@ -59,7 +59,7 @@ def test_an_arena_that_starts_paused_is_silent_until_it_is_let_go() -> None:
         assert probe.value("sim_node", "refused") == "0"
 
 
-def test_a_program_sent_before_there_are_nodes_is_heard_by_them() -> None:
+def test_nodes_receive_a_program_that_was_sent_before_they_started() -> None:
     with graph(sim_node__program_source="topic", agent_node__weights="random") as probe:
         starting = [SimNode, AgentNode]
 

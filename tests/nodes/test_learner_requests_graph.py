@@ -18,7 +18,7 @@ from sim_node.node import SimNode
 pytestmark = pytest.mark.graph
 
 
-def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms() -> None:
+def test_a_learning_agent_waits_for_weights_beyond_the_policy_lag() -> None:
     """The update-to-data ratio from the agent's side: without new weights no new experience."""
     times = {"agent_node__stuck_after_s": 1.0, "agent_node__resend_period_s": 0.5}
     with graph(SimNode, AgentNode, agent_node__learning=True, **times) as probe:
@@ -37,7 +37,7 @@ def test_a_learning_agent_runs_ahead_by_the_lag_alone_and_then_alarms() -> None:
         assert probe.until(lambda: probe.message("agent_node") == "acting")
 
 
-def test_an_agent_that_cannot_do_as_the_learner_asks_says_so_and_does_not_act() -> None:
+def test_an_agent_that_cannot_comply_with_the_learner_does_not_act() -> None:
     with graph(SimNode, AgentNode, agent_node__learning=True) as probe:
         speaker = probe.speaker(topics.LEARNER_INFO)
         other_edition = encode_learner_info(LEARNER)

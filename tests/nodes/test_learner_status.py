@@ -31,7 +31,7 @@ def learner(clock) -> Reporting:
     return Reporting(clock)
 
 
-def test_it_is_ok_only_while_trajectories_arrive(learner, clock) -> None:
+def test_a_learner_is_ok_only_while_trajectories_arrive(learner, clock) -> None:
     level, message = learner.report()
     assert level == WARN and "parameter learning" in message
     learner.arrive("a")
@@ -42,7 +42,7 @@ def test_it_is_ok_only_while_trajectories_arrive(learner, clock) -> None:
     learner.arrive("a", times=1)
 
 
-def test_in_real_time_trajectories_arrive_seldom(learner, clock) -> None:
+def test_patience_adapts_to_the_usual_time_between_trajectories(learner, clock) -> None:
     learner.arrive("a", every_s=10.0)
     clock.now += 30.0
     assert learner.report()[0] == WARN
@@ -71,7 +71,7 @@ def test_refusals_missing_trajectories_and_errors_are_reported(learner, clock) -
     assert not learner.status.at_work("a")
 
 
-def test_one_silent_agent_of_several_is_named_and_then_forgotten(learner, clock) -> None:
+def test_a_silent_agent_is_named_and_later_forgotten(learner, clock) -> None:
     learner.arrive("fast", "slow")
     reports = []
     for _ in range(60):
@@ -82,7 +82,7 @@ def test_one_silent_agent_of_several_is_named_and_then_forgotten(learner, clock)
     assert any(message.startswith("no trajectory of 'slow'") for _, message in reports)
 
 
-def test_the_agent_whose_turn_it_is_is_named_while_all_others_wait(learner, clock) -> None:
+def test_the_agent_that_all_others_wait_for_is_named(learner, clock) -> None:
     learner.arrive("a")
     learner.report(frames=7.0, backlog=3, awaited="b")
     clock.now += IDLE_S + 1

@@ -59,7 +59,7 @@ def bench():
     made.worker.close()
 
 
-def test_each_trajectory_makes_one_version_and_exactly_its_updates(bench):
+def test_each_trajectory_makes_one_version_and_its_number_of_updates(bench):
     assert [p.snapshot.version for p in bench.published] == [0]
     last = bench.submit(trajectory(0), trajectory(1), trajectory(2, length=7))
     assert [p.snapshot.version for p in bench.published] == [0, 1, 2, 3]
@@ -68,7 +68,7 @@ def test_each_trajectory_makes_one_version_and_exactly_its_updates(bench):
     assert bench.worker.metrics["updates"] == bench.worker.metrics["frames"] == 27
 
 
-def test_a_trajectory_that_comes_twice_changes_nothing_and_is_counted(bench):
+def test_a_duplicate_trajectory_is_counted_and_changes_nothing(bench):
     first = bench.submit(trajectory(0))
     again = bench.submit(trajectory(0))
     assert again.snapshot.version == first.snapshot.version == 1
@@ -89,14 +89,14 @@ def test_a_gap_is_reported_until_it_is_filled(bench):
     assert bench.worker.metrics["missing_trajectories"] == 0
 
 
-def test_a_gap_that_cannot_be_filled_is_lost_and_no_longer_waited_for(bench):
+def test_a_gap_that_cannot_be_filled_is_counted_as_lost(bench):
     answer = bench.submit(trajectory(0), replace(trajectory(9), held_from=8))
     assert answer.accounted == {A: 8}
     assert bench.worker.metrics["lost_trajectories"] == 7
     assert bench.worker.metrics["missing_trajectories"] == 1
 
 
-def test_an_agent_that_starts_again_under_its_name_is_not_swallowed(bench):
+def test_a_restarted_agent_replaces_its_earlier_incarnation(bench):
     bench.submit(trajectory(0), trajectory(1))
     later = AgentKey("a", 1)
     answer = bench.submit(replace(trajectory(0), incarnation=1))
@@ -138,7 +138,7 @@ def test_a_learner_resumes_where_it_stopped(tmp_path: Path):
         assert np.array_equal(last.snapshot.tensors[name], tensor), name
 
 
-def test_a_folder_that_another_run_writes_into_is_refused(tmp_path: Path):
+def test_a_folder_in_use_by_another_run_is_rejected(tmp_path: Path):
     bench = Bench(out=str(tmp_path))
     with pytest.raises(FolderTakenError, match="another run writes into"):
         Bench(out=str(tmp_path))
@@ -148,7 +148,7 @@ def test_a_folder_that_another_run_writes_into_is_refused(tmp_path: Path):
     Bench(out=str(tmp_path), resume=True).worker.close()
 
 
-def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path, monkeypatch):
+def test_a_checkpoint_that_cannot_be_written_is_reported_until_one_is(tmp_path: Path, monkeypatch):
     bench = Bench(out=str(tmp_path), checkpoint_every_frames=10)
     with monkeypatch.context() as patch:
         patch.setattr(
@@ -165,7 +165,7 @@ def test_a_disk_that_takes_no_checkpoint_is_trouble_until_it_does(tmp_path: Path
     assert bench.told[0].startswith("checkpoint: version 3 after ")
 
 
-def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_path: Path):
+def test_divergence_stops_learning_and_saves_nothing(tmp_path: Path):
     wild = {"learner.optimizer.critic_rate": 1e30}
     bench = Bench(out=str(tmp_path), checkpoint_every_frames=10, **wild)
     for i in range(5):
@@ -186,7 +186,7 @@ def test_learning_that_diverges_stops_with_its_diagnosis_and_saves_nothing(tmp_p
     assert sorted(path.name for path in tmp_path.rglob("version-*")) == before
 
 
-def test_of_learning_that_diverges_the_state_before_is_kept(tmp_path: Path, monkeypatch) -> None:
+def test_the_state_before_divergence_is_saved(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("pa_ros.learning.learner.SAVED_BEFORE", 1)
     wild = {"learner.optimizer.critic_rate": 1e30}
     bench = Bench(out=str(tmp_path), **wild)
@@ -203,7 +203,7 @@ def test_of_learning_that_diverges_the_state_before_is_kept(tmp_path: Path, monk
     assert again.published[-1].snapshot.version == last
 
 
-def test_at_rest_nothing_is_learned_from_what_waits_and_a_checkpoint_is_there(tmp_path):
+def test_a_paused_worker_saves_and_learns_again_when_resumed(tmp_path):
     bench = Bench(out=str(tmp_path))
     bench.submit(trajectory(0))
     bench.worker.pause()

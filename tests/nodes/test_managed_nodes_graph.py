@@ -49,7 +49,7 @@ LEARNING = {
 }
 
 
-def stands(probe: Probe, topic: topics.Topic, for_s: float = 0.4) -> bool:
+def stays_silent(probe: Probe, topic: topics.Topic, for_s: float = 0.4) -> bool:
     """Whether nothing more of a topic comes, what was under way being over."""
     probe.until(lambda: False, 0.1)
     before = probe.count(topic)
@@ -57,20 +57,20 @@ def stands(probe: Probe, topic: topics.Topic, for_s: float = 0.4) -> bool:
     return probe.count(topic) == before
 
 
-def comes(probe: Probe, topic: topics.Topic, more: int = 3) -> bool:
+def resumes(probe: Probe, topic: topics.Topic, more: int = 3) -> bool:
     """Whether more messages of a topic come."""
     before = probe.count(topic)
     return probe.until(lambda: probe.count(topic) >= before + more)
 
 
-def test_time_stands_in_an_inactive_arena_which_refuses_requests() -> None:
+def test_time_stops_in_an_inactive_arena_which_rejects_requests() -> None:
     with graph(SimNode, **SCENE) as probe:
         arena = probe.nodes[0]
         user, speaker = User(probe, arena), probe.speaker(topics.JOINT_COMMANDS)
-        assert comes(probe, topics.OBJECT_FEATURES)
+        assert resumes(probe, topics.OBJECT_FEATURES)
         assert user.ask(DEACTIVATE) == (True, "inactive")
         for topic in (topics.OBJECT_FEATURES, topics.CLOCK, topics.TRANSFORMS):
-            assert stands(probe, topic)
+            assert stays_silent(probe, topic)
         speaker.publish(encode_command(Command(0, 0, 0, "me", 0, np.ones(6, np.float32))))
         asked = probe.call(topics.RESET, encode_reset(ResetRequest(3)))
         assert (asked.success, asked.code) == (False, "arena.inactive")
@@ -79,13 +79,13 @@ def test_time_stands_in_an_inactive_arena_which_refuses_requests() -> None:
         assert probe.health["/sim_node"].level == WARN
         stamp, arena_id = arena.session.frame.observation.stamp_ns, arena.session.arena_id
         assert user.ask(ACTIVATE) == (True, "active")
-        assert comes(probe, topics.CLOCK) and arena.session.arena_id == arena_id
+        assert resumes(probe, topics.CLOCK) and arena.session.arena_id == arena_id
         assert arena.session.frame.observation.stamp_ns > stamp
         stamps = [read_stamp(tick.clock) for tick in probe.heard["clock"]]
         assert stamps == sorted(stamps)
 
 
-def test_an_arena_configured_again_is_another_of_other_parameters() -> None:
+def test_an_arena_configured_again_has_a_new_id_and_new_parameters() -> None:
     with graph(SimNode, AgentNode, **TRAINED, sim_node__design="3-D") as probe:
         arena, agent = probe.nodes
         user, before = User(probe, arena), arena.session.arena_id
@@ -100,10 +100,10 @@ def test_an_arena_configured_again_is_another_of_other_parameters() -> None:
         assert user.ask(ACTIVATE) == (True, "active")
         assert arena.session.arena_id != before and arena.config.seed == 5
         assert probe.until(lambda: agent.arena.arena_id == arena.session.arena_id)
-        assert comes(probe, topics.JOINT_COMMANDS)
+        assert resumes(probe, topics.JOINT_COMMANDS)
 
 
-def test_an_inactive_agent_commands_nothing_and_a_goal_ends_with_the_reason() -> None:
+def test_an_inactive_agent_sends_no_commands_and_aborts_its_goal() -> None:
     given = {"sim_node__program_source": "topic", "agent_node__controller": "velocity"}
     with graph(SimNode, AgentNode, **SCENE, **TRAINED, **given) as probe:
         arena, agent = probe.nodes
@@ -124,17 +124,17 @@ def test_an_inactive_agent_commands_nothing_and_a_goal_ends_with_the_reason() ->
             return decode_goal_result(future.result().result)
 
         def deactivate() -> None:
-            assert comes(probe, topics.VELOCITY_COMMANDS)
+            assert resumes(probe, topics.VELOCITY_COMMANDS)
             assert user.ask(DEACTIVATE) == (True, "inactive")
 
         ended = result("NEAR(HAND, AND(GREEN, CUBE))", deactivate, hold_s=1e9)
         assert (ended.success, ended.code) == (False, "goal.inactive") and ended.reason
-        assert stands(probe, topics.JOINT_COMMANDS)
+        assert stays_silent(probe, topics.JOINT_COMMANDS)
         assert not any(probe.last(topics.VELOCITY_COMMANDS).data)
         assert probe.until(lambda: not arena.session.task.simulation.data.qvel[:6].round(2).any())
         assert result("NEAR(HAND, RED)").code == "goal.inactive"
         assert user.ask(ACTIVATE) == (True, "active")
-        assert comes(probe, topics.JOINT_COMMANDS)
+        assert resumes(probe, topics.JOINT_COMMANDS)
         assert result("NEAR(HAND, AND(RED, CUBE))").success
         client.destroy()
 
@@ -148,7 +148,7 @@ def sent_and_accounted(probe: Probe) -> tuple[int, int, int]:
     return completed, len(agent.agent.unaccounted), frames // STEPS
 
 
-def test_a_learning_graph_loses_and_counts_twice_nothing_whoever_rests(tmp_path: Path) -> None:
+def test_deactivating_nodes_loses_and_duplicates_no_trajectory(tmp_path: Path) -> None:
     out = tmp_path / "run"
     with graph(SimNode, AgentNode, LearnerNode, **LEARNING, learner_node__out=out) as probe:
         learner = probe.nodes[-1]
@@ -168,7 +168,7 @@ def test_a_learning_graph_loses_and_counts_twice_nothing_whoever_rests(tmp_path:
             probe.until(lambda: False, 0.5)  # in which others go on, if they do, and send again
             if user is learner_user:
                 saved = read_metadata(checkpoint_of(out))["counters"]["version"]
-                assert saved == version() and stands(probe, topics.POLICY_WEIGHTS)
+                assert saved == version() and stays_silent(probe, topics.POLICY_WEIGHTS)
             assert user.ask(ACTIVATE) == (True, "active")
             assert advances()
         # The arena holds; then what was sent is what is accounted for, each once.
@@ -181,7 +181,7 @@ def test_a_learning_graph_loses_and_counts_twice_nothing_whoever_rests(tmp_path:
         assert probe.nodes[1].agent.lost == 0 and probe.nodes[1].agent.interrupted == 0
 
 
-def test_a_learner_cleaned_up_has_closed_its_run_which_can_be_resumed(tmp_path: Path) -> None:
+def test_a_learner_resumes_its_run_after_cleanup(tmp_path: Path) -> None:
     given = {k: v for k, v in LEARNING.items() if k.startswith("learner_node__")}
     given["learner_node__out"] = tmp_path / "run"
     with graph(LearnerNode, **given) as probe:

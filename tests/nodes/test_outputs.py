@@ -14,7 +14,7 @@ from agent_node.outputs import ControllerOutput
 
 
 @pytest.mark.parametrize("controller", ["velocity", "joint_trajectory"])
-def test_commands_go_down_the_ramp_when_they_stop_and_another_arm_starts_at_rest(
+def test_velocity_ramps_down_when_commands_stop_and_another_arm_starts_at_rest(
     monkeypatch, controller, clock
 ) -> None:
     monkeypatch.setattr("agent_node.outputs.time.monotonic", clock)

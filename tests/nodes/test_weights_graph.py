@@ -81,7 +81,7 @@ def of_another_vocabulary() -> Any:
     return of(learners.snapshot(9, NetworkConfig(world=world, hidden=8, attention=4)))
 
 
-def test_no_latched_message_kills_an_agent(probe: Probe) -> None:
+def test_invalid_latched_messages_are_refused(probe: Probe) -> None:
     _, agent = probe.nodes
     expected = {"wire.size", "wire.truncated", "learning.policy", "wire.range"}
     assert set(agent.refusals.counts) <= expected
@@ -108,7 +108,7 @@ def test_bad_weights_are_refused_and_the_good_ones_keep_acting(probe: Probe, bad
     assert probe.last(topics.JOINT_COMMANDS).policy_version == 3
 
 
-def test_a_learner_that_announces_itself_takes_over_from_a_strangers_weights(probe: Probe) -> None:
+def test_a_described_learner_replaces_one_that_sends_only_weights(probe: Probe) -> None:
     """Of another size, so that the agent must make another network."""
     network = NetworkConfig(world=learners.WORLD, hidden=4, attention=2)
     real = replace(learners.LEARNER, learner_id="real", architecture=network.architecture)

@@ -64,9 +64,7 @@ print(json.dumps({"level": level(), "places": [*found, *files, *mapped, library(
 """
 
 
-def test_code_messages_libraries_and_the_fused_engine_are_what_colcon_built(
-    run: Command, tmp_path: Path
-):
+def test_code_messages_libraries_and_engine_come_from_colcon(run: Command, tmp_path: Path):
     (tmp_path / "origins.py").write_text(ORIGINS.replace("NAMES", repr(PACKAGES)))
     told = json.loads(run("python origins.py"))
     assert len(told["places"]) > 3 * len(PACKAGES) + 1  # some libraries, too
@@ -75,7 +73,7 @@ def test_code_messages_libraries_and_the_fused_engine_are_what_colcon_built(
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_what_a_package_shares_is_installed(package: str):
+def test_shared_files_are_installed(package: str):
     shared = [
         path.relative_to(ROOT / package)
         for pattern in ("package.xml", "launch/*.py", "config/*.yaml", "msg/*.msg")
@@ -87,12 +85,12 @@ def test_what_a_package_shares_is_installed(package: str):
 
 @pytest.mark.graph
 @pytest.mark.parametrize("package", PACKAGES[:-1])
-def test_an_executable_is_where_ros2_run_looks(package: str, run: Command):
+def test_ros2_run_finds_each_executable(package: str, run: Command):
     told = run(f"'{INSTALLED / package}/lib/{package}/{package}' --help")
     assert told.startswith(f"usage: {package} ")
 
 
-def test_the_shipped_agent_does_what_it_is_told(run: Command, tmp_path: Path):
+def test_the_shipped_agent_scores_well(run: Command, tmp_path: Path):
     program = INSTALLED / "pa_ros/lib/pa_ros/pa_ros"
     options = "--checkpoint shipped:3-D --condition eval --episodes 5 --json score.json"
     run(f"'{program}' eval {options}")
@@ -125,6 +123,6 @@ def test_a_graph_learns_in_lockstep(environment: dict[str, str], tmp_path: Path)
     assert process.returncode == 0, "".join(said)
 
 
-def test_layouts_are_shared():
+def test_layouts_are_installed():
     there = {path.name for path in (INSTALLED / "pa_ros/share/pa_ros/layouts").iterdir()}
     assert there == {path.name for path in (ROOT / "pa_ros/pa_ros/layouts").iterdir()}

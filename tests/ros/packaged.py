@@ -72,7 +72,7 @@ def test_the_source_archive_holds_what_git_does_not_ignore():
     assert held == set(listed.stdout.split("\0")) - {""}
 
 
-def test_both_are_of_the_version_that_is_declared():
+def test_both_have_the_declared_version():
     declared = re.search(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert declared is not None
     version = declared.group(1)
@@ -95,14 +95,14 @@ print(json.dumps([*found, *files, *mapped, pa_ros.native._fused.__file__]))
 """
 
 
-def test_code_messages_libraries_and_index_are_the_wheels(run: Command, environment: Path):
+def test_code_messages_libraries_and_index_come_from_the_wheel(run: Command, environment: Path):
     told = json.loads(run("python", "-c", ORIGINS.replace("NAMES", repr(PACKAGES))).stdout)
     assert len(told) > 3 * len(PACKAGES) + 1  # some libraries, too
     assert [path for path in told if not path.startswith(str(environment))] == []
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_what_a_package_shares_is_installed(package: str, prefix: Path):
+def test_shared_files_are_installed(package: str, prefix: Path):
     share = prefix / "share" / package
     shared = [
         path.relative_to(ROOT / package)
@@ -112,12 +112,12 @@ def test_what_a_package_shares_is_installed(package: str, prefix: Path):
     assert shared and [path for path in shared if not (share / path).is_file()] == []
 
 
-def test_layouts_are_shared(prefix: Path):
+def test_layouts_are_installed(prefix: Path):
     there = {path.name for path in (prefix / "share/pa_ros/layouts").iterdir()}
     assert there == {path.name for path in (ROOT / "pa_ros/pa_ros/layouts").iterdir()}
 
 
-def test_the_shipped_agent_does_what_it_is_told(run: Command):
+def test_the_shipped_agent_scores_well(run: Command):
     options = ("--condition", "eval", "--episodes", "5", "--json", "score.json")
     run("pa_ros", "eval", "--checkpoint", "shipped:3-D", *options)
     report = json.loads(Path("score.json").read_text())

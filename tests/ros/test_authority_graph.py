@@ -1,4 +1,4 @@
-"""With a key, strangers are refused and counted, and learning continues. Tests share one graph."""
+"""With a signing key, unsigned, forged and replayed messages are refused. One graph for all."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ def probe(module_domain: str, tmp_path_factory: pytest.TempPathFactory) -> Itera
     keys = {f"{node}__auth_key_file": path for node in nodes}
     learning = {"agent_node__learning": True, **SMALL_LEARNER}
     with graph(SimNode, AgentNode, LearnerNode, **learning, **keys) as probe:
+        assert keeps_learning(probe)
         yield probe
 
 
-def learns_on(probe: Probe) -> bool:
+def keeps_learning(probe: Probe) -> bool:
     version = float(probe.value("learner_node", "version") or 0)
     return probe.until(lambda: float(probe.value("learner_node", "version") or 0) > version + 5)
 
 
 @pytest.mark.parametrize(("topic", "make", "node"), STRANGERS, ids=lambda x: getattr(x, "name", ""))
-def test_strangers_are_refused_and_counted_and_learning_continues(probe, topic, make, node):
+def test_messages_without_the_key_are_refused_and_learning_continues(probe, topic, make, node):
     counts = {one.get_name(): one.refusals for one in probe.nodes}[node]
-    assert learns_on(probe)
     real = probe.last(topic)
     speaker = probe.speaker(topic)
     forged = Signer(b"another key" * 3, "/learner_node", 2**62).sign(make())
@@ -67,4 +67,4 @@ def test_strangers_are_refused_and_counted_and_learning_continues(probe, topic, 
         before = counts.counts[code]
         speaker.publish(message)
         assert probe.until(lambda: counts.counts[code] > before)  # noqa: B023
-    assert learns_on(probe)
+    assert keeps_learning(probe)

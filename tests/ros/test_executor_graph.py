@@ -15,7 +15,7 @@ from pa_ros.tools.client import client_node
 pytestmark = pytest.mark.graph
 
 
-def test_a_signal_interrupts_no_callback_but_ends_the_spinning() -> None:
+def test_a_signal_ends_spinning_after_the_current_callback() -> None:
     """Raised in a callback it could meet the executor's C++, which makes another error of it."""
     done: list[str] = []
 

@@ -19,7 +19,7 @@ def node() -> Iterator[Node]:
         yield made
 
 
-def test_a_number_that_goes_on_counting_is_logged_once(node: Node, monkeypatch):
+def test_a_message_that_differs_only_in_a_number_is_logged_once(node: Node, monkeypatch):
     logged: list[str] = []
     monkeypatch.setattr(type(node.get_logger()), "info", lambda _, text: logged.append(text))
     says = iter(["waits for 2 s", "waits for 3.5 s", "learning", "waits for 2 s"])

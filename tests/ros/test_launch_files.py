@@ -11,8 +11,9 @@ import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 
 from helpers.stand_in_launch import described
-from helpers.waiting import DEADLINE_S, wait_for
+from helpers.waiting import DEADLINE_S
 from pa_ros.tools.client import client_node
+from pa_ros.tools.send import ProgramSender
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(ROOT.glob("*/launch/*.launch.py"))
@@ -38,7 +39,7 @@ def test_a_launch_file_is_installed_and_describes_its_arguments(path):
         assert node.output == "screen"
 
 
-def test_the_graph_learns_or_executes():
+def test_the_mode_chooses_nodes_and_parameter_files():
     description = described(GRAPH)
     names = {
         mode: [node.name for node, _ in description.started(mode=mode)]
@@ -66,29 +67,16 @@ def test_namespace_parameters_time_and_remaps_reach_every_node():
 
 
 @pytest.mark.graph
-def test_what_the_graphs_launch_file_starts_executes_programs():
+def test_the_launched_graph_executes_a_program():
     started = []
     try:
         for node, words in described(GRAPH).started(mode="execute", namespace="left"):
             command = [sys.executable, "-m", f"{node.executable}.main", *words]
             started.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
         with client_node("test", "left") as node:
-            wanted = {"/left/sim_node", "/left/agent_node"}
-
-            def named() -> set[str]:
-                there = node.get_node_names_and_namespaces()
-                return {f"{where}/{name}" for name, where in there}
-
-            wait_for(lambda: wanted <= named(), "both nodes")
-        command = [sys.executable, "-m", "pa_ros", "send", "NEAR(HAND, AND(RED, CUBE))", "--wait"]
-        sent = subprocess.run(
-            [*command, "--namespace", "left", "--timeout", "60"],
-            capture_output=True,
-            text=True,
-            timeout=DEADLINE_S,
-        )
-        assert sent.returncode == 0, sent.stderr
-        assert "satisfied: distance" in sent.stdout and "RED CUBE 1.00" in sent.stdout
+            sender = ProgramSender(node)
+            assert not sender.send("NEAR(HAND, AND(RED, CUBE))", DEADLINE_S).refused
+            assert sender.wait(DEADLINE_S).satisfied
     finally:
         for process in started:
             process.terminate()

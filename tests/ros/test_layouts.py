@@ -34,7 +34,7 @@ def foxglove():
     return json.loads((LAYOUTS / "pa_ros.foxglove.json").read_text())
 
 
-def test_rviz_shows_what_the_graph_publishes_under_a_quality_that_fits(rviz):
+def test_rviz_subscribes_to_topics_with_compatible_quality_of_service(rviz):
     shown = {}
     for display in rviz["Displays"]:
         heard = display.get("Topic") or display.get("Description Topic")
@@ -51,7 +51,7 @@ def test_rviz_shows_what_the_graph_publishes_under_a_quality_that_fits(rviz):
     assert set(shown) == {"markers", "relevance_markers", "camera/image_raw"}
 
 
-def test_rviz_stands_in_the_frame_of_the_views(rviz):
+def test_rviz_uses_the_frame_of_the_markers(rviz):
     assert rviz["Global Options"]["Fixed Frame"] == WORLD
     assert rviz["Views"]["Current"]["Target Frame"] == WORLD
 
@@ -64,12 +64,12 @@ def leaves(tree) -> list[str]:
     return leaves(tree["first"]) + leaves(tree["second"])
 
 
-def test_foxglove_has_each_panel_that_it_configures_once(foxglove):
+def test_foxglove_places_each_configured_panel_once(foxglove):
     placed = leaves(foxglove["layout"])
     assert sorted(placed) == sorted(foxglove["configById"])
 
 
-def test_foxglove_names_topics_and_fields_of_the_graph(foxglove):
+def test_foxglove_names_existing_topics_and_fields(foxglove):
     text = json.dumps(foxglove["configById"])
     paths = set(re.findall(r'"/([a-z_]+)((?:\.[a-z_]+)?)(?:\[:\])?"', text))
     assert {name for name, _ in paths} == {

@@ -20,7 +20,7 @@ def test_a_namespace_that_ros_accepts_is_accepted(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_anything_else_is_refused_and_shown(text: str) -> None:
+def test_an_invalid_namespace_is_rejected_and_shown(text: str) -> None:
     with pytest.raises(ConfigError, match=r"^--namespace: expected .*, got '") as refused:
         check_namespace(text, "--namespace")
     assert repr(text) in str(refused.value)

@@ -1,4 +1,4 @@
-"""A node as a process: parameters, exit status, and what it leaves behind."""
+"""A node as a process: arguments, exit status, sockets, shared memory."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LOOPBACK, MULTICAST = "0100007F", "0100FFEF"  # 127.0.0.1; 239.255.0.1, bound on
 
 def start(node: str, *arguments: str, **variables: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        ["env", "--default-signal=HUP", sys.executable, "-m", f"{node}.main", *arguments],
+        [sys.executable, "-m", f"{node}.main", *arguments],
         env={**os.environ, **variables},
         stderr=subprocess.PIPE,
         text=True,
@@ -61,10 +61,8 @@ def shared_memory_of(pid: int) -> list[str]:
     ("node", "arguments", "reason"),
     [
         ("sim_node", ros_arguments({"design": "9-Z"}), "got '9-Z'"),
-        ("sim_node", ros_arguments(params_file="/no/such.yaml"), "/no/such.yaml"),
         ("sim_node", ["fast"], "expected --ros-args or --help, got 'fast'"),
         ("learner_node", ros_arguments({"resume": True, "out": "/no/such"}), "found none"),
-        ("agent_node", ros_arguments({"learner": "~foo"}), "learner: expected a namespace"),
     ],
 )
 def test_a_bad_argument_or_parameter_is_refused_with_its_value(node, arguments, reason):
@@ -76,7 +74,7 @@ def test_a_bad_argument_or_parameter_is_refused_with_its_value(node, arguments, 
 
 
 @graph
-def test_a_node_logs_elsewhere_where_its_user_has_no_home(tmp_path):
+def test_a_node_of_a_user_without_home_logs_to_the_temporary_folder(tmp_path):
     without = {"HOME": "/proc/none", "TMPDIR": str(tmp_path)}
     process = start("sim_node", **without)
     wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
@@ -87,25 +85,19 @@ def test_a_node_logs_elsewhere_where_its_user_has_no_home(tmp_path):
 
 
 @graph
-@pytest.mark.parametrize("command", [["sim_node.main"], ["pa_ros", "send", "RED"]])
-def test_a_folder_for_logs_that_cannot_be_written_is_one_line(command):
-    process = subprocess.run(
-        [sys.executable, "-m", *command],
-        env={**os.environ, "ROS_LOG_DIR": "/proc/none"},
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=DEADLINE_S,
-    )
+def test_a_folder_for_logs_that_cannot_be_written_is_rejected_in_one_line():
+    process = start("sim_node", ROS_LOG_DIR="/proc/none")
+    _, errors = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 2
-    assert "/proc/none" in process.stderr and "Traceback" not in process.stderr
+    assert "/proc/none" in errors and "Traceback" not in errors
 
 
 @graph
-def test_a_node_listens_on_this_machine_alone_and_leaves_nothing_when_killed():
+def test_a_node_listens_only_on_loopback_and_uses_no_shared_memory():
     process = start("sim_node")
     wait_for(lambda: len(sockets_of(process.pid)) > 1, "both kinds of sockets")
     assert sockets_of(process.pid) == {LOOPBACK, MULTICAST}
-    assert not shared_memory_of(process.pid)  # else it stayed behind
+    assert not shared_memory_of(process.pid)  # it would be left behind by SIGKILL
     process.kill()
     process.communicate(timeout=DEADLINE_S)
 
@@ -113,7 +105,7 @@ def test_a_node_listens_on_this_machine_alone_and_leaves_nothing_when_killed():
 @graph
 @pytest.mark.parametrize(
     ("number", "autostart"),
-    [(signal.SIGINT, True), (signal.SIGTERM, False), (signal.SIGHUP, True)],
+    [(signal.SIGINT, True), (signal.SIGTERM, False)],
 )
 def test_a_node_stops_cleanly_when_asked(number, autostart):
     process = start("sim_node", *ros_arguments({"autostart": autostart}))
@@ -160,7 +152,7 @@ def test_a_node_whose_launcher_is_gone_does_not_start():
 
 
 @pytest.mark.parametrize("choice", NETWORK_CHOICES)
-def test_the_users_choice_of_network_stands(choice, monkeypatch):
+def test_the_users_choice_of_network_is_kept(choice, monkeypatch):
     for name in NETWORK_CHOICES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(choice, "theirs")

@@ -36,7 +36,7 @@ def peers(clock) -> Peers:
     return peers
 
 
-def test_before_any_data_the_newest_description_counts_and_then_the_one_whose_data_arrive(clock):
+def test_the_newest_description_counts_until_data_arrive(clock):
     peers = Peers(clock)
     assert not peers.received("real")  # not described yet
     peers.described("stranger", "strange")
@@ -49,7 +49,7 @@ def test_before_any_data_the_newest_description_counts_and_then_the_one_whose_da
     assert peers.current == "stranger" and peers.received("real") and peers.current == "real"
 
 
-def test_a_description_alone_never_displaces_a_living_peer(peers, clock):
+def test_a_description_without_data_never_replaces_a_living_peer(peers, clock):
     peers.described("other", "second")
     assert peers.current == "first" and "other describes itself, but sends nothing" in peers.fault
     clock.now += REPORTED_S
@@ -70,9 +70,7 @@ def test_a_second_living_peer_is_ignored_and_named_until_it_is_gone(peers, clock
     assert peers.received("one") and not peers.fault and peers.changes == ["first"]
 
 
-def test_a_silent_peer_gives_way_to_one_whose_data_arrive_and_does_not_take_its_place_back(
-    peers, clock
-):
+def test_a_silent_peer_is_replaced_by_one_whose_data_arrive(peers, clock):
     peers.described("other", "second")
     clock.now += SILENT_S
     assert peers.received("other") and peers.current == "second" and not peers.fault
@@ -81,7 +79,7 @@ def test_a_silent_peer_gives_way_to_one_whose_data_arrive_and_does_not_take_its_
     assert peers.received("one") and peers.current == "first"
 
 
-def test_other_content_under_the_id_of_a_living_peer_is_ignored(peers, clock):
+def test_a_living_peers_description_cannot_change(peers, clock):
     peers.described("one", "forged")
     assert peers.current == "first" and "one is described differently" in peers.fault
     clock.now += SILENT_S
@@ -95,14 +93,14 @@ def test_data_without_a_description_are_reported_unless_that_arrives_soon(peers,
     assert "nobody never described itself" in peers.fault
 
 
-def test_what_is_remembered_is_bounded(peers):
+def test_memory_of_peers_is_bounded(peers):
     for number in range(10 * REMEMBERED):
         peers.described(f"{number}", str(number))
         assert not peers.received(f"undescribed {number}")
     assert peers.received("one") and len(peers.fault) < 100 * REMEMBERED
 
 
-def test_a_learner_that_resumes_the_run_takes_over_with_its_first_data(clock):
+def test_a_learner_that_resumes_the_run_takes_over_at_its_first_data(clock):
     learners = PeerMonitor("learner", is_restart=is_restarted_learner, clock=clock)
     resumed, other = again(LEARNER, version=7), replace(LEARNER, learner_id="x", run_id="y")
     learners.described("learner", LEARNER)
@@ -114,7 +112,7 @@ def test_a_learner_that_resumes_the_run_takes_over_with_its_first_data(clock):
     assert not learners.received("learner")
 
 
-def test_an_agent_is_followed_by_its_next_incarnation_and_not_by_another_agent(clock):
+def test_a_restarted_agent_takes_over_and_another_agent_does_not(clock):
     agents = PeerMonitor[AgentKey]("agent", is_restart=is_restarted_agent, clock=clock)
     first, again_, other = AgentKey("a", 1), AgentKey("a", 2), AgentKey("b", 3)
     followed = [agents.received(key, key) for key in (first, first, other, again_, first)]

@@ -30,7 +30,7 @@ def refusals(lines, clock) -> Refusals:
     return Refusals(lines.append, clock, period_s=5.0)
 
 
-def test_each_is_counted_by_code_and_the_first_of_a_code_is_logged(refusals, lines):
+def test_refusals_are_counted_by_code_and_the_first_is_logged(refusals, lines):
     for _ in range(3):
         refusals.refuse("topic", WireError("field", 6, 5, "wire.size"))
     refusals.refuse("topic", ConfigError("no"))
@@ -42,7 +42,7 @@ def test_each_is_counted_by_code_and_the_first_of_a_code_is_logged(refusals, lin
     ]
 
 
-def test_a_flood_is_logged_once_a_period_with_its_size(refusals, lines, clock):
+def test_many_refusals_are_logged_once_a_period_with_their_number(refusals, lines, clock):
     for _ in range(80):
         refusals.refuse("topic", ConfigError("no"))
         clock.now += 0.125
@@ -60,7 +60,7 @@ def test_a_guarded_callback_refuses_bad_input_and_passes_bugs_on(refusals):
         guarded("bug")
 
 
-def test_refusals_of_several_threads_are_all_counted_and_the_first_logged_once(refusals, lines):
+def test_refusals_of_several_threads_are_all_counted(refusals, lines):
     def refuse_often() -> None:
         for _ in range(2000):
             refusals.refuse("topic", ConfigError("no"))
@@ -73,7 +73,7 @@ def test_refusals_of_several_threads_are_all_counted_and_the_first_logged_once(r
     assert refusals.total == 8000 and lines == ["refused: topic: [config] no"]
 
 
-def test_an_answer_to_a_program_has_the_canonical_text_or_the_reason_and_the_place(refusals):
+def test_a_programs_answer_has_its_canonical_text_or_reason_and_position(refusals):
     accepted = answer_program(RED, "/sim_node", 5, lambda request: request.text, refusals)
     assert (accepted.accepted, accepted.canonical, accepted.stamp_ns) == (True, RED.text, 5)
 
@@ -88,7 +88,7 @@ def test_an_answer_to_a_program_has_the_canonical_text_or_the_reason_and_the_pla
     assert (refused.program_id, refused.position, refusals.total) == ("1", 7, 1)
 
 
-def test_only_so_many_programs_a_second_are_checked(clock):
+def test_the_rate_of_programs_is_limited(clock):
     limiter, checked = RateLimiter(clock), 0
     for _ in range(int(PROGRAMS_AT_ONCE)):
         limiter.check()

@@ -37,7 +37,7 @@ def allowed(node: str, kind: str, right: str) -> set[str]:
     return {name if name.startswith("/") else f"/{name}" for name in names}
 
 
-def test_policies_are_of_least_privilege() -> None:
+def test_sros2_policies_allow_exactly_what_nodes_use() -> None:
     with graph(SimNode, AgentNode, LearnerNode, agent_node__learning=True) as probe:
         for node in probe.nodes:
             name = node.get_name()

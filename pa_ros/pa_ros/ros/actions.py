@@ -77,11 +77,6 @@ class Goal:
         self.active = True
         self._server, self._handle = server, handle
 
-    @property
-    def cancelled(self) -> bool:
-        """Whether the client has asked to cancel it."""
-        return bool(self._handle.is_cancel_requested)
-
     def feedback(self, feedback: Message) -> None:
         """Send feedback to the client."""
         if self.active:
