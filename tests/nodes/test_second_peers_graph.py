@@ -18,7 +18,13 @@ from pa_ros.wire.learning import encode_trajectory
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-LEARNING = {"agent_node__learning": True, "agent_node__agent_id": "real", **SMALL_LEARNER}
+LEARNING = {
+    "sim_node__resend_period_s": 0.2,
+    "agent_node__resend_period_s": 0.5,
+    "agent_node__learning": True,
+    "agent_node__agent_id": "real",
+    **SMALL_LEARNER,
+}
 
 
 def test_the_second_learner_is_followed_after_the_first_one_ends() -> None:
@@ -50,6 +56,5 @@ def test_a_learner_leaves_a_strangers_arena_for_the_real_one() -> None:
         assert probe.until(lambda: "refuses trajectories" in probe.message("learner_node"))
         assert probe.health["/learner_node"].level == WARN
         probe.nodes += [SimNode(), AgentNode()]
-        assert probe.until(lambda: probe.message("learner_node") == "learning")
-        assert probe.until(lambda: float(probe.value("learner_node", "frames")) > 100)
-        assert probe.until(lambda: probe.message("agent_node") == "acting")
+        assert probe.until(lambda: float(probe.value("learner_node", "frames") or 0) > 100)
+        assert learner.worker.run.info.thresholds == ARENA.thresholds
