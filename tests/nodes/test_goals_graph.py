@@ -180,9 +180,7 @@ def test_the_time_limit_ends_a_goal_and_holds_the_arm(probe: Probe, client: Clie
     assert probe.until(lambda: not commanded(probe))
 
 
-def test_a_goal_ends_with_its_arena_and_keeps_its_result(
-    probe: Probe, client: Client
-) -> None:
+def test_a_goal_ends_with_its_arena_and_keeps_its_result(probe: Probe, client: Client) -> None:
     handle = client.send("NEAR(HAND, RED)", hold_s=1e9)
     assert probe.until(lambda: len(client.feedback) > 1)
     arena, agent = probe.nodes
