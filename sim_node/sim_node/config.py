@@ -32,7 +32,6 @@ class SimConfig(NodeSettings, ArenaChoice):
     seed: int = Field(0, ge=0, description="of all episodes")
     blocks: int = Field(0, ge=0, description="on the table; 0: as the design says")
     condition: str = Field("train", description="that episodes are drawn from")
-    reward: str = Field("sparse", description="a name, or JSON of name and parameters")
     program_source: Literal["generator", "topic"] = Field(
         "generator", description="topic: execute what comes, in a scene that stays"
     )

@@ -7,8 +7,6 @@ import pytest
 from pa_ros.cli.main import main
 from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.evaluation.generalization import CONDITIONS
-from pa_ros.evaluation.scorer import Benchmark
-from pa_ros.learning.config import TrainConfig
 
 pytestmark = pytest.mark.xdist_group("evaluate")  # its checkpoint is made once
 
@@ -29,18 +27,9 @@ def test_each_condition_by_its_name(checkpoint: str, condition: str, tmp_path, c
     assert main([*arguments, "--json", str(report)]) == 0
     figures = json.loads(report.read_text())
     assert figures["eval.condition"] == condition and figures["eval.design"] == "3-D"
+    assert figures["eval.seed"] == EPISODES_SEED, "episodes that no training run sees"
     assert -1.0 <= figures["eval.reward_per_step"] <= 1.0
     assert "NEAR(HAND, " in capsys.readouterr().out
-
-
-def test_episodes_are_none_that_training_had(checkpoint: str, tmp_path):
-    """Their seed is the one of studies, and of no run."""
-    report = tmp_path / "eval.json"
-    arguments = ["eval", "--checkpoint", checkpoint, "--condition", "train", "--episodes", "1"]
-    assert main([*arguments, "--json", str(report)]) == 0
-    seed = json.loads(report.read_text())["eval.seed"]
-    assert seed == EPISODES_SEED == Benchmark.leaf("seed").default
-    assert seed != TrainConfig.leaf("seed").default
 
 
 def test_all_conditions_at_once(checkpoint: str, tmp_path, capsys, monkeypatch):

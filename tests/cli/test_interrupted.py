@@ -69,9 +69,7 @@ def test_ctrl_c_is_for_the_experiment_not_for_a_seed_that_starts(tmp_path, monke
     assert process.returncode == 130 and not error
 
 
-@pytest.mark.parametrize(
-    ("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGKILL, -9)]
-)
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGKILL, -9)])
 def test_an_experiment_that_is_ended_alone_leaves_no_seed_behind(tmp_path, number, status):
     with command("experiment", "programmable-2L", "--seeds", "2", "--runs", tmp_path) as process:
         wait_for(lambda: list(tmp_path.rglob("progress.csv")), "a seed that learns")

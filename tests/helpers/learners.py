@@ -191,7 +191,12 @@ def trained(
     arena = preset_named("fast", arm)
     learning = LearningSettings(algorithm=algorithm).changed(**SMALL | settings)
     return train(
-        TrainConfig(out=out, frames=frames, evaluate_every_frames=0, arm=arm),
+        TrainConfig(
+            out=out,
+            frames=frames,
+            evaluate_every_frames=0,
+            environment={"design": "2-L", "preset": "fast", "arm": arm},
+        ),
         learning.network.for_world(world_of(arena, design)),
         learning.learner,
         ReachTask(arena, design, 0, reward=reward),

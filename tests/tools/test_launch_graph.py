@@ -93,7 +93,7 @@ def test_programs_are_pursued_accepted_and_refused_and_ctrl_c_stops_all_nodes(la
     assert "/arena1/agent_node: accepted NEAR(HAND, RED)" in out
 
     # With random weights the arm hardly moves, and no block starts within reach.
-    status, out, err = send(program, "--wait", "--time-limit", "5")
+    status, out, err = send(program, "--wait")
     assert status == 1, err
     assert re.search(r"0\.\d+ m; p of [A-Z ]+ 0\.\d\d, ", out)  # feedback
     assert re.search(r"not satisfied: distance 0\.\d+ m: the time limit came", out)

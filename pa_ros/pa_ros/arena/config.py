@@ -119,7 +119,7 @@ PRESETS = {name: preset_named(name) for name in _VALUES}
 
 
 class ArenaChoice(Settings):
-    """A design, an arm and a preset, by name."""
+    """A design, an arm, a preset and a reward, by name."""
 
     design: Annotated[str, OneOf(lambda: DESIGNS)] = Field(
         "2-L", description="which blocks there are, and which programs are held out"
@@ -133,6 +133,7 @@ class ArenaChoice(Settings):
     preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
         "fast", description="the arm's speed, and whether it touches blocks"
     )
+    reward: str = Field("sparse", description="a name, or JSON of name and parameters")
 
     def design_of(self) -> Design:
         """The design, with the chosen relations."""

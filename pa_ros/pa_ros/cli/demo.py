@@ -10,17 +10,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs
-from pa_ros.cli.options import add_settings, folder_to_write, settings_from
+from pa_ros.cli.options import folder_to_write
 from pa_ros.console.settings import TOKEN, control_address, free_port
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.settings import Settings
 from pa_ros.evaluation.drawing import draw_detectors
 from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
@@ -49,18 +47,12 @@ ROW = "{:<12} {:<56} {:<7} {:<7} {:<10} {}"
 EXIT_FAILED = 1
 
 
-class DemoConfig(Settings):
-    """How the demonstration learns."""
-
-    SECTION: ClassVar[str] = "demo"
-
-    seed: int = Field(0, ge=0, description="of learning; the scenes of executions have another")
-    minutes: float = Field(20.0, gt=0, description="give up learning after these")
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros demo`."""
-    add_settings(parser, DemoConfig, "seed", "minutes")
+    parser.add_argument("--seed", type=int, default=0, help="of learning (%(default)s)")
+    parser.add_argument(
+        "--minutes", type=float, default=20.0, help="stop learning after these (%(default)g)"
+    )
     parser.add_argument(
         "--no-shipped", dest="shipped", action="store_false", help="start with learning"
     )
@@ -80,15 +72,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Execute, learn, execute. Results are left in one folder; Ctrl-C stops every process."""
-    config = settings_from(options, DemoConfig)
     folder = options.out or Path("runs") / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"--out: expected a new or empty folder, got {folder}")
     print(f"ROS domain {use_free_domain()}; results: {folder}/\n")
     try:
         with _page(options.console, folder):
-            good = not options.shipped or _show_shipped(folder, config)
-            good = _learn(folder, config) and _execute_learned(folder, config) and good
+            good = not options.shipped or _show_shipped(folder, options.seed)
+            reached = _learn(folder, options.seed, options.minutes)
+            good = reached and _execute_learned(folder, options.seed) and good
     except PaError as error:
         print(f"pa_ros demo: {error}", file=sys.stderr)
         return EXIT_FAILED
@@ -100,17 +92,17 @@ def run(options: argparse.Namespace) -> int:
     return 0 if good else EXIT_FAILED
 
 
-def _show_shipped(folder: Path, config: DemoConfig) -> bool:
+def _show_shipped(folder: Path, seed: int) -> bool:
     design = design_named(SHIPPED)
     print(f"First, an agent that comes with the package (design {SHIPPED}) executes programs.")
     print(f"It was trained on {_targets(design)}.\n")
-    return execute(folder / "shipped", design, f"shipped:{SHIPPED}", config.seed + SCENE_SEED)
+    return execute(folder / "shipped", design, f"shipped:{SHIPPED}", seed + SCENE_SEED)
 
 
-def _execute_learned(folder: Path, config: DemoConfig) -> bool:
+def _execute_learned(folder: Path, seed: int) -> bool:
     print("\nThe agent that has just learned executes programs.\n")
     checkpoint = str(checkpoint_of(folder).resolve())
-    return execute(folder, design_named(LEARNED), checkpoint, config.seed + SCENE_SEED)
+    return execute(folder, design_named(LEARNED), checkpoint, seed + SCENE_SEED)
 
 
 def execute(folder: Path, design: Design, checkpoint: str, seed: int, speed: float = SPEED) -> bool:
@@ -163,7 +155,7 @@ def execute(folder: Path, design: Design, checkpoint: str, seed: int, speed: flo
     return "held out" in executed and len(executed) >= NEEDED
 
 
-def _learn(folder: Path, config: DemoConfig) -> bool:
+def _learn(folder: Path, seed: int, minutes: float) -> bool:
     """Learn from random weights until the zero-shot target is reached; whether it was.
 
     Leaves the checkpoint and a picture of the detectors.
@@ -172,16 +164,16 @@ def _learn(folder: Path, config: DemoConfig) -> bool:
     held_out = ", ".join(kind.conjunction for kind in design.held_out)
     print(f"\nAn agent learns design {LEARNED} from random weights, faster than real time.")
     print(f"It is trained on {_targets(design)};\nnever on {held_out} (zero-shot).")
-    task = ReachTask(arena, design, config.seed)
+    task = ReachTask(arena, design, seed)
     random, script = (
         float(np.mean(rewards(reference_scores(task, name, FULL, REFERENCE_EPISODES))))
         for name in ("random", "scripted")
     )
     print(f"Score 0 is random motion ({random:+.2f} per step), 1 is a script ({script:+.2f}).\n")
     changes: dict[str, dict[str, Any]] = {
-        "sim_node": {"design": LEARNED, "preset": PRESET, "seed": config.seed},
-        "agent_node": {"seed": config.seed},
-        "learner_node": {"seed": config.seed, "out": str(folder.resolve())},
+        "sim_node": {"design": LEARNED, "preset": PRESET, "seed": seed},
+        "agent_node": {"seed": seed},
+        "learner_node": {"seed": seed, "out": str(folder.resolve())},
     }
     parameters = merged(load_parameters(packaged("train_2l")), changes)
     target = HeldOutTarget(random=random, scripted=script)
@@ -204,14 +196,14 @@ def _learn(folder: Path, config: DemoConfig) -> bool:
         with Display("Learning (Ctrl-C stops everything)", rows, line) as display:
             reached = watch(
                 node, supervisor, display.refresh, lambda: target.reached(tally),
-                60.0 * config.minutes,
+                60.0 * minutes,
             )  # fmt: skip
         supervisor.stop()
     took = f"{time.monotonic() - started:.0f} s and {tally.frames} control steps"
     verdict = "reached" if reached else "NOT reached"
     print(f"\nZero-shot score {target.score(tally)[0]:.2f}: target {verdict} after {took}.")
     program = demo_programs(design)[1]
-    scene = find_scene(arena, design, config.seed + SCENE_SEED, program)
+    scene = find_scene(arena, design, seed + SCENE_SEED, program)
     seen, _ = task.reset_to(scene.episode)
     draw_detectors(folder / "detectors.png", checkpoint_of(folder), task, seen, program.text)
     return reached

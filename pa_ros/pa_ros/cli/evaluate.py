@@ -66,19 +66,15 @@ def run(options: argparse.Namespace) -> int:
         agent = load_agent(options.checkpoint, options.design, options.preset, options.arm, logic)
         if options.condition == ALL:
             return _all_conditions(agent, options)
-        report = _agent_report(agent, options)
+        agent, drawn_from = acting_under(options.condition, agent, options.seed)
+        report = _report(options, agent.design, agent.arena, agent.policy, drawn_from)
+        report = {**report, "eval.logic": agent.logic.name}
     else:
         chosen = settings_from(options, EvaluationConfig)
         design, arena = chosen.design_of(), chosen.arena_config()
         report = _report(options, design, arena, options.policy, options.condition)
     write_report(options.json, report)
     return 0
-
-
-def _agent_report(agent: TrainedAgent, options: argparse.Namespace) -> Report:
-    agent, drawn_from = acting_under(options.condition, agent, options.seed)
-    report = _report(options, agent.design, agent.arena, agent.policy, drawn_from)
-    return {**report, "eval.logic": agent.logic.name}
 
 
 def _report(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -136,8 +135,6 @@ def file_to_write(text: str) -> Path:
     if path.is_dir():
         raise ConfigError(f"{path}: expected a file to write, got a folder")
     _check_folder(path.parent, path)
-    if path.exists() and not os.access(path, os.W_OK):
-        raise ConfigError(f"{path}: expected a file that may be written")
     return path
 
 
@@ -151,8 +148,6 @@ def _check_folder(folder: Path, asked: Path) -> None:
     there = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not there.is_dir():
         raise ConfigError(f"{asked}: expected a folder at {there}, got a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise ConfigError(f"{asked}: expected a folder that may be written, got {there}")
 
 
 def _reader(leaf: Leaf, flag: str) -> Callable[[str], Any]:

@@ -1,4 +1,4 @@
-"""`pa_ros send TEXT`: hand a program to a running graph, and see what becomes of it.
+"""`pa_ros send TEXT`: send a program to a running graph and show the outcome.
 
 Without a text it shows what is on the table, and programs that make sense there.
 """
@@ -11,12 +11,11 @@ import sys
 import time
 from functools import partial
 
-from pa_ros.acting.execution import Execution
-from pa_ros.cli.options import add_setting, asked, settings_from
+from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution
+from pa_ros.cli.options import add_setting, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import printable, printable_lines
 from pa_ros.ros.executor import spin_until
-from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.client import (
     ArenaClient,
     NoAnswerError,
@@ -54,8 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_setting(parser, SendOptions, "wait")
     add_setting(parser, SendOptions, "timeout_s", "--timeout", metavar="S")
-    add_setting(parser, SendOptions, "time_limit_s", "--time-limit", metavar="S")
-    add_setting(parser, SendOptions, "hold_s", "--hold", metavar="S")
     parser.add_argument("--namespace", default="", help="of the arena (default: none)")
     parser.epilog = (
         "exit status: 0 accepted (with --wait: satisfied), 1 not satisfied, 2 refused, 3 timed out"
@@ -65,10 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Send the program, or a goal; print the answers and the outcome."""
     how = settings_from(options, SendOptions)
-    of_goals = {"time_limit_s": "--time-limit", "hold_s": "--hold"}
-    limits = [of_goals[name] for name in asked(options, SendOptions) if name in of_goals]
-    if limits and not how.wait:
-        raise ConfigError(f"{', '.join(limits)}: expected --wait with it: a goal has such limits")
     if how.wait and options.text is None:
         raise ConfigError("--wait: expected a program with it")
     with client_node("send", options.namespace) as node:
@@ -81,11 +74,6 @@ def run(options: argparse.Namespace) -> int:
             if options.text is None:
                 return _describe(node, scene, how.timeout_s)
             status = _pursue(node, options.text, how) if how.wait else None
-            if status is None and limits:
-                raise ConfigError(
-                    f"{', '.join(limits)}: expected an agent that takes goals, found none (agents "
-                    "that learn take programs alone)"
-                )
             status = _send(node, options.text, how) if status is None else status
             if status == EXIT_REFUSED and spin_until(node, lambda: scene.known, SUGGEST_S):
                 print(_suggested(scene), file=sys.stderr)
@@ -107,11 +95,6 @@ def _scene(text: str) -> ResetRequest:
 def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
     """Print what is on the table. Raises NoAnswerError if no sample arrives in time."""
     if not spin_with_notice(node, lambda: scene.known, timeout_s):
-        if scene.arena is not None:
-            raise NoAnswerError(
-                f"arena {printable(scene.arena.arena_id)} describes itself, but no "
-                f"{OBJECT_FEATURES.name} that fit came within {timeout_s:g} s"
-            )
         raise NoAnswerError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )
@@ -128,13 +111,12 @@ def _suggested(scene: Scene) -> str:
 
 
 def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
-    """Send a goal to the agent; None if it offers no action, as an agent that learns."""
+    """Send a goal to the agent; None if it offers no action, as agents that learn do."""
     client = GoalClient(node)
     try:
         if not client.offered(min(OFFER_S, how.timeout_s)):
             return None
-        goal = ProgramGoal(text, how.time_limit_s, how.hold_s)
-        result = client.execute(goal, how.timeout_s, _Feedback())
+        result = client.execute(ProgramGoal(text, WINDOW_S, HOLD_S), how.timeout_s, _Feedback())
     finally:
         client.close()
     if result.position >= 0 or result.code.startswith("program."):
@@ -164,7 +146,7 @@ def _send(node: Node, text: str, how: SendOptions) -> int:
     sender = ProgramSender(node, partial(spin_with_notice, node))
     try:
         answers = sender.send(text, how.timeout_s)
-    finally:
+    finally:  # also after a timeout: some nodes may have answered
         print_answers(sender.answers)
     if answers.refused:
         return EXIT_REFUSED
@@ -189,8 +171,7 @@ def print_answers(answers: Answers) -> None:
         if status.accepted:
             print(f"{printable(name)}: accepted {printable_lines(status.canonical)}")
         else:
-            refused = _refused(status.code, status.reason)
-            print(f"{printable(name)}: {refused}", file=sys.stderr)
+            print(f"{printable(name)}: {_refused(status.code, status.reason)}", file=sys.stderr)
 
 
 def _refused(code: str, reason: str) -> str:

@@ -38,9 +38,9 @@ EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
-    add_settings(parser, ArenaChoice, "design", "relations", "arm", "preset")
+    add_settings(parser, ArenaChoice, "design", "relations", "arm", "preset", "reward")
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
-    add_settings(parser, TrainConfig, "reward", "frames", "out")
+    add_settings(parser, TrainConfig, "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
     parser.add_argument("--record", type=Path, metavar="BAG", help="record the run into a bag")
     parser.add_argument(
@@ -69,7 +69,8 @@ def run(options: argparse.Namespace) -> int:
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
     learning = learning_from(options)
-    config = settings_from(options, TrainConfig)
+    names = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
+    config = settings_from(options, TrainConfig, environment=names)
     programs, seed = training_programs(design), config.seed
     parameters = {**learning.flat(), "frames": config.frames, "resume": options.resume}
     recorded: AbstractContextManager[RunLog | None] = nullcontext()
@@ -84,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
             config,
             learning.network.for_world(world_of(arena, design)),
             learning.learner,
-            ReachTask(arena, design, seed, reward=reward_from(config.reward)),
+            ReachTask(arena, design, seed, reward=reward_from(chosen.reward)),
             np.array(arena.joint_speed_limits),
             programs,
             TrainingScores(arena, design, config.evaluation_episodes),

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
-
-from pydantic import Field
 
 from pa_ros import __version__
 from pa_ros.arena import ArenaConfig, Design, ReachTask, scoring_of
 from pa_ros.core.experience import Float64, Observation
-from pa_ros.core.settings import Settings
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.blind import BLIND, blind_policy
 from pa_ros.evaluation.evaluate import EPISODES_SEED, reference_policy, run_episodes
@@ -22,15 +19,14 @@ from pa_ros.evaluation.tables import read_rows, write_rows
 MakePolicy = Callable[[], Callable[[Observation], Float64]]
 
 
-class Benchmark(Settings):
+@dataclass(frozen=True)
+class Benchmark:
     """The same episodes 0 … `episodes` − 1 of every condition of a design, in one arena."""
-
-    SECTION: ClassVar[str] = "benchmark"
 
     design: Design
     arena: ArenaConfig
-    episodes: int = Field(100, ge=1, description="in each condition")
-    seed: int = Field(EPISODES_SEED, ge=0, description="of the episodes")
+    episodes: int = 100  # in each condition
+    seed: int = EPISODES_SEED
 
     @property
     def digest(self) -> str:

@@ -124,18 +124,16 @@ class LearnerConfig(Settings):
 
 
 class TrainConfig(Settings):
-    """One training run. `design`, `preset`, `arm` and `reward` name the caller's environment."""
+    """One training run, in an environment that the caller makes."""
 
     SECTION: ClassVar[str] = "train"
 
     out: Path = Field(description="folder for curve and checkpoint")
     seed: int = Field(0, ge=0, description="of episodes, exploration and weights")
     frames: int = Field(100_000, ge=1, description="control steps to train for, whole episodes")
-    design: str = Field("2-L", description="of the environment")
-    preset: str = Field("fast", description="of the environment")
-    arm: str = Field("jaco", description="of the environment")
-    reward: str = Field(
-        "sparse", description="of the environment: a name, or JSON of name and parameters"
+    environment: dict[str, str] = Field(
+        {"design": "2-L", "preset": "fast", "arm": "jaco"},
+        description="names of its parts, kept in checkpoints; a run is resumed in the same one",
     )
     condition: str = Field("train", description="that episodes are drawn from")
     agent_id: ClassVar[str] = "agent"  # there is one agent

@@ -30,8 +30,7 @@ def resume_from(config: TrainConfig, learner: Learner) -> dict[str, Any]:
     if damage:
         log.warning(damage)
         make_latest(path)
-    facts = {name: getattr(config, name) for name in ("seed", "design", "preset", "arm")}
-    check_facts(path, read_metadata(path), **facts)
+    check_facts(path, read_metadata(path), seed=config.seed, **config.environment)
     return restore(path, learner)
 
 
@@ -76,8 +75,7 @@ class Records:
     def save(self) -> None:
         """Write a checkpoint; the learner must be idle. CheckpointError if there is no room."""
         config = self._config
-        about = config.seed, config.design, config.preset, config.arm
-        extra = self._run.facts(self._started, *about)
+        extra = self._run.facts(self._started, config.seed, **config.environment)
         extra |= {"reward_sum": self._reward_sum, "reward_steps": self._reward_steps}
         save_checkpoint(checkpoint_of(config.out), self._run.learner, extra)
 

@@ -13,7 +13,7 @@ from pydantic import Field
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
+from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import spin_until
@@ -22,7 +22,6 @@ from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATU
 from pa_ros.tools.client import NoAnswerError, Spin
 from pa_ros.wire import Message
 from pa_ros.wire.program import (
-    LONGEST_S,
     GoalProgress,
     GoalResult,
     ProgramGoal,
@@ -54,18 +53,6 @@ class SendOptions(Settings):
         30.0, gt=0, description="seconds to wait for the answers, and again for the verdict"
     )
     wait: bool = Field(False, description="make it a goal of the agent's, and wait for the verdict")
-    time_limit_s: float = Field(
-        WINDOW_S,
-        ge=0,
-        le=LONGEST_S,
-        description="simulation time that a goal is given; 0: no limit",
-    )
-    hold_s: float = Field(
-        HOLD_S,
-        ge=0,
-        le=LONGEST_S,
-        description="simulation time for which a goal must stay satisfied",
-    )
 
 
 @dataclass
