@@ -10,8 +10,6 @@ from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.cli.main import main
 from pa_ros.evaluation.drawing import draw_detectors
 from pa_ros.evaluation.experiments import experiment_named, summarize, write_table
-from pa_ros.evaluation.generalization import CONDITIONS, Row
-from pa_ros.evaluation.generalization_figures import generalization_figure
 from pa_ros.evaluation.learning_figures import is_curves, learning_figure, short
 from pa_ros.evaluation.tables import EvaluationError
 
@@ -59,25 +57,6 @@ def test_a_table_without_seeds_is_rejected(tmp_path, head):
     table.write_text(f"{head},train_greedy.normalized\n")
     with pytest.raises(EvaluationError, match="expected learning curves with a column seed"):
         learning_figure(table)
-
-
-def table(level: float) -> list[Row]:
-    rng = np.random.default_rng(0)
-    return [
-        Row(seed, condition, episode, "P", float(rng.normal(level, 0.1)), True, 0.1, 0.8, -1.0,
-            -0.4, -0.2, -0.3)
-        for condition in CONDITIONS for seed in (0, 1) for episode in range(5)
-    ]  # fmt: skip
-
-
-def test_the_generalization_figure_shows_the_scores(tmp_path):
-    pictures = []
-    for level in (-0.5, 0.7):
-        path = tmp_path / "new" / f"{level}.png"
-        generalization_figure(path, table(level), "3-D")
-        pictures.append(matplotlib.image.imread(path)[..., :3])
-    assert pictures[0].shape == pictures[1].shape
-    assert np.abs(pictures[0] - pictures[1]).mean() > 0.003
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.evaluation import evaluate as scoring
-from pa_ros.evaluation.evaluate import TrainingScores, by_program, evaluate, run_episodes
+from pa_ros.evaluation.evaluate import by_program, evaluate, run_episodes
 from pa_ros.evaluation.scores import gain_over, mean_interval, normalized, normalized_interval
 
 FAST, TWO_L = preset_named("fast"), design_named("2-L")
@@ -88,22 +87,3 @@ def test_a_score_leaves_out_the_reward_of_the_reset(monkeypatch):
     monkeypatch.setattr(task, "step", rewarded)
     scores = list(run_episodes(task, lambda _: np.zeros(6), "train", 2))
     assert [score.reward_per_step for score in scores] == [1.0, 1.0]  # with a reset's -1: 0.5
-
-
-def test_references_of_training_scores_are_computed_once_when_first_needed(monkeypatch):
-    computed = []
-    original = scoring.reference_scores
-
-    def count(task, name, condition, episodes):
-        computed.append((name, condition))
-        return original(task, name, condition, episodes)
-
-    class Still:
-        def act(self, observation, program):
-            return np.zeros(FAST.joints, np.float32)
-
-    monkeypatch.setattr(scoring, "reference_scores", count)
-    scores = TrainingScores(FAST, TWO_L, 2)
-    assert computed == []
-    assert scores(Still()) == scores(Still())
-    assert len(computed) == 4  # both references under both conditions

@@ -92,17 +92,3 @@ def test_a_damaged_setting_is_rejected(tmp_path, text, capsys) -> None:
         assert main([*command, "--results", str(tmp_path)]) == 2
         error = capsys.readouterr().err
         assert "programmable-2L.free.json: " in error and error.count("\n") == 1
-
-
-@pytest.mark.parametrize("text", ["", "a,b\n1,2\n"])
-def test_a_damaged_table_is_rejected(tmp_path, text, capsys) -> None:
-    for experiment in (
-        BASE,
-        replace(BASE, tag="free", options={"learner.detectors.sparsity": 0.0}),
-    ):
-        table(tmp_path, experiment, {0: [0.1, 0.95]})
-    name = "programmable-2L.free"
-    (tmp_path / f"{name}.csv").write_text(text)
-    assert main(["experiment", "variants", "--results", str(tmp_path)]) == 2
-    error = capsys.readouterr().err
-    assert f"{name}.csv: expected " in error and error.count("\n") == 1

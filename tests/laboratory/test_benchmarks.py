@@ -11,9 +11,7 @@ import pytest
 
 from benchmarks import peers
 from benchmarks.latency import Latencies
-from benchmarks.learner import bare_updates, setting
 from benchmarks.peers import OURS, Score, run_contender
-from benchmarks.train import process_share
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.tables import read_rows, write_rows
 
@@ -42,13 +40,6 @@ def test_latencies_are_reported_as_percentiles_in_milliseconds():
     found = times.figures()
     assert found["step_p50_ms"] == pytest.approx(501) and found["step_p99_ms"] == pytest.approx(991)
     assert found["program_p999_ms"] == 500 and found["steps"] == 1001 and found["programs"] == 1
-
-
-def test_learning_is_compared_with_updates_alone():
-    bare = bare_updates(*setting("programmable"))
-    report = process_share("programmable", bare, rounds=2, frames=100, slice_s=0.002)
-    share = float(report["train.frames_per_s"]) / float(report["train.bare_updates_per_s"])
-    assert report["train.share_of_bare"] == pytest.approx(share) and share > 0
 
 
 def score(name: str, frames: float, seconds: float, train: float) -> Score:

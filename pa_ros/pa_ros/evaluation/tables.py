@@ -17,10 +17,7 @@ from pa_ros.core.settings import read_json
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-    RowT = TypeVar("RowT", bound=DataclassInstance)
-else:
-    RowT = TypeVar("RowT")
-
+RowT = TypeVar("RowT", bound="DataclassInstance")
 FLOAT_FORMAT = ".6g"
 CURVE = "progress.csv"  # a run's learning curve, in its folder
 _READ: dict[type, Callable[[str], Any]] = {bool: lambda cell: bool(int(cell))}
