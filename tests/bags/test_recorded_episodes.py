@@ -159,7 +159,6 @@ def test_parquet_holds_the_same_numbers_with_a_row_per_step(stepped, tmp_path):
         (["--rerun", "OUT.rrd"], "expected the extra rerun (pip install"),
         (["--rerun", "OUT.rrd", "--format", "npz"], "expected --out with --format"),
         ([], "expected one of --out DIR and --rerun FILE.rrd"),
-        (["--out", "OUT", "--rerun", "OUT.rrd"], "expected one of --out DIR and --rerun FILE.rrd"),
         (["--out", "OUT", "--episodes", "99"], "does not contain episodes [99]; 0 others"),
     ],
 )
