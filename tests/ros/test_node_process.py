@@ -32,6 +32,14 @@ def start(node: str, *arguments: str, **variables: str) -> subprocess.Popen[str]
     )
 
 
+def stopped(process: subprocess.Popen[str], number: signal.Signals) -> int:
+    """The exit status of a process after a signal; it must print no traceback."""
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=DEADLINE_S)
+    assert "Traceback" not in errors
+    return process.returncode
+
+
 def sockets_of(pid: int) -> set[str]:
     """Local addresses, in hexadecimal, of a process's UDP and TCP sockets."""
     links = []
@@ -76,11 +84,9 @@ def test_a_bad_argument_or_parameter_is_refused_with_its_value(node, arguments, 
 @graph
 def test_a_node_of_a_user_without_home_logs_to_the_temporary_folder(tmp_path):
     without = {"HOME": "/proc/none", "TMPDIR": str(tmp_path)}
-    process = start("sim_node", **without)
+    process = start("sim_node", *ros_arguments({"autostart": False}), **without)
     wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
-    process.terminate()
-    _, errors = process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 0, errors
+    assert stopped(process, signal.SIGINT) == 0
     assert list(tmp_path.glob(f"pa_ros-log-{os.getuid()}/*"))
 
 
@@ -93,30 +99,12 @@ def test_a_folder_for_logs_that_cannot_be_written_is_rejected_in_one_line():
 
 
 @graph
-def test_a_node_listens_only_on_loopback_and_uses_no_shared_memory():
+def test_a_node_listens_only_on_loopback_uses_no_shared_memory_and_stops_when_asked():
     process = start("sim_node")
     wait_for(lambda: len(sockets_of(process.pid)) > 1, "both kinds of sockets")
     assert sockets_of(process.pid) == {LOOPBACK, MULTICAST}
     assert not shared_memory_of(process.pid)  # it would be left behind by SIGKILL
-    process.kill()
-    process.communicate(timeout=DEADLINE_S)
-
-
-@graph
-@pytest.mark.parametrize(
-    ("number", "autostart"),
-    [(signal.SIGINT, True), (signal.SIGTERM, False)],
-)
-def test_a_node_stops_cleanly_when_asked(number, autostart):
-    process = start("sim_node", *ros_arguments({"autostart": autostart}))
-    try:
-        wait_for(lambda: LOOPBACK in sockets_of(process.pid), "a socket")
-        process.send_signal(number)
-        _, errors = process.communicate(timeout=DEADLINE_S)
-    finally:
-        process.kill()
-    assert process.returncode == 0
-    assert "Traceback" not in errors
+    assert stopped(process, signal.SIGTERM) == 0
 
 
 INTERRUPTED_EARLY = """
