@@ -159,7 +159,15 @@ class ReplayBuffer:
         }
         if self._goals:
             shapes["goal_reward"] = (self._goals,), np.float32  # of program j, at this row
-        self.arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
+        try:
+            arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
+        except MemoryError as error:
+            raise LearningError(
+                f"replay: expected memory for {self.capacity} frames of {n_objects} objects "
+                f"(capacity_frames), got none: {error}",
+                code="learning.size",
+            ) from error
+        self.arrays = arrays
 
 
 def hand_first(objects: NDArray[np.float32], hand_index: int) -> NDArray[np.float32]:
