@@ -9,7 +9,7 @@ import yaml
 from lifecycle_msgs.msg import Transition
 
 from agent_node.config import AgentConfig
-from helpers.documents import COMMANDS, NODES, NOT_RUN, ROOT, Command, is_run
+from helpers.documents import COMMANDS, NODES, ROOT, Command
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli import main as cli
 from pa_ros.core.settings import Settings
@@ -33,16 +33,6 @@ def of(*programs: str) -> pytest.MarkDecorator:
 @pytest.fixture(autouse=True)
 def at_the_root(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(ROOT)
-
-
-def test_there_are_commands_of_every_kind():
-    found = {command.program for command in COMMANDS}
-    assert found == {"pa_ros", *NODES, "python", "(umask", *(start.split()[0] for start in NOT_RUN)}
-
-
-@pytest.mark.parametrize("start", NOT_RUN)
-def test_what_is_not_run_is_there(start: str):
-    assert [c for c in COMMANDS if not is_run(c) and c.text.startswith(start)]
 
 
 @of("pa_ros")
@@ -86,12 +76,6 @@ def test_a_nodes_parameters_and_files_are_there(command: Command):
 @of("python")
 def test_a_file_that_python_runs_is_there(command: Command):
     assert (ROOT / command.words[1]).is_file()
-
-
-@of("source")
-def test_the_environment_is_where_make_makes_it(command: Command):
-    assert command.words[1] == ".venv/bin/activate"
-    assert re.search(r"^VENV := \.venv$", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 
 def interface(kind: str, name: str) -> type:

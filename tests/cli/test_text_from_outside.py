@@ -23,12 +23,6 @@ def test_what_a_bag_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert len(shown.splitlines()) > 1
 
 
-def test_what_a_command_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["bag", "info", str(tmp_path / CLEAR)]) == 2
-    shown = capsys.readouterr().err
-    assert r"\x1b[2J" in shown and CLEAR not in shown
-
-
 def test_what_nodes_answer(capsys: pytest.CaptureFixture[str]):
     kind = CLEAR + "kind"
     print_answers(

@@ -66,15 +66,6 @@ def test_in_a_terminal_the_line_is_renewed_in_place_and_rows_stay(monkeypatch):
     assert "\x1b[2K" in text and "10,000" in text
 
 
-def test_a_terminal_that_can_renew_nothing_gets_lines(monkeypatch):
-    monkeypatch.setattr(training_view, "LINE_PERIOD_S", 0.0)
-    monkeypatch.setenv("TERM", "dumb")
-    stream = Terminal()
-    with TrainingView(2_000, stream) as view:
-        view.episode(100, 100, -1.0)
-        assert stream.getvalue().startswith("100 of 2,000 frames")
-
-
 @pytest.mark.parametrize("resumed", [False, True])
 def test_a_run_tells_its_evaluations_and_what_comes_next(tmp_path, capsys, resumed):
     out = tmp_path / "it's a run"

@@ -50,7 +50,6 @@ def test_an_extension_is_a_file_or_a_module_and_runs_once(tmp_path: Path) -> Non
     ("text", "why"),
     [
         ("1 / 0", "ZeroDivisionError"),
-        ("def", "SyntaxError"),
         ("exit(0)", "SystemExit: 0"),
         (None, "No such file"),
     ],
@@ -68,7 +67,7 @@ def test_an_extension_that_cannot_be_imported_is_named(
         extensions.load([str(path)])
 
 
-@pytest.mark.parametrize("place", [0, 1, 2, 3])
+@pytest.mark.parametrize("place", [0, 3])
 def test_an_extension_is_named_anywhere_on_the_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], place: int
 ) -> None:

@@ -150,12 +150,15 @@ def test_a_run_cut_off_repeats_what_its_checkpoint_lacks(tmp_path) -> None:
         np.testing.assert_array_equal(tensor, final.tensors[name])
 
 
+ENVIRONMENT = {"design": "2-L", "preset": "fast", "arm": "jaco"}
+
+
 @pytest.mark.parametrize(("field", "value"), [("design", "3-D"), ("preset", "paper")])
 def test_another_runs_checkpoint_is_refused(tmp_path, field, value) -> None:
     run(tmp_path, 20)
     kept = (tmp_path / "progress.csv").read_bytes()
     with pytest.raises(CheckpointError, match=f"{field}: expected '{value}'"):
-        run(tmp_path, 40, resume=True, **{field: value})
+        run(tmp_path, 40, resume=True, environment=ENVIRONMENT | {field: value})
     assert (tmp_path / "progress.csv").read_bytes() == kept
 
 

@@ -44,7 +44,16 @@ def run(options: argparse.Namespace) -> int:
             _check_world(path, bag, learner)
         stack.enter_context(claim(options.out))  # last, so that a rejected bag leaves no folder
         started = time.monotonic()
-        found = learn(bags, learner, _Progress(learner))
+        logged = started
+
+        def report(_: OfflineResult) -> None:
+            nonlocal logged
+            if time.monotonic() - logged >= REPORT_S:
+                logged = time.monotonic()
+                counters = learner.counters
+                log.info("frames %d  updates %d", counters.frames, counters.updates)
+
+        found = learn(bags, learner, report)
         extra = {"wall_s": time.monotonic() - started, **about}
         save_checkpoint(checkpoint_of(options.out), learner, extra)
     _conclude(found, learner, options.out)
@@ -131,19 +140,6 @@ def _check_recorded(options: argparse.Namespace, recorded: Mapping[str, object])
                 f"--from-bag: expected the recording's {name} {value}, got {given[name]}; only "
                 "--seed and settings such as --learner.updates.per_frame may differ"
             )
-
-
-class _Progress:
-    """Log a line every REPORT_S."""
-
-    def __init__(self, learner: Learner) -> None:
-        self._learner, self._logged = learner, time.monotonic()
-
-    def __call__(self, _: OfflineResult) -> None:
-        if time.monotonic() - self._logged >= REPORT_S:
-            self._logged = time.monotonic()
-            counters = self._learner.counters
-            log.info("frames %d  updates %d", counters.frames, counters.updates)
 
 
 def _conclude(found: OfflineResult, learner: Learner, out: Path) -> None:

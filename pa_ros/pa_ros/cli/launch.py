@@ -111,8 +111,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def stop(supervisor: Supervisor, logs: Path) -> int:
-    """Agents first, each leaving its arm at rest; the learner once all has come that they have
-    sent; then the arenas, and the rest last. The exit status; says who did not end in order."""
+    """Stop all nodes, print those that failed, and return the exit status.
+
+    Agents end first, so that their arms rest; then the learner, which has received everything they
+    sent; then the arenas, and the rest last.
+    """
     statuses: dict[str, int] = {}
     for kind in (*reversed(NODES), ""):
         if named := [name for name in supervisor.names if name.endswith(kind)]:

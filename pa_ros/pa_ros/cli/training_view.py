@@ -1,4 +1,4 @@
-"""What `pa_ros train` shows: a table of the evaluations, and below it a line of how far it is."""
+"""What `pa_ros train` shows: a table of evaluations, and below it a line with the progress."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ LEGEND = "trained, held out: scores of greedy episodes, 0 random, 1 scripted"
 
 
 class TrainingView:
-    """Told of each episode and each evaluation (`pa_ros.learning.interfaces.Watcher`).
+    """Shows each evaluation and the progress (`pa_ros.learning.interfaces.Watcher`).
 
-    A context manager. In a terminal a line is renewed in place; elsewhere one is printed every
-    LINE_PERIOD_S. `unread`: whoever read it has gone (`| head`).
+    A context manager. In a terminal the progress line is redrawn in place; elsewhere one is printed
+    every LINE_PERIOD_S. `unread`: the reader of the output, such as `| head`, has ended.
     """
 
     def __init__(self, frames: int, stream: TextIO | None = None) -> None:
@@ -87,7 +87,7 @@ class TrainingView:
             self._say(self._line(frames))
 
     def row(self, row: Mapping[str, float]) -> None:
-        """An evaluation; what it does not tell is left out."""
+        """Print an evaluation, without columns that it lacks."""
         columns = [column for column in COLUMNS if column.key in row]
         if not self._titled:
             self._titled = True

@@ -27,8 +27,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Verify; prints hashes, and the first difference if there is one."""
+    reported = time.monotonic()
+
+    def report(found: Verification) -> None:
+        nonlocal reported
+        if time.monotonic() - reported >= REPORT_S:
+            reported = time.monotonic()
+            print(f"version {found.version}: {found.compared} equal", file=sys.stderr, flush=True)
+
     with Bag(options.bag) as bag:
-        found = verify(Experience(bag, options.namespace), not options.no_arena, _Progress().report)
+        found = verify(Experience(bag, options.namespace), not options.no_arena, report)
     for line in conclusion(found):
         print(line)
     return 0 if found.equal else EXIT_DIFFERENT
@@ -52,16 +60,3 @@ def conclusion(found: Verification) -> list[str]:
     if found.incomplete:
         lines.append(f"INCOMPLETE: {found.incomplete}")
     return [*lines, *(["EQUAL"] if found.equal else [])]
-
-
-class _Progress:
-    """Prints a line every REPORT_S on standard error."""
-
-    def __init__(self) -> None:
-        self._said = time.monotonic()
-
-    def report(self, found: Verification) -> None:
-        """Print how far it is, if it is time."""
-        if time.monotonic() - self._said >= REPORT_S:
-            self._said = time.monotonic()
-            print(f"version {found.version}: {found.compared} equal", file=sys.stderr, flush=True)
