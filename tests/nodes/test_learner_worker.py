@@ -96,6 +96,18 @@ def test_a_gap_that_cannot_be_filled_is_counted_as_lost(bench):
     assert bench.worker.metrics["missing_trajectories"] == 1
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_a_number_far_ahead_of_its_agent_is_rejected_and_leaves_no_gap(bench, known):
+    if known:
+        bench.submit(trajectory(0))
+    before = bench.worker.run.policy().accounted
+    answer = bench.submit(trajectory(10**6))
+    assert [error.code for error in bench.refused] == ["learning.ahead"]
+    assert answer.accounted == before
+    assert bench.worker.metrics["missing_trajectories"] == 0
+    assert bench.submit(trajectory(1 if known else 0)).accounted == {A: 2 if known else 1}
+
+
 def test_a_restarted_agent_replaces_its_earlier_incarnation(bench):
     bench.submit(trajectory(0), trajectory(1))
     later = AgentKey("a", 1)

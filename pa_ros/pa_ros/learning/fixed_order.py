@@ -39,10 +39,10 @@ class FixedOrder:
     def ready(self, trajectory: Trajectory) -> Iterator[Trajectory]:
         """Take in one trajectory. Yields those to learn from now; learn from each before the next.
 
-        Raises LearningError for an agent whose name a newer one uses, or that has no place in the
-        order.
+        Raises LearningError for a trajectory that its agent cannot have sent, or an agent that has
+        no place in the order.
         """
-        self._run.learner.replay.ledger.check(trajectory.agent)
+        self._run.check_sender(trajectory)
         if not self._agents:
             yield trajectory
             return

@@ -16,6 +16,7 @@ from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
 MADE_ON, AND_ON = "made_on", "; then "  # all machines that a run used, in order
+AHEAD = 100  # trajectories that an agent may be ahead of its account, beside policy_lag
 
 Facts = dict[str, float | int | str]
 
@@ -74,6 +75,23 @@ class LearningRun:
         if accepted:
             self._latest = trajectory.key
         return accepted
+
+    def check_sender(self, trajectory: Trajectory) -> None:
+        """Raise LearningError for a trajectory that its agent cannot have sent; count it nowhere.
+
+        An agent waits for weights that account for its trajectories, so it is never far ahead. A
+        forged number far ahead would leave a gap that no agent can ever fill.
+        """
+        ledger = self.learner.replay.ledger
+        ledger.check(trajectory.agent)
+        first = max(ledger.accounted().get(trajectory.agent, 0), trajectory.held_from)
+        farthest = first + self._schedule.policy_lag + AHEAD
+        if trajectory.sequence > farthest:
+            raise LearningError(
+                f"trajectory: expected at most number {farthest} of {trajectory.agent_id!r}, got "
+                f"{trajectory.sequence}: does another node send under its name?",
+                code="learning.ahead",
+            )
 
     def policy(self) -> PublishedPolicy:
         """The newest weights, and which trajectories they account for."""
