@@ -29,6 +29,7 @@ from pa_ros.wire.learning import decode_trajectory, encode_learner_info, encode_
 from pa_ros.wire.step import arena_of
 
 CHECK_S = 0.5  # between two checks of the worker
+EARLY_TRAJECTORIES = 1000  # kept until an arena describes itself
 
 
 class LearnerNode(ManagedNode):
@@ -50,6 +51,7 @@ class LearnerNode(ManagedNode):
         elif config.out:
             refuse_used(Path(config.out))
         self.worker: LearnerWorker | None = None
+        self._early: list[Message] = []  # trajectories that arrived before arena_info
         self._failure: PaError | None = None  # why it can't learn about the followed arena
         self._status, self._rates = LearnerStatus(), RateMeter()
         self._weights_out = self.advertise(topics.POLICY_WEIGHTS)
@@ -136,6 +138,10 @@ class LearnerNode(ManagedNode):
             raise
         self._announce(self.worker, arena)
         self.worker.start()
+        early, self._early = self._early, []
+        on_trajectory = self.refusals.guard(topics.TRAJECTORIES.name, self._on_trajectory)
+        for message in early:
+            on_trajectory(message)
 
     def _announce(self, worker: LearnerWorker, arena: ArenaDescription) -> None:
         origin = worker.origin(self.get_fully_qualified_name())
@@ -167,8 +173,18 @@ class LearnerNode(ManagedNode):
     # Experience in, weights out
 
     def _on_trajectory(self, message: Message) -> None:
-        if not self.active or self.worker is None:
+        if not self.active:
             return  # its agent keeps a trajectory until weights account for it, and sends it again
+        if self.worker is None:
+            # A played bag sends nothing again, and its arena_info may arrive after trajectories.
+            if len(self._early) == EARLY_TRAJECTORIES:
+                raise LearningError(
+                    f"trajectories: expected arena_info before more than {EARLY_TRAJECTORIES} of "
+                    "them; does sim_node run?",
+                    code="learner.early",
+                )
+            self._early.append(message)
+            return
         try:
             trajectory = decode_trajectory(message, self.worker.world)
         except PaError as error:
