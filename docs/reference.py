@@ -15,6 +15,7 @@ import yaml
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import PRESETS, ArenaConfig
+from pa_ros.core.extensions import NodeSettings
 from pa_ros.core.settings import Leaf, Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.td3.config import TD3Config
@@ -56,6 +57,7 @@ TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "learner": ("docs/learning.md", DPGConfig),
     "td3": ("docs/learning.md", TD3Config),
     "network": ("docs/learning.md", NetworkSettings),
+    "nodes": ("docs/graph.md", NodeSettings),
     **{node: ("docs/graph.md", kind) for node, kind in NODES.items()},
 }
 
@@ -89,14 +91,17 @@ def parameters_yaml(node: str, purpose: str) -> str:
 def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     """A row for each setting, with its value in each named set.
 
-    TD3's table has only the settings that DPG lacks; a node's has not those of its protocol.
+    TD3's table has only the settings that DPG lacks. A node's table omits the settings of its
+    protocol and those that all nodes share.
     """
     names = ["Name", "Default", *(f"`{name}`" for name in sets), "Expected", "Meaning"]
     rows = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
     shared = {leaf.path for leaf in LearnerConfig.leaves()} if kind is TD3Config else set()
-    leaves = [leaf for leaf in kind.leaves() if leaf.path not in shared]
+    leaves = list(kind.leaves())
     if kind in NODES.values():
+        shared = {leaf.path for leaf in NodeSettings.leaves()}
         leaves = [leaf for leaf in leaves if not leaf.path.startswith(OF_PROTOCOLS)]
+    leaves = [leaf for leaf in leaves if leaf.path not in shared]
     prefix = f"{kind.SECTION}." if issubclass(kind, (LearnerConfig, NetworkSettings)) else ""
     rows += [_row(leaf, sets, prefix) for leaf in leaves if leaf.default is not ...]
     return "\n".join(rows)
