@@ -95,6 +95,11 @@ def _scene(text: str) -> ResetRequest:
 def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
     """Print what is on the table. Raises NoAnswerError if no sample arrives in time."""
     if not spin_with_notice(node, lambda: scene.known, timeout_s):
+        if scene.arena is not None:
+            raise NoAnswerError(
+                f"arena {printable(scene.arena.arena_id)} describes itself, but no observation of "
+                f"it arrived within {timeout_s:g} s"
+            )
         raise NoAnswerError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import random
 import socket
@@ -44,18 +45,15 @@ class DomainClaim:
         self.close()
 
 
-_claims: list[DomainClaim] = []  # held until the process ends
-
-
 def use_free_domain() -> int:
     """Put this process and its children into a ROS domain that nobody uses; call before ROS starts.
 
     Returns the domain's number. Raises ConfigError if every domain is in use.
     """
-    _claims.append(DomainClaim())
-    number = _claims[-1].number
-    os.environ["ROS_DOMAIN_ID"] = str(number)
-    return number
+    claim = DomainClaim()
+    atexit.register(claim.close)  # the domain stays ours until the process ends
+    os.environ["ROS_DOMAIN_ID"] = str(claim.number)
+    return claim.number
 
 
 def _bound(domain_id: int, offset: int) -> socket.socket | None:
