@@ -42,7 +42,7 @@ class SimConfig(NodeSettings, ArenaChoice):
         0,
         ge=0,
         le=LAST_EPISODE,
-        description="number of the first training episode; a resumed run goes on",
+        description="number of the first training episode, where a resumed run continues",
     )
     eval_every_episodes: int = Field(
         0, ge=0, description="a greedy episode after every so many training episodes; 0: none"

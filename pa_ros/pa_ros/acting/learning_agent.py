@@ -55,7 +55,7 @@ class LearningAgent(Agent):
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:
         """Act for this learner in this arena, and no longer for the one followed until now.
 
-        Raises ActingError if it cannot do as the learner asks. Then it goes on with the learner it
+        Raises ActingError if it cannot do as the learner asks. Then it keeps the learner it
         already follows; if that one's request changed, it stops acting.
         """
         current = None if self._window is None else self._window.learner

@@ -49,13 +49,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--scene", type=_scene, metavar="next|N",
-        help="first have the arena begin its next scene, or that of episode N",
+        help="first begin the next scene, or that of episode N",
     )  # fmt: skip
     add_setting(parser, SendOptions, "wait")
     add_setting(parser, SendOptions, "timeout_s", "--timeout", metavar="S")
     parser.add_argument("--namespace", default="", help="of the arena (default: none)")
     parser.epilog = (
-        "exit status: 0 accepted (with --wait: satisfied), 1 not satisfied, 2 refused, 3 timed out"
+        "exit status: 0 accepted (with --wait: satisfied), 1 not satisfied, 2 rejected, 3 timed out"
     )
 
 

@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
             lambda: interrupted() or view.unread,
         )
     if learner.counters.frames < config.frames:
-        print(f"stopped after {learner.counters.frames:,} frames, saved: --resume goes on")
+        print(f"stopped after {learner.counters.frames:,} frames, saved: --resume continues")
         return EXIT_INTERRUPTED
     if learner.counters.frames >= config.frames + arena.episode_steps:
         print(f"there were {learner.counters.frames:,} frames already: nothing was learned")

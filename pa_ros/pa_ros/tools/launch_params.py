@@ -119,7 +119,10 @@ def arenas_of(parameters: Parameters) -> list[str]:
 
 
 def in_step(parameters: Parameters, way: str) -> Parameters:
-    """Set who waits for whom (`learner.schedule.in_step`). ConfigError without a learner."""
+    """Set `learner.schedule.in_step`: how agents and learner wait.
+
+    Raises ConfigError without a learner.
+    """
     return merged(parameters, {"learner_node": {"learner.schedule.in_step": way}})
 
 

@@ -52,7 +52,7 @@ class SendOptions(Settings):
     timeout_s: float = Field(
         30.0, gt=0, description="seconds to wait for the answers, and again for the verdict"
     )
-    wait: bool = Field(False, description="make it a goal of the agent's, and wait for the verdict")
+    wait: bool = Field(False, description="send it as the agent's goal, and wait for the verdict")
 
 
 @dataclass
