@@ -71,7 +71,7 @@ class Watchdog:
     def _oldest_ns(self) -> int:
         """The oldest stamp that may still move the arm: within the timeout, and of this episode.
 
-        The episode is told by time and not by number, because a training and an evaluation
+        The episode is recognized by its time, not its number, because a training and an evaluation
         episode may have the same number.
         """
         current = self._session.frame.observation

@@ -22,7 +22,7 @@ class Wait:
 
 
 class NewestPolicy:
-    """The rule of a greedy agent: the newest weights act, whoever published them."""
+    """The rule of a greedy agent: the newest weights act, from any publisher."""
 
     def __init__(self) -> None:
         self._policy: PublishedPolicy | None = None

@@ -220,7 +220,7 @@ class SequenceGaps:
     assigned so that the fewest messages are missing.
     """
 
-    PUBLISHERS = 16  # of one topic that are told apart at a time
+    PUBLISHERS = 16  # of one topic whose sequences are followed at a time
 
     def __init__(self, publishers: Callable[[], int] = lambda: 1) -> None:
         """`publishers` returns how many there are now; it is called only when numbers are
