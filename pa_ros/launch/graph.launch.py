@@ -3,7 +3,7 @@
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, Shutdown
 from launch.conditions import IfCondition
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -16,7 +16,7 @@ ARGUMENTS = {
     "log_level": ("info", "of all nodes"),
 }
 NODES = {
-    "sim_node": "the arena; leave it out for a robot of your own (docs/robot.md)",
+    "sim_node": "the arena",
     "agent_node": "the agent",
     "learner_node": "the learner, in mode learn alone",
 }
@@ -29,9 +29,7 @@ def generate_launch_description() -> LaunchDescription:
         for name, (default, text) in ARGUMENTS.items()
     ]
     for name, what in NODES.items():
-        default = PathJoinSubstitution(
-            [FindPackageShare(name), "config", [LaunchConfiguration("mode"), ".yaml"]]
-        )
+        default = [FindPackageShare(name), "/config/", LaunchConfiguration("mode"), ".yaml"]
         text = f"parameter file of {name}: {what}"
         key = name.replace("_node", "_params")
         arguments.append(DeclareLaunchArgument(key, default_value=default, description=text))

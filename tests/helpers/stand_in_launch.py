@@ -1,127 +1,162 @@
 """A stand-in for `launch` and `launch_ros`, which are not on the Python index.
 
-It has the classes that our launch files use, with the names and arguments of Jazzy, and resolves
-them to command lines. It does not prove that `ros2 launch` does the same.
+It has the classes that our launch files use, accepts the arguments that those of Jazzy (launch 3.4,
+launch_ros 0.26) accept, and no others, and resolves them to command lines. It does not prove that
+`ros2 launch` does the same.
 """
 
 from __future__ import annotations
 
 import runpy
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
+import yaml
 from ament_index_python.packages import get_package_share_directory
 
 Context = dict[str, str]
 
 
-def text(value: Any, context: Context) -> str:
-    """A substitution, or a list of them, as text."""
-    if isinstance(value, (list, tuple)):
-        return "".join(text(part, context) for part in value)
-    return value if isinstance(value, str) else value.perform(context)
-
-
-@dataclass
-class LaunchConfiguration:
-    variable_name: str
+class Substitution:
+    """What becomes text once the launch arguments are known."""
 
     def perform(self, context: Context) -> str:
-        return context[self.variable_name]
+        raise NotImplementedError
 
 
-@dataclass
-class PathJoinSubstitution:
-    substitutions: list[Any]
-
-    def perform(self, context: Context) -> str:
-        return str(Path(*(text(part, context) for part in self.substitutions)))
-
-
-@dataclass
-class FindPackageShare:
-    package: str
-
-    def perform(self, context: Context) -> str:
-        return get_package_share_directory(self.package)
+def parts(given: Any) -> list[str | Substitution]:
+    """Text, a substitution or a flat list of both, as a list; a TypeError like launch's own."""
+    found = [given] if isinstance(given, (str, Substitution)) else list(given)
+    for one in found:
+        if not isinstance(one, (str, Substitution)):
+            raise TypeError(f"expected str or Substitution, got {type(one).__name__}")
+    return found
 
 
-@dataclass
-class ParameterValue:
-    value: Any
-    value_type: type
-
-    def perform(self, context: Context) -> str:
-        return text(self.value, context)
+def texts(given: list[str | Substitution], context: Context) -> list[str]:
+    return [one if isinstance(one, str) else one.perform(context) for one in given]
 
 
-@dataclass
-class EqualsSubstitution:
-    left: Any
-    right: Any
+def text(given: list[str | Substitution], context: Context) -> str:
+    return "".join(texts(given, context))
+
+
+class LaunchConfiguration(Substitution):
+    def __init__(self, variable_name: Any) -> None:
+        self._name = parts(variable_name)
 
     def perform(self, context: Context) -> str:
-        return str(text(self.left, context) == text(self.right, context)).lower()
+        return context[text(self._name, context)]
 
 
-@dataclass
+class PathJoinSubstitution(Substitution):
+    def __init__(self, substitutions: Any) -> None:
+        self._parts = parts(substitutions)
+
+    def perform(self, context: Context) -> str:
+        return str(Path(*texts(self._parts, context)))
+
+
+class FindPackageShare(Substitution):
+    def __init__(self, package: Any) -> None:
+        self._package = parts(package)
+
+    def perform(self, context: Context) -> str:
+        return get_package_share_directory(text(self._package, context))
+
+
+class EqualsSubstitution(Substitution):
+    def __init__(self, left: Any, right: Any) -> None:
+        self._left, self._right = parts(left), parts(right)
+
+    def perform(self, context: Context) -> str:
+        return str(text(self._left, context) == text(self._right, context)).lower()
+
+
 class IfCondition:
-    predicate_expression: Any
+    def __init__(self, predicate_expression: Any) -> None:
+        self._expression = parts(predicate_expression)
 
     def evaluate(self, context: Context) -> bool:
-        return text(self.predicate_expression, context) == "true"
+        return {"true": True, "1": True, "false": False, "0": False}[
+            text(self._expression, context).lower()
+        ]
 
 
-@dataclass
+class ParameterValue:
+    def __init__(self, value: Any, *, value_type: type[bool]) -> None:
+        self._value = parts(value)
+        assert value_type is bool
+
+    def perform(self, context: Context) -> str:
+        value = text(self._value, context)
+        assert isinstance(yaml.safe_load(value), bool), value
+        return value
+
+
 class DeclareLaunchArgument:
-    name: str
-    default_value: Any
-    description: str
+    def __init__(self, name: str, *, default_value: Any, description: str) -> None:
+        self.name, self.description = name, description
+        self.default = parts(default_value)
 
 
-@dataclass
 class Shutdown:
-    reason: str
+    def __init__(self, *, reason: str) -> None:
+        assert isinstance(reason, str)
 
 
-@dataclass
 class Node:
-    package: str
-    executable: str
-    name: str
-    namespace: Any
-    parameters: list[Any]
-    remappings: list[tuple[Any, Any]]
-    output: str
-    arguments: list[Any] = field(default_factory=list)
-    on_exit: Shutdown | None = None
-    condition: IfCondition | None = None
+    def __init__(
+        self,
+        *,
+        package: str,
+        executable: str,
+        name: str,
+        namespace: Any,
+        parameters: list[Any],
+        remappings: list[tuple[Any, Any]],
+        output: str,
+        arguments: Sequence[Any] = (),
+        on_exit: Shutdown | None = None,
+        condition: IfCondition | None = None,
+    ) -> None:
+        self.package, self.executable, self.name = package, executable, name
+        self.output, self.on_exit, self.condition = output, on_exit, condition
+        self._namespace = parts(namespace)
+        self._arguments = [parts(one) for one in arguments]
+        if not isinstance(parameters, list):
+            raise TypeError(f"parameters: expected a list, got {type(parameters).__name__}")
+        self._parameters = [one if isinstance(one, Mapping) else parts(one) for one in parameters]
+        if not all(isinstance(rule, tuple) and len(rule) == 2 for rule in remappings):
+            raise TypeError(f"remappings: expected tuples of two, got {remappings}")
+        self._remappings = [(parts(source), parts(target)) for source, target in remappings]
 
     def command(self, context: Context) -> list[str]:
         """The command line of the node, as launch_ros builds it."""
-        words = [text(word, context) for word in self.arguments] + ["--ros-args"]
-        namespace = text(self.namespace, context)
+        words = [text(word, context) for word in self._arguments] + ["--ros-args"]
+        namespace = text(self._namespace, context)
         words += ["-r", f"__node:={self.name}"]
         words += ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
-        for given in self.parameters:
+        for given in self._parameters:
             if isinstance(given, Mapping):
                 for key, value in given.items():
-                    words += ["-p", f"{key}:={text(value, context)}"]
+                    words += ["-p", f"{key}:={value.perform(context)}"]
             else:
                 words += ["--params-file", text(given, context)]
-        for source, target in self.remappings:
+        for source, target in self._remappings:
             words += ["-r", f"{text(source, context)}:={text(target, context)}"]
         return words
 
 
-@dataclass
 class LaunchDescription:
-    entities: list[Any]
+    def __init__(self, initial_entities: list[Any]) -> None:
+        known = (DeclareLaunchArgument, Node)
+        assert all(isinstance(one, known) for one in initial_entities), initial_entities
+        self.entities = initial_entities
 
     @property
     def arguments(self) -> list[DeclareLaunchArgument]:
@@ -133,7 +168,7 @@ class LaunchDescription:
         assert not unknown, f"no such argument: {unknown}"
         context: Context = {}
         for one in self.arguments:
-            context[one.name] = given.get(one.name) or text(one.default_value, context)
+            context[one.name] = given.get(one.name) or text(one.default, context)
         nodes = [one for one in self.entities if isinstance(one, Node)]
         return [
             (node, node.command(context))
