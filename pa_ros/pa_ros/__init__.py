@@ -56,7 +56,7 @@ def load_agent(checkpoint: str | Path = "shipped:3-D") -> TrainedAgent:
     """
     from pa_ros.evaluation.agents import load_agent as load
 
-    return load(Path(checkpoint))
+    return load(checkpoint)
 
 
 class Arena:

@@ -44,6 +44,11 @@ def test_train_then_eval(tmp_path, capsys):
     assert "NEAR(HAND, AND(BLUE, SPHERE)): 3 episodes" in capsys.readouterr().out
 
 
+def test_a_misspelled_command_is_told_its_name(capsys):
+    assert main(["launhc"]) == 2
+    assert "got 'launhc'; did you mean 'launch'? (see" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -66,7 +71,13 @@ def test_train_then_eval(tmp_path, capsys):
             ["train", "--out", "unused", "--learner.updates.discont=1"],
             "--learner.updates.discont; did you mean '--learner.updates.discount'?",
         ),
-        (["experiment", "nope"], "invalid choice: 'nope'"),
+        (["experiment", "nope"], "algorithms, got 'nope' ("),
+        (
+            ["experiment", "programable-2L"],
+            "got 'programable-2L'; did you mean 'programmable-2L'?",
+        ),
+        (["train", "--design", "3D", "--out", "unused"], "got 3D; did you mean '3-D'?"),
+        (["eval", "--condition", "evl", "--policy", "random"], "got 'evl'; did you mean 'eval'?"),
         (["experiment", "generalization"], "first run `pa_ros experiment programmable-3D`"),
         (
             ["experiment", "programmable-2L", "--logic", "product"],

@@ -21,7 +21,7 @@ NAMES = ("2-L", "3-D")
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_shipped_policy_reaches_held_out_targets(name, tmp_path):
-    agent = load_agent(Path(f"shipped:{name}"))
+    agent = load_agent(f"shipped:{name}")
     card = read_metadata(Path(f"shipped:{name}"))["extra"]
     assert agent.design.name == name == card["design"] and "versions" in card
     scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=10), tmp_path)

@@ -15,6 +15,7 @@ import numpy as np
 from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.arena.errors import ArenaError
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.text import did_you_mean
 from pa_ros.language import And, Expression, Not, Or, Program, Word, parse, satisfying
 
 DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
@@ -122,6 +123,7 @@ def condition_named(name: str, design: Design) -> Condition:
         return conditions[name]
     raise ConfigError(
         f"design {design.name}: expected a condition of {sorted(conditions)}, got {name!r}"
+        f"{did_you_mean(name, conditions)}"
     )
 
 

@@ -46,7 +46,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of standar
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line, and suggest an option for a misspelled one."""
+    """A parser whose errors are one line, and suggest a name for a misspelled one."""
 
     def error(self, message: str) -> NoReturn:
         raise ConfigError(f"{message} (see {self.prog} --help)")
@@ -55,9 +55,15 @@ class _Parser(argparse.ArgumentParser):
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             name = unknown[0].partition("=")[0]
-            known = did_you_mean(name, self._option_string_actions, few=0)
-            self.error(f"unknown argument {name}{known}")
+            self.error(f"unknown argument {name}{did_you_mean(name, self._option_string_actions)}")
         return options, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            names = list(map(str, action.choices))
+            hint = did_you_mean(str(value), names)
+            text = f"expected one of {', '.join(names)}, got {value!r}{hint}"
+            raise argparse.ArgumentError(action, text)
 
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:

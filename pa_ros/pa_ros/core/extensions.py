@@ -20,6 +20,7 @@ from pydantic import Field, model_validator
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings
+from pa_ros.core.text import did_you_mean
 
 T = TypeVar("T")
 
@@ -48,6 +49,7 @@ class Registry(Generic[T]):
         except (KeyError, TypeError):  # a name that is not text
             raise ConfigError(
                 f"unknown {self.kind}: expected one of {list(self)}, got {name!r}"
+                f"{did_you_mean(str(name), self)}"
             ) from None
 
     def __contains__(self, name: object) -> bool:

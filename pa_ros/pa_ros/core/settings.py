@@ -129,9 +129,12 @@ class Leaf:
         try:
             return adapter.validate_strings(text)
         except ValueError:
-            raise ConfigError(
-                f"{self.path}: expected {self.expected}, got {text or repr(text)}"
-            ) from None
+            raise ConfigError(f"{self.path}: {self.refusal(text, text or repr(text))}") from None
+
+    def refusal(self, given: Any, shown: str) -> str:
+        """Why a value is rejected, in words."""
+        hint = did_you_mean(given, self.choices) if isinstance(given, str) else ""
+        return f"expected {self.expected}, got {shown}{hint}"
 
 
 class Settings(BaseModel):
@@ -232,13 +235,15 @@ class Settings(BaseModel):
             return ".".join(filter(None, (where, reason)))
         if found["type"] == "extra_forbidden":
             known = [".".join(filter(None, (cls.SECTION, leaf))) for leaf in leaves]
-            return f"{where}: unknown setting{did_you_mean(where, known)}"
-        expected = leaves[path].expected if path in leaves else "the settings of this part"
+            return f"{where}: unknown setting{did_you_mean(where, known, few=6)}"
+        given, shown = found["input"], repr(found["input"])
         if found["type"] == "missing" and isinstance(found["loc"][-1], str):
-            return f"{where}: expected {expected}, got nothing"
-        wrong_item = isinstance(found["loc"][-1], int)  # show the whole list
-        given = _value_at(values, path) if wrong_item else found["input"]
-        return f"{where}: expected {expected}, got {given!r}"
+            given, shown = None, "nothing"
+        elif isinstance(found["loc"][-1], int):  # one item is wrong: show the whole list
+            shown = repr(_value_at(values, path))
+        if path not in leaves:
+            return f"{where}: expected the settings of this part, got {shown}"
+        return f"{where}: {leaves[path].refusal(given, shown)}"
 
 
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:

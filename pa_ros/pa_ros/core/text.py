@@ -46,14 +46,20 @@ def natural(text: str) -> int | None:
     return int(text)
 
 
-def did_you_mean(name: str, known: Iterable[str], few: int = 6) -> str:
-    """The end of an error about an unknown name: "; did you mean 'x'?", or all if they are few."""
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that was probably meant; None if no name is near."""
     names = list(known)
     last = name.rpartition(".")[2]
     same = [one for one in names if one.rpartition(".")[2] == last]
-    if near := same or difflib.get_close_matches(name, names, 1, cutoff=0.65):
-        return f"; did you mean {near[0]!r}?"
-    return f"; known: {', '.join(names)}" if len(names) <= few else ""
+    return next(iter(same or difflib.get_close_matches(name, names, 1, cutoff=0.65)), None)
+
+
+def did_you_mean(name: str, known: Iterable[str], few: int = 0) -> str:
+    """The end of an error about an unknown name: "; did you mean 'x'?", or all if they are few."""
+    names = list(known)
+    if near := nearest(name, names):
+        return f"; did you mean {near!r}?"
+    return f"; known: {', '.join(names)}" if 0 < len(names) <= few else ""
 
 
 def write_report(path: Path | None, report: Report) -> None:

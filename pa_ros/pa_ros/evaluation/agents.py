@@ -52,7 +52,7 @@ class TrainedAgent:
 
 
 def load_agent(
-    path: Path,
+    path: str | Path,
     design: str | None = None,
     preset: str | None = None,
     arm: str | None = None,
@@ -63,7 +63,7 @@ def load_agent(
     Design, preset and arm are those of its training unless given. Raises ConfigError if neither
     says them.
     """
-    folder = trained(path)
+    folder = trained(Path(path))
     facts = read_metadata(folder)["extra"]
     given = {"design": design, "preset": preset, "arm": arm}
     named: dict[str, Any] = {name: value or facts.get(name) for name, value in given.items()}

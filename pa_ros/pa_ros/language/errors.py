@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 
 from pa_ros.core.errors import PaError
+from pa_ros.core.text import nearest
 from pa_ros.language.syntax import Span
 
 SHOWN_WORDS = 16
@@ -77,14 +77,13 @@ def unknown_word(source: str, span: Span, received: str, known: Iterable[str]) -
     cut = len(received) > SHOWN_CHARACTERS
     shown = received[: SHOWN_CHARACTERS - 3] + "..." if cut else received
     wrong_case = received.upper() in words
-    nearest = difflib.get_close_matches(received.upper(), words, n=1)
     return ProgramError(
         source,
         span,
         code="program.wrong_case" if wrong_case else "program.unknown_word",
         expected=received.upper() if wrong_case else one_of(words),
         received=repr(shown),
-        suggestion=nearest[0] if nearest else None,
+        suggestion=nearest(received.upper(), words),
     )
 
 
