@@ -38,7 +38,7 @@ class Entities:
         hand, *states = bodies(self._session.task)
         found = [Entity(HAND, Category.ROBOT, (), "the arm's hand", hand)]
         for name, kind, body in zip(self._names, self._kinds(), states, strict=True):
-            tags = tuple(sorted(kind.words))
+            tags = tuple(kind.values())
             found.append(Entity(name, Category.DYNAMIC_OBJECT, tags, f"a {kind}", body))
         return found if wanted is None else list(filter(_test_of(wanted), found))
 

@@ -125,6 +125,19 @@ def test_the_program_of_an_episode_can_be_chosen() -> None:
     assert env.step(np.zeros(6, np.float32))[4]["program"]
 
 
+def test_a_flat_observation_takes_no_program_that_it_cannot_state() -> None:
+    """It names one block by all its words, so it can ask for that block alone."""
+    env = ReachEnv(design="3-D")
+    env.reset(seed=0)
+    kinds = [block.kind for block in env.task.episode.blocks]
+    for kind in kinds:
+        flat, info = env.reset(seed=0, options={"program": f"NEAR(HAND, {kind.conjunction})"})
+        stated = {env.design.vocabulary.words[i] for i in np.flatnonzero(flat[-9:])}
+        assert stated == kind.words and info["program"] == f"NEAR(HAND, {kind.conjunction})"
+    with pytest.raises(ConfigError, match="expected one that names a single block.*structured"):
+        env.reset(seed=0, options={"program": f"NEAR(HAND, NOT({kinds[0]['shape']}))"})
+
+
 @pytest.mark.parametrize("observation", ["flat", "structured"])
 def test_a_deep_copy_is_independent(observation: str) -> None:
     """Copy and original both continue like an environment that was never copied."""

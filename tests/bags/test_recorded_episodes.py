@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from helpers.recordings import DESIGN, STEPS, acted, columns, rearranged, rewritten
+from helpers.recordings import STEPS, acted, columns, rearranged, rewritten
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
-from pa_ros.tools.scenes import name_of
 
 pytestmark = pytest.mark.xdist_group("recorded episodes")  # their recordings are made once
 
@@ -182,7 +181,7 @@ def test_a_file_for_rerun_follows_blocks_that_come_and_go(changing, tmp_path):
     for row in episode.rows:
         stage.show(row)
         for i, block in enumerate(stage.task.episode.blocks, start=1):
-            name = name_of(block.kind.words, DESIGN.vocabulary.row).lower().replace(" ", "_")
+            name = str(block.kind).lower().replace(" ", "_")
             (pose,) = told[f"/world/blocks/{name} Transform3D:translation"][seen.get(name, 0)][1]
             assert pose == pytest.approx(stage.task.simulation.positions[i].tolist(), abs=1e-6)
             seen[name] = seen.get(name, 0) + 1

@@ -28,11 +28,17 @@ def test_an_unknown_relation_is_refused_with_the_known_ones(
     assert "BELOW" in refusal and all(repr(name) in refusal for name in RELATIONS)
 
 
-def test_the_program_command_knows_every_relation(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["program", "check", "LEFT_OF(HAND,RED)"]) == 0
+def test_the_program_command_knows_what_the_agent_of_a_launch_knows(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    check = ["program", "check"]
+    assert main([*check, "LEFT_OF(HAND,RED)", "--relations", "NEAR", "LEFT_OF"]) == 0
     assert capsys.readouterr().out == "LEFT_OF(HAND, RED)\n"
-    assert main(["program", "check", "LEFT_OF(HAND, RED)", "--design", "2-L"]) == 2
-    assert "expected NEAR, received 'LEFT_OF'" in capsys.readouterr().err
+    for text, said in (("LEFT_OF(HAND, RED)", "expected NEAR,"), ("NEAR(HAND, YELLOW)", "A, B,")):
+        assert main([*check, text]) == 2
+        assert said in capsys.readouterr().err
+    assert main([*check, "NEAR(HAND, A)"]) == 0
+    assert main([*check, "NEAR(HAND, A)", "--design", "2-L"]) == 2
 
 
 def test_a_script_is_scored_on_a_relation(capsys: pytest.CaptureFixture[str]) -> None:

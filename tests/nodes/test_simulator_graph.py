@@ -197,7 +197,7 @@ def test_entities_are_found_by_name_category_tags_and_bounds(probe):
     assert found(**both, filters__tags__filter_mode=1) == ["red_cube"]
     assert len(found(**both)) > 1
     info = ask(probe, topics.GET_ENTITY_INFO, entity="red_cube").info
-    assert info.category.category == 4 and list(info.tags) == ["CUBE", "RED"]
+    assert info.category.category == 4 and list(info.tags) == ["RED", "CUBE"]
     robot = ask(probe, topics.GET_ENTITY_INFO, entity="hand").info.category
     assert found(filters__categories=[robot]) == ["hand"]
     x, y, z = place(probe, "red_cube").tolist()

@@ -78,7 +78,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         """Start the next episode, or with a seed, episode 0 of that seed.
 
         `options={"program": text}` replaces the program of the episode. Raises ProgramError for a
-        wrong program or one that names no block of the episode, ConfigError for other options.
+        wrong program or one that names no block of the episode, ConfigError for one that a flat
+        observation cannot state, and for other options.
         """
         chosen = dict(options or {})
         program = chosen.pop("program", None)
@@ -96,6 +97,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         self._next_episode += 1
         if parsed is not None:
             observation, verdict = self._task.set_program(parsed)
+            if self.structured is None:
+                self.flat.check(self._task)
         return self._observed(observation), self._info(verdict)
 
     def step(self, action: Float32) -> tuple[Any, float, bool, bool, dict[str, Any]]:

@@ -48,12 +48,26 @@ class FlatObservation:
             slots[self._slot[block.kind]] = row
         return np.concatenate([self._world.arm(observation), slots.ravel(), self._goal(task)])
 
+    def check(self, task: ReachTask) -> None:
+        """Raise ConfigError unless the stated goal and the program name the same blocks."""
+        words = self._words(task)
+        blocks = enumerate(task.episode.blocks, start=1)
+        if task.verifier.targets != tuple(i for i, block in blocks if words <= block.kind.words):
+            raise ConfigError(
+                "gym: program: expected one that names a single block, as a flat observation "
+                f"states no other (observation='structured' does), got {task.program}"
+            )
+
+    def _words(self, task: ReachTask) -> frozenset[str]:
+        """The words that describe the (first) target."""
+        target = task.episode.blocks[task.verifier.targets[0] - 1].kind
+        return target.words & self._vocabulary.row.keys()
+
     def _goal(self, task: ReachTask) -> Float32:
         """The goal as words and relation, [V + R]."""
         vocabulary = self._vocabulary
         words = np.zeros(len(vocabulary.words), dtype=np.float32)
-        target = task.episode.blocks[task.verifier.targets[0] - 1].kind
-        words[[vocabulary.row[word] for word in target.words if word in vocabulary.row]] = 1.0
+        words[[vocabulary.row[word] for word in self._words(task)]] = 1.0
         relations = np.zeros(vocabulary.relation_inputs, dtype=np.float32)
         if len(relations):
             relations[vocabulary.relation_row[task.program.relation]] = 1.0

@@ -18,7 +18,6 @@ from pa_ros.console.insight import Moment
 from pa_ros.console.replay import Replay
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
-from pa_ros.tools.scenes import name_of
 from pa_ros.wire.arena import ArenaDescription
 
 VERDICTS = {True: "satisfied", False: "not yet", None: "not recorded"}
@@ -79,8 +78,7 @@ class _EpisodeWriter:
         """Write consecutive steps with the same blocks."""
         stage.show(moments[0].row)
         self._times = self._timelines(moments)
-        row = self._arena.world.vocabulary.row
-        kinds = [name_of(block.kind.words, row) for block in stage.task.episode.blocks]
+        kinds = [str(block.kind) for block in stage.task.episode.blocks]
         shown = _shown(stage.task.simulation.model, self._begin(kinds))
         self._write_shapes(stage, shown, kinds, _relevance(moments))
         self._write_poses(stage, shown, moments)

@@ -15,7 +15,6 @@ from mjviser import ViserMujocoScene
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.film import Stage
 from pa_ros.console.insight import Moment
-from pa_ros.tools.scenes import name_of
 from pa_ros.world.relation import RELATIONS
 
 HIDDEN_GROUP = 5  # mjviser does not draw geoms of this group
@@ -89,10 +88,7 @@ class ArenaScene:
             for handle in (block.solid, block.outline, block.label, block.circle):
                 handle.remove()
         blocks = self._stage.task.episode.blocks
-        row = self._stage.task.design.vocabulary.row
-        self._blocks = [
-            self._block(model, i, name_of(block.kind.words, row)) for i, block in enumerate(blocks)
-        ]
+        self._blocks = [self._block(model, i, str(block.kind)) for i, block in enumerate(blocks)]
         self._of = of
 
     def _block(self, model: mujoco.MjModel, index: int, name: str) -> _Block:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Float32, Verdict
+from pa_ros.core.experience import Verdict
 from pa_ros.core.text import printable
 from pa_ros.language import Vocabulary, parse, require_target
 from pa_ros.ros.executor import steady_timer
@@ -21,7 +21,6 @@ from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.step import decode_objects, decode_step_mark, decode_verdict
-from pa_ros.world.world import World
 
 MAX_SUGGESTIONS = 12
 POLL_S = 0.5  # between two checks whether an arena publishes samples
@@ -41,6 +40,7 @@ class Scene:
     def __init__(self, node: Node, namespace: str = "") -> None:
         """`namespace` is below the node's; with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
+        self._names: tuple[str, ...] = ()
         self.blocks: tuple[Block, ...] = ()
         self.episode, self.program = -1, ""
         self.verdict: Verdict | None = None
@@ -87,8 +87,7 @@ class Scene:
 
     def names(self) -> list[str]:
         """The blocks' names, such as RED CUBE."""
-        row = self.arena.world.vocabulary.row if self.arena else {}
-        return [name_of(block, row) for block in self.blocks]
+        return list(self._names)
 
     def _distance(self) -> str:
         if self.verdict is None or not np.isfinite(self.verdict.distance):
@@ -112,7 +111,9 @@ class Scene:
         world = self.arena.world
         objects, hand = decode_objects(message, world.object_features)
         mark = decode_step_mark(message)
-        self.blocks = blocks_of(objects, hand, world)
+        names = world.schema.labels(objects, hand)
+        self._names = (*names[:hand], *names[hand + 1 :])
+        self.blocks = tuple(frozenset(name.split()) for name in self._names)
         self.program, self.episode = printable(mark.program), mark.episode
 
     def _on_verdict(self, message: Message) -> None:
@@ -148,29 +149,6 @@ def _ignoring_errors(receive: Callable[[Message], None], message: Message) -> No
         receive(message)
     except PaError:
         return
-
-
-def blocks_of(objects: Float32, hand_index: int, world: World) -> tuple[Block, ...]:
-    """The words that are true of each block, from Ω's objects [N, F], the hand being one of N.
-
-    Words that programs don't know are included.
-    """
-    schema, found = world.schema, []
-    has = schema.has(np.delete(objects, hand_index, axis=0))
-    for i in range(len(objects) - 1):
-        values = [
-            value
-            for group, rows in zip(schema, has, strict=True)
-            for value, is_so in zip(group.features.values, rows[i], strict=True)
-            if is_so
-        ]
-        found.append(frozenset(map(str, values)))
-    return tuple(found)
-
-
-def name_of(words: Collection[str], row: Mapping[str, int]) -> str:
-    """A block's name, `RED CUBE`: the words of the last property group first."""
-    return " ".join(sorted(words, key=lambda word: (-row.get(word, len(row)), word)))
 
 
 def suggested_programs(
