@@ -227,7 +227,6 @@ class LearnerNode(ManagedNode):
             LEARNER_ID: worker.run.info.learner_id,
             "engine": worker.engine,
             "backlog": str(worker.backlog),
-            "rejected_trajectories": str(worker.rejected),
             "frames_per_s": f"{self._rates.frames_per_s:.1f}",
             "updates_per_s": f"{self._rates.updates_per_s:.1f}",
             **{name: f"{value:.6g}" for name, value in metrics.items()},

@@ -47,7 +47,6 @@ class LearnerWorker:
         self.failure: BaseException | None = None  # a bug: the node must end
         self.diverged: DivergedError | None = None  # learning has stopped
         self.unsaved: PaError | None = None  # why the newest checkpoint could not be written
-        self.rejected = 0  # trajectories that could not be used
         self._config, self._arena, self._sinks = config, arena, sinks
         self._learner = _make_learner(config, arena)
         # The lock keeps other runs out of the folder.
@@ -211,7 +210,6 @@ class LearnerWorker:
             self._save()
 
     def _reject(self, error: PaError) -> None:
-        self.rejected += 1
         self._sinks.refuse("trajectories", error)
 
     def _publish(self, policy: PublishedPolicy) -> None:

@@ -198,6 +198,11 @@ class Site:
         return dict(self._metadata()["replay"]["ledger"])
 
     @property
+    def accounts(self) -> dict[str, dict[str, Any]]:
+        """What that checkpoint says of each agent."""
+        return {one["agent_id"]: one for one in self.ledger["agents"]}
+
+    @property
     def frames(self) -> int:
         log = self.folder / "0-learner_node.log"
         told = re.findall(r"frames ([\d,]+) \(", log.read_text()) if log.exists() else []
@@ -207,7 +212,7 @@ class Site:
     def heard(self) -> set[str]:
         """The agents of which the newest checkpoint contains trajectories."""
         try:
-            return set(self.ledger["agents"])
+            return set(self.accounts)
         except PaError:  # no checkpoint yet
             return set()
 
@@ -236,4 +241,4 @@ class Site:
 def ended(site: Site) -> dict[str, dict[str, object]]:
     """Stop everything; what the learner's last checkpoint says of each agent."""
     site.hosts.stop()
-    return dict(site.ledger["agents"])
+    return site.accounts

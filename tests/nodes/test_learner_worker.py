@@ -96,27 +96,40 @@ def test_a_gap_that_cannot_be_filled_is_counted_as_lost(bench):
     assert bench.worker.metrics["missing_trajectories"] == 1
 
 
+@pytest.mark.parametrize("held_from", [0, 10**6])
 @pytest.mark.parametrize("known", [True, False])
-def test_a_number_far_ahead_of_its_agent_is_rejected_and_leaves_no_gap(bench, known):
+def test_a_number_far_ahead_of_a_working_agent_is_rejected_and_changes_nothing(
+    bench, known, held_from
+):
     if known:
         bench.submit(trajectory(0))
-    before = bench.worker.run.policy().accounted
-    answer = bench.submit(trajectory(10**6))
+    elif held_from:
+        return  # an agent that was there before its learner
+    before = bench.worker.run.learner.replay.ledger.to_metadata()
+    bench.submit(replace(trajectory(10**6), held_from=held_from))
     assert [error.code for error in bench.refused] == ["learning.ahead"]
-    assert answer.accounted == before
-    assert bench.worker.metrics["missing_trajectories"] == 0
+    assert bench.worker.run.learner.replay.ledger.to_metadata() == before
     assert bench.submit(trajectory(1 if known else 0)).accounted == {A: 2 if known else 1}
 
 
-def test_a_restarted_agent_replaces_its_earlier_incarnation(bench):
-    bench.submit(trajectory(0), trajectory(1))
-    later = AgentKey("a", 1)
-    answer = bench.submit(replace(trajectory(0), incarnation=1))
-    assert (answer.snapshot.version, answer.accounted) == (3, {later: 1})
-    assert bench.worker.metrics["duplicate_trajectories"] == 0
-    answer = bench.submit(trajectory(2))  # of the one that was there before, and is still
-    assert [error.code for error in bench.refused] == ["learning.superseded"]
-    assert (answer.snapshot.version, answer.accounted) == (3, {later: 1})
+def test_an_agent_that_was_cut_off_for_long_continues_at_its_number(bench, monkeypatch):
+    bench.submit(trajectory(0))
+    monkeypatch.setattr("pa_ros.learning.run.SILENT_S", 0.0)
+    assert bench.submit(replace(trajectory(5000), held_from=4999)).accounted == {A: 4999}
+    assert bench.worker.metrics["lost_trajectories"] == 4998
+
+
+def test_nobody_who_uses_an_agents_name_bars_it(tmp_path: Path):
+    """Neither at once nor after a restart: the checkpoint remembers each incarnation."""
+    first = Bench(out=str(tmp_path))
+    first.submit(trajectory(0), trajectory(1), replace(trajectory(0), incarnation=2**64 - 1))
+    assert first.submit(trajectory(2)).accounted == {A: 3, AgentKey("a", 2**64 - 1): 1}
+    first.worker.close()
+    second = Bench(out=str(tmp_path), resume=True)
+    restarted = replace(trajectory(0), incarnation=1)
+    assert second.submit(trajectory(3), restarted).snapshot.version == 6
+    second.worker.close()
+    assert not second.refused and second.worker.metrics["duplicate_trajectories"] == 0
 
 
 def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
@@ -126,7 +139,7 @@ def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
     )
     answer = bench.submit(bad)
     assert [error.code for error in bench.refused] == ["program.unknown_word"]
-    assert bench.worker.rejected == 1
+    assert bench.worker.metrics["rejected_trajectories"] == 1
     assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
     assert bench.submit(trajectory(1)).snapshot.version == 1
 
@@ -190,7 +203,7 @@ def test_divergence_stops_learning_and_saves_nothing(tmp_path: Path):
         bench.worker.submit(trajectory(i))
     wait_for(lambda: len(bench.refused) == 8 - learned, "what still comes to be refused")
     assert {error.code for error in bench.refused} == {"learning.diverged"}
-    assert bench.worker.backlog == 0 and bench.worker.rejected == 7 - learned
+    assert bench.worker.backlog == 0
     for policy in bench.published:
         assert all(np.isfinite(tensor).all() for tensor in policy.snapshot.tensors.values())
     before = sorted(path.name for path in tmp_path.rglob("version-*"))

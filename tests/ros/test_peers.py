@@ -79,12 +79,24 @@ def test_a_silent_peer_is_replaced_by_one_whose_data_arrive(peers, clock):
     assert peers.received("one") and peers.current == "first"
 
 
-def test_a_living_peers_description_cannot_change(peers, clock):
-    peers.described("one", "forged")
-    assert peers.current == "first" and "one is described differently" in peers.fault
+@pytest.mark.parametrize("silent_s", [0.0, SILENT_S])
+def test_the_first_description_of_an_id_counts(peers, clock, silent_s):
+    """Whether its peer is followed or not, at work or waiting: an id is new at every start."""
+    peers.described("other", "second")
+    clock.now += silent_s
+    for name, first in (("one", "first"), ("other", "second")):
+        peers.described(name, "forged")
+        assert peers.current == "first" and f"{name} is described differently" in peers.fault
+        peers.described(name, first)
     clock.now += SILENT_S
-    peers.described("one", "changed")
-    assert peers.current == "changed"
+    assert peers.received("other") and peers.current == "second"
+
+
+def test_the_first_description_of_an_id_counts_before_data_arrive(clock):
+    peers = Peers(clock)
+    for description in ("first", "forged", "first"):
+        peers.described("one", description)
+    assert peers.changes == ["first"] and "one is described differently" in peers.fault
 
 
 def test_data_without_a_description_are_reported_unless_that_arrives_soon(peers, clock):

@@ -55,12 +55,12 @@ def frames_per_s(site: Site) -> float:
 
 def heard_of(site: Site, agent: str) -> int:
     """Trajectories of an agent that the learner's newest checkpoint has."""
-    return int(site.ledger["agents"][agent]["next"])
+    return int(site.accounts[agent]["next"])
 
 
 def gaps(site: Site) -> list[list[int]]:
     """Trajectories that the newest checkpoint misses."""
-    return [gap for account in site.ledger["agents"].values() for gap in account["gaps"]]
+    return [gap for account in site.accounts.values() for gap in account["gaps"]]
 
 
 def seen_there(bag: Path, since: float, until: float) -> tuple[float | None, dict[int, float]]:

@@ -56,7 +56,7 @@ class FixedOrder:
         if not self._run.learner.replay.ledger.is_new(trajectory.key):
             yield trajectory  # a duplicate needs no place in the order
             return
-        for key in [key for key in held if key.incarnation < trajectory.incarnation]:
+        for key in [key for key in held if key.incarnation != trajectory.incarnation]:
             del held[key]  # its agent has restarted
         held[trajectory.key] = trajectory
         while (following := self._next()) is not None:

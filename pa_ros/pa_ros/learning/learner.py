@@ -205,6 +205,7 @@ class Learner:
             "missing_trajectories": self.replay.ledger.missing,
             "lost_trajectories": self.replay.ledger.lost,
             "duplicate_trajectories": self.replay.ledger.duplicates,
+            "rejected_trajectories": self.replay.ledger.rejected,
             "too_old_trajectories": self.replay.ledger.too_old,
             **self.engine.metrics(),
         }

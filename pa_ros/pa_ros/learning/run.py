@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +10,7 @@ from uuid import uuid4
 
 from pa_ros import __version__
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import LearnerInfo, PublishedPolicy, TrajectoryKey
+from pa_ros.core.experience import AgentKey, LearnerInfo, PublishedPolicy, TrajectoryKey
 from pa_ros.core.software import here
 from pa_ros.learning.errors import DivergedError, LearningError
 from pa_ros.learning.learner import Learner
@@ -17,6 +18,7 @@ from pa_ros.world import Trajectory
 
 MADE_ON, AND_ON = "made_on", "; then "  # all machines that a run used, in order
 AHEAD = 100  # trajectories that an agent may be ahead of its account, beside policy_lag
+SILENT_S = 10.0  # without trajectories for so long, an agent may continue at any number
 
 Facts = dict[str, float | int | str]
 
@@ -35,6 +37,7 @@ class LearningRun:
         self._made_on = AND_ON.join(dict.fromkeys([*machines, here()]))
         self._schedule = learner.config.schedule
         self._latest: TrajectoryKey | None = None  # the one that led to the newest version
+        self._received_at: dict[AgentKey, float] = {}  # when one arrived last
 
     def opening(self) -> list[PublishedPolicy]:
         """The versions that agents may still need, oldest first."""
@@ -71,6 +74,7 @@ class LearningRun:
         except PaError:
             if ledger.is_new(trajectory.key):
                 ledger.record(trajectory.key, trajectory.held_from)
+                ledger.rejected += 1
             raise
         if accepted:
             self._latest = trajectory.key
@@ -79,12 +83,15 @@ class LearningRun:
     def check_sender(self, trajectory: Trajectory) -> None:
         """Raise LearningError for a trajectory that its agent cannot have sent; count it nowhere.
 
-        An agent waits for weights that account for its trajectories, so it is never far ahead. A
-        forged number far ahead would leave a gap that no agent can ever fill.
+        An agent waits for weights that account for its trajectories, or keeps few of them, so it is
+        never far ahead of what arrived lately. A forged number would end the real agent's. Only
+        after a silence is an agent believed whatever it says: its learner has restarted, or it was
+        cut off.
         """
-        ledger = self.learner.replay.ledger
-        ledger.check(trajectory.agent)
-        first = max(ledger.accounted().get(trajectory.agent, 0), trajectory.held_from)
+        agent, now = trajectory.agent, time.monotonic()
+        first = self.learner.replay.ledger.accounted().get(agent, 0)
+        if now - self._received_at.get(agent, -math.inf) > SILENT_S:
+            first = max(first, trajectory.held_from)
         farthest = first + self._schedule.policy_lag + AHEAD
         if trajectory.sequence > farthest:
             raise LearningError(
@@ -92,6 +99,7 @@ class LearningRun:
                 f"{trajectory.sequence}: does another node send under its name?",
                 code="learning.ahead",
             )
+        self._received_at[agent] = now
 
     def policy(self) -> PublishedPolicy:
         """The newest weights, and which trajectories they account for."""

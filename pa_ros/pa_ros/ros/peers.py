@@ -57,16 +57,14 @@ class PeerMonitor(Generic[Info]):
         self._ignored: dict[Hashable, tuple[str, float, float]] = {}
 
     def described(self, peer: Hashable, info: Info) -> None:
-        """Take note that a peer described itself."""
-        if info == self.current:
-            return
-        if self._data_at == -math.inf:
-            self._follow(peer, info)
+        """Take note that a peer described itself. For each id the first description counts."""
+        known = self.current if peer == self._followed else self._others.get(peer, info)
+        if info != known:  # somebody else uses its id: an id is new at every start
+            self._ignore(peer, "is described differently than before")
         elif peer == self._followed:
-            if self._is_alive():  # somebody else uses its id: what was agreed on must not change
-                self._ignore(peer, "is described differently than before")
-            else:
-                self._follow(peer, info)
+            return
+        elif self._data_at == -math.inf:
+            self._follow(peer, info)
         else:
             _remember(self._others, peer, info)
             self._consider(peer)

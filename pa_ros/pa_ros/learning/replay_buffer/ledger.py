@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from pa_ros.core.experience import AgentKey, TrajectoryKey
-from pa_ros.learning.errors import LearningError
 
 Intervals = list[tuple[int, int]]  # [first, end) of sequence numbers
 
 
 @dataclass
 class SequenceTracker:
-    """Sequence numbers of one agent's trajectories, in its latest incarnation."""
+    """Sequence numbers of one agent's trajectories, in one incarnation."""
 
-    incarnation: int
     next: int  # one more than the largest number that arrived or was given up
     gaps: Intervals = field(default_factory=list)  # skipped, and not arrived since
 
@@ -59,72 +57,64 @@ class SequenceTracker:
 class Ledger:
     """Sequence numbers from every agent: duplicates are counted, missing and lost ones are known.
 
-    An agent that restarts under its name is a new incarnation, which replaces the former one.
+    Every number before `next` of its agent is learned, rejected, lost or missing. An agent that
+    restarts is a new incarnation with numbers of its own, so nobody who uses its name can make its
+    trajectories look like duplicates.
     """
 
     duplicates: int = 0
     lost: int = 0  # will not arrive: their agent gave them up, or is gone
-    too_old: int = 0  # arrived, but rejected because of the age of the weights that acted
-    agents: dict[str, SequenceTracker] = field(default_factory=dict)  # by agent_id
+    rejected: int = 0  # arrived, but could not be learned from
+    too_old: int = 0  # of these, because of the age of the weights that acted
+    agents: dict[AgentKey, SequenceTracker] = field(default_factory=dict)
 
     @property
     def missing(self) -> int:
         """Trajectories that were skipped and have not arrived since, over all agents."""
-        return sum(tracker.missing for tracker in self.agents.values())
+        return self.missing_of(lambda agent_id: True)
 
     def missing_of(self, included: Callable[[str], bool]) -> int:
         """Missing trajectories of the agents whose agent_id is `included`."""
         agents = list(self.agents.items())  # another thread may add one meanwhile
-        return sum(tracker.missing for agent_id, tracker in agents if included(agent_id))
-
-    def check(self, agent: AgentKey) -> None:
-        """Raise LearningError for an agent whose name a later incarnation uses now."""
-        tracker = self.agents.get(agent.agent_id)
-        if tracker is not None and agent.incarnation < tracker.incarnation:
-            raise LearningError(
-                f"trajectory: expected one agent called {agent.agent_id!r}, the one of "
-                f"incarnation {tracker.incarnation}, got another of {agent.incarnation}",
-                code="learning.superseded",
-            )
+        return sum(tracker.missing for agent, tracker in agents if included(agent.agent_id))
 
     def is_new(self, key: TrajectoryKey) -> bool:
         """Whether a trajectory has not been recorded."""
-        tracker = self.agents.get(key.agent_id)
-        if tracker is None or key.incarnation != tracker.incarnation:
-            return True
-        return tracker.is_new(key.sequence)
+        tracker = self.agents.get(AgentKey(key.agent_id, key.incarnation))
+        return tracker is None or tracker.is_new(key.sequence)
 
-    def record(self, key: TrajectoryKey, held_from: int = 0) -> None:
+    def record(self, key: TrajectoryKey, held_from: int = 0, first: int = 0) -> None:
         """Record the arrival of a trajectory that `is_new`.
 
-        `held_from`: first trajectory that its agent can still send. Of a new agent nothing before
-        it is expected; of a known one, what has not arrived before it is lost.
+        :param held_from: first trajectory that its agent can still send; what has not arrived
+            before it is lost.
+        :param first: first trajectory that its agent sent for this run.
         """
-        tracker = self.agents.get(key.agent_id)
-        if tracker is None or tracker.incarnation != key.incarnation:
-            self.lost += tracker.missing if tracker else 0
-            tracker = self.agents[key.agent_id] = SequenceTracker(key.incarnation, held_from)
-        self.lost += tracker.give_up(held_from)
-        tracker.record(key.sequence)
+        agent = AgentKey(key.agent_id, key.incarnation)
+        if agent not in self.agents:
+            for other, tracker in self.agents.items():
+                if other.agent_id == agent.agent_id:  # it has restarted
+                    self.lost += tracker.give_up(tracker.next)
+            self.agents[agent] = SequenceTracker(first)
+        self.lost += self.agents[agent].give_up(held_from)
+        self.agents[agent].record(key.sequence)
 
     def accounted(self) -> dict[AgentKey, int]:
         """For each agent, the first trajectory that is not accounted for."""
-        return {
-            AgentKey(agent_id, tracker.incarnation): tracker.accounted
-            for agent_id, tracker in self.agents.items()
-        }
+        return {agent: tracker.accounted for agent, tracker in self.agents.items()}
 
     def to_metadata(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return asdict(self)
+        agents = [{**agent._asdict(), **asdict(one)} for agent, one in self.agents.items()]
+        return {**asdict(replace(self, agents={})), "agents": agents}
 
     @classmethod
     def from_metadata(cls, values: dict[str, Any]) -> Ledger:
         """The inverse of `to_metadata`."""
         agents = {
-            agent_id: SequenceTracker(
-                one["incarnation"], one["next"], [(first, end) for first, end in one["gaps"]]
+            AgentKey(one["agent_id"], one["incarnation"]): SequenceTracker(
+                one["next"], [(first, end) for first, end in one["gaps"]]
             )
-            for agent_id, one in values["agents"].items()
+            for one in values["agents"]
         }
         return cls(**{**values, "agents": agents})
