@@ -14,6 +14,7 @@ from pa_ros.language import (
     parse,
     relevance,
     require_target,
+    roles,
     satisfying,
 )
 from pa_ros.language.flat import AND, NOT, OR
@@ -91,6 +92,59 @@ def test_an_absent_target_is_rejected_with_the_present_objects() -> None:
 def test_instructions(target: str, instructions: list[tuple[int, int, int]]) -> None:
     program = compile_program(near(target), VOCABULARY)
     assert list(zip(program.op, program.a, program.b, strict=True)) == instructions
+
+
+MOVING = Vocabulary.of(shape=("CUBE", "PLACE"), color=("RED", "BLUE")).moving("PLACE")
+SCENE = [set(), {"RED", "CUBE"}, {"BLUE", "CUBE"}, {"RED", "PLACE"}, {"BLUE", "PLACE"}]
+
+
+@pytest.mark.parametrize(
+    ("text", "moved", "target"),
+    [
+        ("NEAR(RED, BLUE)", [1], [2, 4]),
+        ("NEAR(NOT(RED), PLACE)", [2], [3, 4]),
+        ("NEAR(CUBE, CUBE)", [1, 2], [1, 2]),
+        ("NEAR(HAND, PLACE)", [0], [3, 4]),
+        ("NEAR(BLUE, HAND)", [2], [0]),
+    ],
+)
+def test_the_two_sets_of_a_program(text: str, moved: list[int], target: list[int]) -> None:
+    """Only HAND contains the hand, and places cannot be moved."""
+    program = parse(text, MOVING)
+    assert str(program) == text
+    sets = roles(program, SCENE, 0, MOVING.bodiless)
+    assert [[i for i, named in enumerate(one) if named] for one in sets] == [moved, target]
+    named = satisfying(program, SCENE, 0, MOVING.bodiless)
+    assert [i for i, one in enumerate(named) if one] == sorted({*moved, *target} - {0})
+    assert require_target(program, SCENE, 0, MOVING.bodiless) == named
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "caret"),
+    [
+        ("NEAR(AND(RED, CUBE), AND(CUBE, NOT(BLUE)))", "itself", (21, 41)),
+        ("NEAR(AND(RED, PLACE), BLUE)", "needs_body", (5, 20)),
+        ("NEAR(AND(RED, BLUE), PLACE)", "names_nothing", (5, 19)),
+        ("NEAR(RED, AND(RED, BLUE))", "names_nothing", (10, 24)),
+    ],
+)
+def test_programs_that_cannot_hold_are_rejected(
+    text: str, code: str, caret: tuple[int, int]
+) -> None:
+    with pytest.raises(ProgramError) as caught:
+        require_target(parse(text, MOVING), SCENE, 0, MOVING.bodiless)
+    assert (caught.value.code, tuple(caught.value.span)) == (f"program.{code}", caret)
+
+
+def test_instructions_of_a_program_that_moves_an_object() -> None:
+    """What is moved has a body, and p = OR(HAND, OR(p1, p2)); the hand's register is 4."""
+    flat = compile_program(parse("NEAR(RED, AND(BLUE, PLACE))", MOVING), MOVING)
+    instructions = [(NOT, 1, 1), (AND, 2, 5), (AND, 3, 1), (OR, 6, 7), (OR, 4, 8)]
+    assert list(zip(flat.op, flat.a, flat.b, strict=True)) == instructions
+    assert (flat.moved, flat.target) == (6, 7)
+    reaching = compile_program(parse("NEAR(HAND, RED)", MOVING), MOVING)
+    assert reaching == compile_program(near("RED"), VOCABULARY)
+    assert (reaching.moved, reaching.target) == (4, 2)
 
 
 def test_registers_follow_the_rows_of_the_vocabulary() -> None:

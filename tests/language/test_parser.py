@@ -13,6 +13,7 @@ from pa_ros.language.parser import MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from pa_ros.language.syntax import Span, walk
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
+MOVING = WORDS.moving("SPHERE")
 SEVERAL = WORDS.asking("NEAR", "ABOVE", "LEFT_OF")
 REJECTION_S = 0.25  # generous for a busy machine
 
@@ -176,3 +177,28 @@ def test_a_vocabulary_rejects_relations_that_no_text_can_name(
 ) -> None:
     with pytest.raises(ConfigError, match=why):
         WORDS.asking(*relations)
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "position", "message"),
+    [
+        ("NEAR(HAND, HAND)", "itself", 11, "expected another object than the hand"),
+        ("NEAR(, RED)", "syntax", 5, "expected HAND, CUBE, SPHERE"),
+        ("NEAR(RED, )", "syntax", 10, "expected HAND, CUBE, SPHERE"),
+        ("NEAR(AND(RED, HAND), BLUE)", "syntax", 14, "HAND is not a property"),
+        ("NEAR(RED)", "arity", 0, "2 arguments to NEAR, received 1"),
+        ("NEAR(REDD, BLUE)", "unknown_word", 5, "did you mean RED?"),
+    ],
+)
+def test_either_argument_may_be_any_set_where_objects_can_be_moved(
+    text: str, code: str, position: int, message: str
+) -> None:
+    error = rejection(text, MOVING)
+    assert (error.code, error.position) == (f"program.{code}", position)
+    assert message in error.message
+
+
+def test_only_the_hand_comes_first_where_nothing_can_be_moved() -> None:
+    program = parse("NEAR(AND(RED, CUBE), HAND)", MOVING)
+    assert (str(program), program.words) == ("NEAR(AND(RED, CUBE), HAND)", ("RED", "CUBE"))
+    assert "expected HAND" in rejection(str(program)).message

@@ -19,11 +19,14 @@ from pa_ros.language import (
     Word,
     parse,
     relevance,
+    role_relevance,
+    roles,
     satisfying,
 )
 from pa_ros.language.flat import COPY
-from pa_ros.networks.relevance import program_tensors, relevant_objects
-from pa_ros.world.programs import ProgramTable, crisp
+from pa_ros.language.syntax import HAND
+from pa_ros.networks.relevance import program_tensors, relevant_objects, relevant_roles
+from pa_ros.world.programs import ProgramTable, crisp, crisp_roles
 
 torch.set_num_threads(1)
 
@@ -40,6 +43,12 @@ def wider(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]
 words = st.sampled_from(VOCABULARY.words).map(Word)
 expressions: st.SearchStrategy[Expression] = st.recursive(words, wider, max_leaves=12)
 programs = st.lists(expressions.map(Program), min_size=1, max_size=6)
+MOVING = VOCABULARY.moving("C")
+arguments = st.one_of(expressions, st.just(HAND))
+related = st.builds(lambda moved, target: Program(target, moved=moved), arguments, arguments)
+moving = st.lists(
+    related.filter(lambda p: not p.moves_hand or p.target != HAND), min_size=1, max_size=6
+)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -98,6 +107,30 @@ def test_crisp_equals_satisfying(members: list[Program], seed: int, hand: int) -
         ]
         for program, row in zip(members, rows, strict=True):
             assert tuple(named[scene, row]) == satisfying(program, objects, hand)
+
+
+@given(moving, seeds, st.integers(0, 4), st.sampled_from([*LOGICS.values()]))
+@settings(max_examples=50)
+def test_the_two_sets_of_a_batch_equal_each_program_alone(
+    members: list[Program], seed: int, hand: int, logic: Logic
+) -> None:
+    table = ProgramTable(MOVING)
+    rows = [table.add(program) for program in members]
+    phi = random_phi(seed, len(rows), objects=5)
+    tensors = [x[rows] for x in (*program_tensors(table), torch.from_numpy(table.roles()))]
+    op, a, b, registers = tensors
+    sets = relevant_roles(phi, hand, op, a, b, registers, logic)
+    truth = phi.numpy() < 0.5
+    named = crisp_roles(table.arrays(), table.roles(), truth, hand)  # [B, P, 2, N]
+    alone = crisp_roles(table.arrays(), table.roles(), truth[0], hand)
+    np.testing.assert_array_equal(alone, named[0])
+    for i, program in enumerate(members):
+        of = (program, phi[i].tolist(), MOVING.row, hand, logic, MOVING.bodiless)
+        expected = torch.tensor([relevance(*of), *role_relevance(*of)])
+        torch.testing.assert_close(sets[i], expected, atol=FLOAT32, rtol=0)
+        objects = [{w for w in MOVING.words if column[MOVING.row[w]]} for column in truth[i].T]
+        expected_sets = roles(program, objects, hand, MOVING.bodiless)
+        np.testing.assert_array_equal(named[i, rows[i]], expected_sets)
 
 
 @given(programs, seeds)

@@ -10,16 +10,19 @@ from pa_ros.language.evaluate import (
     logic_named,
     relevance,
     require_target,
+    role_relevance,
+    roles,
     satisfying,
 )
 from pa_ros.language.flat import compile_program
 from pa_ros.language.parser import parse
-from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
+from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Word
 from pa_ros.language.vocabulary import Vocabulary
 
 __all__ = [
     "And",
     "Expression",
+    "HAND",
     "LOGICS",
     "Logic",
     "MIN_MAX",
@@ -36,5 +39,7 @@ __all__ = [
     "parse",
     "relevance",
     "require_target",
+    "role_relevance",
+    "roles",
     "satisfying",
 ]

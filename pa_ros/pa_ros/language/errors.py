@@ -31,6 +31,8 @@ SUMMARIES = {
     "program.arity": "wrong number of arguments",
     "program.syntax": "syntax error",
     "program.names_nothing": "no such object",
+    "program.needs_body": "nothing to move",
+    "program.itself": "object related to itself",
 }
 """Every code of a ProgramError, with the words for it in the message."""
 

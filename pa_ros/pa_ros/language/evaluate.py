@@ -7,7 +7,7 @@ These are the readable definitions, one object at a time. Batches of different p
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import reduce
 from operator import mul
@@ -15,7 +15,7 @@ from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.errors import ProgramError, one_of, unknown_word
-from pa_ros.language.syntax import And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
 
 
 @dataclass(frozen=True)
@@ -64,35 +64,81 @@ def logic_named(name: str) -> Logic:
     return LOGICS[name]
 
 
-def satisfying(
-    program: Program, objects: Sequence[Set[str]], hand_index: int | None
-) -> tuple[bool, ...]:
-    """Whether the program names each object, given the true words of each.
+def roles(
+    program: Program,
+    objects: Sequence[Set[str]],
+    hand_index: int | None,
+    bodiless: Collection[str] = (),
+) -> tuple[tuple[bool, ...], tuple[bool, ...]]:
+    """Whether the program's first and its second set contain each object, given the true words.
 
-    The hand is never named, not even by NOT(RED); `hand_index` is None if the hand is not among
-    `objects`.
+    This is what programs mean: the relation must hold between some object of the first set and
+    another one of the second. Only HAND contains the hand, and NOT(RED) does not; `hand_index` is
+    None if the hand is not among `objects`. Objects with a word of `bodiless` cannot be moved, so
+    no first set contains them.
     """
-    return tuple(
-        i != hand_index and describes(program.target, words) for i, words in enumerate(objects)
-    )
+
+    def contains(expression: Expression, i: int) -> bool:
+        if i == hand_index or expression == HAND:
+            return i == hand_index and expression == HAND
+        return describes(expression, objects[i])
+
+    indices = range(len(objects))
+    bodies = [i == hand_index or objects[i].isdisjoint(bodiless) for i in indices]
+    moved = (bodies[i] and contains(program.moved, i) for i in indices)
+    return tuple(moved), tuple(contains(program.target, i) for i in indices)
+
+
+def satisfying(
+    program: Program,
+    objects: Sequence[Set[str]],
+    hand_index: int | None,
+    bodiless: Collection[str] = (),
+) -> tuple[bool, ...]:
+    """Whether one of the program's sets contains each object; False for the hand. See `roles`."""
+    moved, target = roles(program, objects, hand_index, bodiless)
+    either = (m or t for m, t in zip(moved, target, strict=True))
+    return tuple(named and i != hand_index for i, named in enumerate(either))
 
 
 def require_target(
-    program: Program, objects: Sequence[Set[str]], hand_index: int | None
+    program: Program,
+    objects: Sequence[Set[str]],
+    hand_index: int | None,
+    bodiless: Collection[str] = (),
 ) -> tuple[bool, ...]:
-    """Like `satisfying`, but raise ProgramError (program.names_nothing) if no object is named."""
-    named = satisfying(program, objects, hand_index)
-    if not any(named):
-        present = [" ".join(sorted(w)) for i, w in enumerate(objects) if i != hand_index]
-        source = str(program)
-        raise ProgramError(
-            source,
-            Span(len(f"{program.relation}(HAND, "), len(source) - 1),
-            code="program.names_nothing",
-            expected=f"an object of the scene ({one_of(present) if present else 'it is empty'})",
-            received=f"{program.target}",
-        )
+    """Like `satisfying`, but raise ProgramError unless the relation can hold.
+
+    `program.names_nothing` if a set contains no object, `program.needs_body` if all objects to move
+    are bodiless, `program.itself` if the only target is the only object to move.
+    """
+    moved, target = roles(program, objects, hand_index, bodiless)
+    if not program.moves_hand and not any(moved):
+        if any(roles(program, objects, hand_index)[0]):
+            raise _rejected(program, "program.needs_body", "an object with a body", moved=True)
+        raise _names_nothing(program, objects, hand_index, moved=True)
+    if program.target != HAND and not any(target):
+        raise _names_nothing(program, objects, hand_index)
+    named = satisfying(program, objects, hand_index, bodiless)
+    if not program.moves_hand and program.target != HAND and sum(named) == 1:
+        raise _rejected(program, "program.itself", "another object than the one to move")
     return named
+
+
+def _names_nothing(
+    program: Program, objects: Sequence[Set[str]], hand_index: int | None, moved: bool = False
+) -> ProgramError:
+    present = [" ".join(sorted(w)) for i, w in enumerate(objects) if i != hand_index]
+    scene = one_of(present) if present else "it is empty"
+    return _rejected(program, "program.names_nothing", f"an object of the scene ({scene})", moved)
+
+
+def _rejected(program: Program, code: str, expected: str, moved: bool = False) -> ProgramError:
+    """An error with a caret under the first set of the canonical text, or the second."""
+    source, wrong = str(program), program.moved if moved else program.target
+    start = len(f"{program.relation}(" if moved else f"{program.relation}({program.moved}, ")
+    span = Span(start, start + len(str(wrong)))
+    return ProgramError(source, span, code=code, expected=expected, received=f"{wrong}")
 
 
 def describes(expression: Expression, words: Set[str]) -> bool:
@@ -114,21 +160,67 @@ def relevance(
     row: Mapping[str, int],
     hand_index: int,
     logic: Logic = PRODUCT,
+    bodiless: Collection[str] = (),
 ) -> list[float]:
-    """Relevant objects p = OR(HAND, e) over soft sets (paper, eq. logic), one object at a time.
+    """Relevant objects p = OR(HAND, e) over soft sets (paper, eq. logic), one object at a time; if
+    objects are to be moved, e is OR(p1, p2) of `role_relevance`.
 
     `phi` is [V][N], a row for each word and a column for each object, elements in [0, 1]; `row`
     gives the row of each word. Returns p, [N]; p of the hand is 1.
     Raises ProgramError (program.unknown_word) if a word of the program has no row.
     """
-    check_words(program, row)
-    columns = len(phi[0]) if phi else 0
+    of = _of_object(program, phi, row, hand_index, logic, bodiless)
 
-    def of(j: int) -> float:
-        value: float = degree(program.target, lambda word: phi[row[word]][j], logic)
+    def either(j: int) -> float:
+        moved, target = of(j)
+        both = target if program.moves_hand else logic.either(moved, target)
+        value: float = logic.either(1.0 if j == hand_index else 0.0, both)
         return value
 
-    return [logic.either(1.0 if j == hand_index else 0.0, of(j)) for j in range(columns)]
+    return [either(j) for j in range(len(phi[0]) if phi else 0)]
+
+
+def role_relevance(
+    program: Program,
+    phi: Sequence[Sequence[float]],
+    row: Mapping[str, int],
+    hand_index: int,
+    logic: Logic = PRODUCT,
+    bodiless: Collection[str] = (),
+) -> tuple[list[float], list[float]]:
+    """p1 and p2, [N] each: the degree to which each object is to be moved, and is a target.
+
+    Only HAND contains the hand. Otherwise as `relevance`.
+    """
+    of = _of_object(program, phi, row, hand_index, logic, bodiless)
+    pairs = [list(of(j)) for j in range(len(phi[0]) if phi else 0)]
+    if pairs:
+        hand = pairs[hand_index]
+        hand[:] = float(program.moves_hand), float(program.target == HAND)
+    return [moved for moved, _ in pairs], [target for _, target in pairs]
+
+
+def _of_object(
+    program: Program,
+    phi: Sequence[Sequence[float]],
+    row: Mapping[str, int],
+    hand_index: int,
+    logic: Logic,
+    bodiless: Collection[str],
+) -> Callable[[int], tuple[float, float]]:
+    """The degrees of column j in the two sets, with Φ's own numbers at the hand."""
+    check_words(program, row)
+
+    def of(j: int) -> tuple[float, float]:
+        def value(word: str) -> float:
+            return float(j == hand_index) if word == HAND.name else phi[row[word]][j]
+
+        moved, target = (degree(e, value, logic) for e in (program.moved, program.target))
+        if bodiless and not program.moves_hand:
+            moved = logic.both(moved, 1.0 - reduce(logic.either, map(value, bodiless)))
+        return moved, target
+
+    return of
 
 
 def check_words(program: Program, known: Mapping[str, int]) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import reduce
 
 from pa_ros.language.evaluate import check_words, foreign_word
-from pa_ros.language.syntax import And, Expression, Not, Or, Program, Word
+from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Word
 from pa_ros.language.vocabulary import Vocabulary
 
 NOT, AND, OR, COPY = range(4)
@@ -20,11 +20,17 @@ class FlatProgram:
     With V words: registers 0 … V-1 are the rows of Φ, register V is HAND (1 for the hand, else
     0), and instruction k writes register V+1+k = op[k](register a[k], register b[k]). The last
     register is p = OR(HAND, e). Equal subexpressions share a register. NOT and COPY have b == a.
+
+    `moved` and `target` are the registers of the program's two sets, V if a set is HAND. At the
+    hand's column a set is 1 if its register is V, else 0, whatever the register contains there. If
+    objects are to be moved, p = OR(HAND, OR(moved, target)).
     """
 
     op: tuple[int, ...]
     a: tuple[int, ...]
     b: tuple[int, ...]
+    moved: int
+    target: int
 
     def __len__(self) -> int:
         return len(self.op)
@@ -39,24 +45,29 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
     if program.relation not in vocabulary.relations:
         raise foreign_word(program, program.relation, vocabulary.relation_row)
     check_words(program, vocabulary.row)
-    code = _Code(vocabulary)
-    # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
+    code, hand = _Code(vocabulary), len(vocabulary.words)
+    moved = code.emit_expression(program.moved)
+    if vocabulary.bodiless and not program.moves_hand:
+        no_body = code.fold(OR, tuple(map(Word, vocabulary.bodiless)))
+        moved = code.emit(AND, moved, code.emit(NOT, no_body, no_body))
     target = code.emit_expression(program.target)
-    code.emit(OR, len(vocabulary.words), target)
+    either = target if program.moves_hand else code.emit(OR, moved, target)
+    # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
+    code.emit(OR, hand, either)
     op, a, b = zip(*code.instructions, strict=True)
-    return FlatProgram(op, a, b)
+    return FlatProgram(op, a, b, moved, target)
 
 
 class _Code:
     """Instructions so far and their registers. The dictionary writes equal instructions once."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
-        self._row = vocabulary.row
+        self._row = {**vocabulary.row, HAND.name: len(vocabulary.words)}
         self.instructions: dict[tuple[int, int, int], int] = {}
 
     def emit(self, op: int, a: int, b: int) -> int:
         """Write an instruction unless an equal one exists; return its register."""
-        first = len(self._row) + 1
+        first = len(self._row)
         return self.instructions.setdefault((op, a, b), first + len(self.instructions))
 
     def emit_expression(self, expression: Expression) -> int:
@@ -68,10 +79,11 @@ class _Code:
                 source = self.emit_expression(operand)
                 return self.emit(NOT, source, source)
             case And(operands):
-                return self._fold(AND, operands)
+                return self.fold(AND, operands)
             case Or(operands):
-                return self._fold(OR, operands)
+                return self.fold(OR, operands)
 
-    def _fold(self, op: int, operands: tuple[Expression, ...]) -> int:
+    def fold(self, op: int, operands: tuple[Expression, ...]) -> int:
+        """Join the operands by AND or OR, from the left; return the register of the value."""
         sources = map(self.emit_expression, operands)
         return reduce(lambda x, y: self.emit(op, x, y), sources)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from pa_ros.language.errors import ProgramError, one_of, unknown_word
-from pa_ros.language.syntax import And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
 from pa_ros.language.vocabulary import RESERVED, Vocabulary
 
 # These limits keep hostile text from costing time, memory or stack. The largest program of the
@@ -24,9 +24,12 @@ MAX_DEPTH = 32
 """Nested expressions: a word is 1 deep, an operator one deeper than its deepest argument."""
 
 MAX_NODES = 256
-"""Words and operators in the target expression; a flat program has at most as many instructions."""
+"""Words and operators of a program, which bounds the instructions of its flat form."""
 
 OPERATORS = ("AND", "OR", "NOT")
+
+ARGUMENT = 1
+"""Depth of an expression that is an argument of the relation."""
 
 Kind = Literal["word", "(", ")", ",", "end"]
 
@@ -117,23 +120,41 @@ class _Parser:
         self._nodes = 0
 
     def parse_program(self) -> Program:
-        """program = relation "(" "HAND" "," expression ")" end ;"""
+        """program = relation "(" argument "," argument ")" end ;
+
+        Unless programs may move objects, the arguments are "HAND" and an expression.
+        """
         relation = self._take_keyword(*self._vocabulary.relations)
         self._take("(")
         if self._token.kind == ")":
             raise self._wrong_arity(relation.text, relation, 0, self._token)
-        self._take_keyword("HAND")
-        targets, closing = self._parse_rest(depth=1)
+        moved: Expression = HAND
+        if self._vocabulary.moves_objects:
+            moved = self._parse_expression(ARGUMENT)
+        else:
+            self._take_keyword(HAND.name)
+        targets, closing = self._parse_rest(ARGUMENT)
         if len(targets) != 1:
             raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
         if self._token.kind != "end":
             raise self._unexpected("the end of the text")
-        return Program(targets[0], relation.text, Span(relation.span.start, closing.span.end))
+        if moved == targets[0] == HAND:
+            raise ProgramError(
+                self._source,
+                targets[0].span,
+                code="program.itself",
+                expected="another object than the hand",
+                received="HAND twice",
+            )
+        span = Span(relation.span.start, closing.span.end)
+        return Program(targets[0], relation.text, span, moved)
 
     def _parse_expression(self, depth: int) -> Expression:
-        """expression = word | operation ;"""
+        """argument = "HAND" | expression ; expression = word | operation ;"""
         token = self._token
-        self._check_word(token)
+        if depth == ARGUMENT and token.text == HAND.name and self._vocabulary.moves_objects:
+            return Word(HAND.name, self._advance().span)
+        self._check_word(token, depth)
         # Depth and size are checked while parsing, so that no larger tree is ever built.
         if depth > MAX_DEPTH:
             limit = f"{MAX_DEPTH} nested expressions"
@@ -180,18 +201,19 @@ class _Parser:
             raise self._unexpected("',' or ')'")
         return tuple(items), self._take(")")
 
-    def _check_word(self, token: Token) -> None:
+    def _check_word(self, token: Token, depth: int) -> None:
         """Reject a token that cannot start an expression."""
         if token.kind == "word" and token.text in ("HAND", *self._vocabulary.relations):
             raise self._unexpected(f"{self._words()} ({token.text} is not a property)")
         if token.kind != "word":
-            raise self._unexpected(self._words())
+            hand = (HAND.name,) if depth == ARGUMENT and self._vocabulary.moves_objects else ()
+            raise self._unexpected(self._words(*hand))
         known = (*self._vocabulary.words, *OPERATORS)
         if token.text not in known:
             raise unknown_word(self._source, token.span, token.text, known)
 
-    def _words(self) -> str:
-        return one_of((*self._vocabulary.words, *OPERATORS))
+    def _words(self, *others: str) -> str:
+        return one_of((*others, *self._vocabulary.words, *OPERATORS))
 
     def _take_keyword(self, *keywords: str) -> Token:
         known = {*self._vocabulary.words, *self._vocabulary.relations, *RESERVED}

@@ -67,26 +67,38 @@ class Or:
 
 Expression: TypeAlias = Word | Not | And | Or
 
+HAND = Word("HAND")
+"""The set that contains the hand alone. It is a whole argument of a relation, never an operand."""
+
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A goal: the hand is in a relation, such as NEAR, to an object that `target` describes.
+    """A goal: an object that `moved` describes is in a relation, such as NEAR, to another one that
+    `target` describes.
 
-    The paper has NEAR alone (eq. program-example); `pa_ros.world.relation` contains all relations.
-    `str()` gives the canonical text, which parses to an equal program.
+    In the paper the relation is NEAR and the hand is moved (eq. program-example);
+    `pa_ros.world.relation` contains all relations. `str()` gives the canonical text, which parses
+    to an equal program.
     """
 
     target: Expression
     relation: str = NEAR
     span: Span = field(default=NOWHERE, compare=False, repr=False)
+    moved: Expression = HAND
 
     def __str__(self) -> str:
-        return f"{self.relation}(HAND, {self.target})"
+        return f"{self.relation}({self.moved}, {self.target})"
+
+    @property
+    def moves_hand(self) -> bool:
+        """Whether the hand itself is to be in the relation."""
+        return self.moved == HAND
 
     @property
     def words(self) -> tuple[str, ...]:
         """Property words that the program names, each once, in order of appearance."""
-        names = (node.name for node in walk(self.target) if isinstance(node, Word))
+        nodes = (*walk(self.moved), *walk(self.target))
+        names = (node.name for node in nodes if isinstance(node, Word) and node != HAND)
         return tuple(dict.fromkeys(names))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pa_ros.core.errors import ConfigError
@@ -36,11 +36,14 @@ class Vocabulary:
 
     Each object has exactly one property of each group (paper, "Learned grounding"), so the
     detectors of a group are coupled by one softmax. Programs may use `relations`; their order is
-    the order of the embeddings.
+    the order of the embeddings. Only with `moves_objects` may the first argument of a relation be
+    another set than HAND; objects with a word of `bodiless` cannot be moved.
     """
 
     groups: tuple[WordGroup, ...]
     relations: tuple[str, ...] = (NEAR,)
+    moves_objects: bool = False
+    bodiless: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if len({group.name for group in self.groups}) < len(self.groups):
@@ -60,6 +63,8 @@ class Vocabulary:
             if word in RESERVED or word in seen:
                 raise ConfigError(f"vocabulary: {word!r} is reserved or named twice")
             seen.add(word)
+        if unknown := set(self.bodiless) - set(self.words):
+            raise ConfigError(f"vocabulary: bodiless: expected words of it, got {unknown}")
 
     @classmethod
     def of(cls, **groups: tuple[str, ...]) -> Vocabulary:
@@ -68,7 +73,11 @@ class Vocabulary:
 
     def asking(self, *relations: str) -> Vocabulary:
         """The same words with other relations."""
-        return Vocabulary(self.groups, relations)
+        return replace(self, relations=relations)
+
+    def moving(self, *bodiless: str) -> Vocabulary:
+        """The same words for programs that may move objects; those of `bodiless` words stay."""
+        return replace(self, moves_objects=True, bodiless=bodiless)
 
     def __getitem__(self, group: str) -> tuple[str, ...]:
         """Words of a group; ConfigError lists the known groups."""

@@ -34,6 +34,37 @@ def relevant_objects(
     long as those of `phi` are the first of the programs'. p of the hand is 1, to rounding. All on
     one device; no loop over samples, one step for each of the L instructions.
     """
+    return _registers(phi, hand_index, op, a, b, logic)[..., -1, :]
+
+
+def relevant_roles(
+    phi: Tensor,
+    hand_index: int,
+    op: Tensor,
+    a: Tensor,
+    b: Tensor,
+    roles: Tensor,
+    logic: Logic = PRODUCT,
+) -> Tensor:
+    """p of `relevant_objects`, and the program's two sets p1 and p2 (what is moved, and the
+    target): [B, 3, N] or [B, K, 3, N].
+
+    `roles` are registers of the two sets (`ProgramTable.roles`), [B, 2] or [B, K, 2]. Only HAND,
+    register V, contains the hand.
+    """
+    registers = _registers(phi, hand_index, op, a, b, logic)
+    words, objects = phi.shape[-2:]
+    roles = roles.long().unsqueeze(-1)  # [B, K, 2, 1]
+    chosen = registers.gather(-2, roles.expand(*roles.shape[:-1], objects))
+    other = torch.arange(objects, device=phi.device) != hand_index
+    sets = chosen * (other | (roles == words)).to(phi)
+    return torch.cat((registers[..., -1:, :], sets), dim=-2)
+
+
+def _registers(
+    phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Tensor, logic: Logic
+) -> Tensor:
+    """All registers of each program, [B, K, V + 1 + L, N]."""
     lead, length = op.shape[:-1], op.shape[-1]
     words, objects = phi.shape[-2:]
     phi = phi.reshape(*phi.shape[:-2], *[1] * (len(lead) - phi.dim() + 2), words, objects)
@@ -47,7 +78,7 @@ def relevant_objects(
     for k in range(length):
         x, y = registers.gather(-2, sources[..., k, :, :]).unbind(-2)  # [B, K, N] each
         registers = torch.cat((registers, joined(k, x, y).unsqueeze(-2)), dim=-2)
-    return registers[..., -1, :]
+    return registers
 
 
 def _products(op: Tensor, phi: Tensor) -> Joined:

@@ -63,6 +63,10 @@ class ProgramTable:
             self._arrays = None
         return self._rows[program]
 
+    def roles(self) -> Int32:
+        """Registers of each program's two sets, what is moved and the target: [P, 2]."""
+        return np.array([(f.moved, f.target) for f in self._flat], np.int32).reshape(-1, 2)
+
     def arrays(self) -> Arrays:
         """`op`, `a`, `b`, each [P, L] int32, where L is the longest program's length. Read-only.
 
@@ -91,17 +95,38 @@ def crisp(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_
     `truth` is [V, N] or [B, V, N], true properties as bool or 0 and 1; the rows of spare words are
     zero. Returns [P, N] or [B, P, N]; False for the hand, even under NOT(RED).
     """
+    named = _registers(arrays, truth, hand_index)[:, -1].copy()  # [P, B, N]
+    named = named.swapaxes(0, 1) if named.ndim == 3 else named
+    named[..., hand_index] = False
+    return named
+
+
+def crisp_roles(
+    arrays: Arrays, roles: Int32, truth: ArrayLike, hand_index: int
+) -> NDArray[np.bool_]:
+    """Objects of each program's two sets, what is moved and the target (`language.roles`).
+
+    `roles` [P, 2] are the table's. Returns [P, 2, N] or [B, P, 2, N].
+    """
+    registers = _registers(arrays, truth, hand_index)
+    named = registers[np.arange(len(roles))[:, None], roles]  # [P, 2, B, N]
+    named[..., hand_index] = (roles == np.shape(truth)[-2]).reshape(
+        *roles.shape, *[1] * (named.ndim - 3)
+    )
+    return named.transpose(2, 0, 1, 3) if named.ndim == 4 else named
+
+
+def _registers(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_]:
+    """All registers of each program, [P, V + 1 + L, N] or [P, V + 1 + L, B, N]."""
     op, a, b = arrays
     rows = np.moveaxis(np.asarray(truth) > 0.5, -2, 0)  # [V, B, N]
     words, (programs, length) = len(rows), op.shape
     registers = np.zeros((programs, words + 1 + length, *rows.shape[1:]), dtype=bool)
-    registers[:, :words] = rows  # HAND, register V, stays False, so OR(HAND, e) = e
+    registers[:, :words] = rows
+    registers[:, words, ..., hand_index] = True
     every = np.arange(programs)
     for k in range(length):
         x, y = registers[every, a[:, k]], registers[every, b[:, k]]  # [P, B, N]
         operation = op[:, k].reshape(-1, *[1] * (x.ndim - 1))
         registers[:, words + 1 + k] = _TRUTH[operation, x.astype(np.intp), y.astype(np.intp)]
-    named = registers[:, -1].copy()  # [P, B, N]
-    named = named.swapaxes(0, 1) if rows.ndim == 3 else named
-    named[..., hand_index] = False
-    return named
+    return registers
