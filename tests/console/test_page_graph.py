@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +12,8 @@ from pathlib import Path
 import pytest
 from console.conftest import SCREENSHOTS
 
-from helpers.recordings import pa_ros, train
+from helpers.processes import node_command, pa_ros, running
+from helpers.recordings import train
 from helpers.waiting import DEADLINE_S
 from pa_ros.ros.environment import ros_arguments
 
@@ -36,19 +35,9 @@ def console(*arguments: str | Path) -> Iterator[tuple[str, str]]:
     assert process.returncode == 0 and "Traceback" not in error, error
 
 
-@contextmanager
-def another_arena() -> Iterator[None]:
-    """An arena without an agent, in the namespace /other."""
-    given = ros_arguments(
-        {"mode": "real_time", "program_source": "topic", "seed": 5}, namespace="/other"
-    )
-    command = [sys.executable, "-m", "sim_node.main", *given, "--log-level", "error"]
-    with subprocess.Popen(command) as process:
-        try:
-            yield
-        finally:
-            process.send_signal(signal.SIGINT)
-            process.wait(timeout=DEADLINE_S)
+OTHER = ros_arguments(
+    {"mode": "real_time", "program_source": "topic", "seed": 5}, namespace="/other"
+)
 
 
 @contextmanager
@@ -109,7 +98,7 @@ def test_a_running_graph_is_shown_and_controlled(tmp_path, new_page):
         other.close()
         the_arena_is_paused_stepped_and_reset(page)
         a_block_is_moved(page)
-        with another_arena():
+        with running(tmp_path, node_command("sim_node", *OTHER)):  # without an agent
             another_arena_is_chosen(page)
         shot(page, "console")
 

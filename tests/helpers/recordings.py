@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from helpers.processes import pa_ros
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.arena import ARMS, Kind, ReachTask, design_named, preset_named
 from pa_ros.arena.rearranging import bodies, rearrange
@@ -183,16 +182,6 @@ def publisher_heard(node: Any, topic: Topic, listeners: int = 1) -> Any:
     publisher = node.create_publisher(topic.type, topic.name, topic.writer)
     wait_for(lambda: publisher.get_subscription_count() >= listeners, "a listener")
     return publisher
-
-
-def pa_ros(*arguments: str | Path) -> subprocess.Popen[str]:
-    """Start a `pa_ros` command as a separate process."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "pa_ros", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
 
 
 def launched(folder: Path, nodes: dict[str, Any], size: int, *words: str) -> tuple[Path, str]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 
+from helpers.processes import node_command, running
 from helpers.stand_in_launch import described
 from helpers.waiting import DEADLINE_S
 from pa_ros.tools.client import client_node
@@ -67,18 +67,10 @@ def test_namespace_parameters_time_and_remaps_reach_every_node():
 
 
 @pytest.mark.graph
-def test_the_launched_graph_executes_a_program():
-    started = []
-    try:
-        for node, words in described(GRAPH).started(mode="execute", namespace="left"):
-            command = [sys.executable, "-m", f"{node.executable}.main", *words]
-            started.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
-        with client_node("test", "left") as node:
-            sender = ProgramSender(node)
-            assert not sender.send("NEAR(HAND, AND(RED, CUBE))", DEADLINE_S).refused
-            assert sender.wait(DEADLINE_S).satisfied
-    finally:
-        for process in started:
-            process.terminate()
-        for process in started:
-            assert process.wait(DEADLINE_S) == 0
+def test_the_launched_graph_executes_a_program(tmp_path):
+    nodes = described(GRAPH).started(mode="execute", namespace="left")
+    commands = [node_command(node.executable, *words) for node, words in nodes]
+    with running(tmp_path, *commands), client_node("test", "left") as node:
+        sender = ProgramSender(node)
+        assert not sender.send("NEAR(HAND, AND(RED, CUBE))", DEADLINE_S).refused
+        assert sender.wait(DEADLINE_S).satisfied

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from helpers.processes import processes_of
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.cli.demo import execute
 from pa_ros.cli.main import main
@@ -67,17 +67,6 @@ def test_the_shipped_agent_executes_six_programs_and_is_recorded(tmp_path, capfd
         )
         sent = {row.decoded_message.program_id: row.decoded_message.text for row in rows}
     assert list(sent.values()) == [program.text for program in demo_programs(design)]
-
-
-def processes_of(folder: Path) -> int:
-    """The number of running processes that name a folder in their command."""
-    found = 0
-    for entry in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            found += f"{folder}/".encode() in entry.read_bytes()
-        except OSError:
-            continue
-    return found
 
 
 @graph

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from dataclasses import replace
 from functools import partial
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 
+from helpers.processes import node_command, running
 from helpers.waiting import DEADLINE_S
 from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.cli.main import main
@@ -30,7 +30,7 @@ EXAMPLES = ROOT / "docs/examples"
 
 def node(name: str) -> list[str]:
     parameters = str(ROOT / name / "config/execute.yaml")
-    return [sys.executable, "-m", f"{name}.main", "--ros-args", "--params-file", parameters]
+    return node_command(name, "--ros-args", "--params-file", parameters)
 
 
 def example(name: str) -> list[str]:
@@ -47,18 +47,10 @@ def example(name: str) -> list[str]:
     ],
     ids=["robot", "controller"],
 )  # fmt: skip
-def test_an_example_executes_a_program_and_the_robot_refuses_another(nodes, programs):
-    started = [subprocess.Popen(one, stderr=subprocess.PIPE, text=True) for one in nodes]
-    try:
+def test_an_example_executes_a_program_and_the_robot_refuses_another(nodes, programs, tmp_path):
+    with running(tmp_path, *nodes):
         for program, status in programs.items():
             assert main(["send", program, "--wait", "--timeout", "60"]) == status, program
-    finally:
-        for process in started:
-            process.terminate()
-        ended = [
-            (process.communicate(timeout=DEADLINE_S)[1], process.returncode) for process in started
-        ]
-    assert [status for _, status in ended] == [0, 0], ended
 
 
 class Tracker:
@@ -103,25 +95,18 @@ class Tracker:
 
 
 @pytest.mark.graph
-def test_features_from_poses_are_the_arenas_and_the_agent_does_with_them_what_it_does():
+def test_features_from_poses_are_the_arenas_and_the_agent_acts_on_them(tmp_path):
     arena = [*node("sim_node"), "-r", "object_features:=of_arena"]
     labels = ["--ros-args", "-p", f"labels:={EXAMPLES / 'labels.yaml'}"]
     nodes = [arena, [*example("features_from_poses.py"), *labels], node("agent_node")]
-    started = [subprocess.Popen(one, stderr=subprocess.PIPE, text=True) for one in nodes]
-    try:
-        with client_node("tracker") as tracker:
-            seen = Tracker(tracker)
-            assert spin_until(tracker, seen.agrees, DEADLINE_S)
-            goals = GoalClient(tracker)
-            assert goals.offered(DEADLINE_S)
-            goal = ProgramGoal("NEAR(HAND, CYLINDER)", WINDOW_S, HOLD_S)
-            assert goals.execute(goal, DEADLINE_S).success
-            goals.close()
-            assert spin_until(tracker, lambda: seen.late_s() < 1, DEADLINE_S)
-            seen.silent = True
-            assert spin_until(tracker, lambda: seen.late_s() > 1, DEADLINE_S), "old poses are used"
-    finally:
-        for process in started:
-            process.terminate()
-        ended = [(process.communicate()[1], process.returncode) for process in started]
-    assert [status for _, status in ended] == [0, 0, 0], ended
+    with running(tmp_path, *nodes), client_node("tracker") as tracker:
+        seen = Tracker(tracker)
+        assert spin_until(tracker, seen.agrees, DEADLINE_S)
+        goals = GoalClient(tracker)
+        assert goals.offered(DEADLINE_S)
+        goal = ProgramGoal("NEAR(HAND, CYLINDER)", WINDOW_S, HOLD_S)
+        assert goals.execute(goal, DEADLINE_S).success
+        goals.close()
+        assert spin_until(tracker, lambda: seen.late_s() < 1, DEADLINE_S)
+        seen.silent = True
+        assert spin_until(tracker, lambda: seen.late_s() > 1, DEADLINE_S), "old poses are used"

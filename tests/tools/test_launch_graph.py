@@ -3,12 +3,11 @@
 import os
 import re
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from helpers.processes import pa_ros, processes_of
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.cli.main import main
 
@@ -21,19 +20,6 @@ agent_node:
 """
 
 
-def processes_of(folder: Path) -> list[int]:
-    """Running processes that were started with a path under a folder in their command."""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            words = entry.read_bytes().decode(errors="replace").split("\0")
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        if "--params-file" in words and any(word.startswith(f"{folder}/") for word in words):
-            found.append(int(entry.parent.name))
-    return found
-
-
 class Launch:
     """A `pa_ros launch` of an arena and an agent with random weights."""
 
@@ -42,15 +28,14 @@ class Launch:
         params = folder / "given.yaml"
         params.write_text(ARENA)
         options = ["--params", str(params), "--out", str(folder / "run"), "--namespace", namespace]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "pa_ros", "launch", *options],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self.process = pa_ros("launch", *options)
+
+    @property
+    def nodes(self) -> list[int]:
+        return processes_of(self.folder, "--params-file")
 
     def wait_until_up(self) -> None:
-        wait_for(lambda: len(processes_of(self.folder)) == 2, "two nodes")
+        wait_for(lambda: len(self.nodes) == 2, "two nodes")
 
     def end(self) -> tuple[int, str, str]:
         """Status, standard output and standard error, once it has ended."""
@@ -60,7 +45,7 @@ class Launch:
     def close(self) -> None:
         self.process.kill()
         self.process.communicate(timeout=DEADLINE_S)
-        wait_for(lambda: not processes_of(self.folder), "no process left")
+        wait_for(lambda: not self.nodes, "no process left")
 
 
 @pytest.fixture
@@ -115,7 +100,7 @@ def test_programs_are_pursued_accepted_and_refused_and_ctrl_c_stops_all_nodes(la
     assert (status, err) == (0, "")
     assert "started sim_node, agent_node" in out
     assert out.endswith("stopping\nstopped agent_node\nstopped sim_node\n")
-    assert not processes_of(graph.folder)
+    assert not graph.nodes
 
 
 @pytest.mark.parametrize(
@@ -134,9 +119,9 @@ def test_options_that_cannot_be_are_refused(arguments, reason, capsys):
 def test_a_node_that_dies_ends_its_launch_and_no_node_outlives_a_killed_launcher(tmp_path, launch):
     one, other = launch(namespace="one"), launch(namespace="other")
     one.wait_until_up()
-    os.kill(processes_of(one.folder)[0], signal.SIGKILL)
+    os.kill(one.nodes[0], signal.SIGKILL)
     other.wait_until_up()
     other.process.kill()
     status, _, err = one.end()
     assert status == 1 and "ended by itself (killed by SIGKILL)" in err
-    wait_for(lambda: not processes_of(tmp_path), "all nodes to end")
+    wait_for(lambda: not processes_of(tmp_path, "--params-file"), "all nodes to end")

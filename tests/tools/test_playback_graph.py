@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -15,6 +12,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_types_from_msg
 
+from helpers.processes import node_command, running
 from helpers.recordings import SMALL, decoded, train
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.experience import Experience
@@ -23,6 +21,7 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.ros import topics
+from pa_ros.ros.environment import ros_arguments
 from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
 from pa_ros.tools.playback import PlaybackOptions, Player
@@ -150,19 +149,6 @@ def test_playing_as_fast_as_possible_loses_nothing(tmp_path):
     assert sequences == list(range(1000))
 
 
-@contextmanager
-def process(node: str, *parameters: str) -> Iterator[None]:
-    """A node of ours as a process of its own."""
-    arguments = [part for parameter in parameters for part in ("-p", parameter)]
-    command = [sys.executable, "-m", f"{node}.main", "--ros-args", *arguments]
-    with subprocess.Popen(command) as running:
-        try:
-            yield
-        finally:
-            running.terminate()
-            running.wait(DEADLINE_S)
-
-
 def act_at_random(node, stop: Callable[[], bool]) -> None:
     """Answer an arena in lockstep, each step once."""
     kind, rng, answered = topics.JOINT_COMMANDS, np.random.default_rng(0), set()
@@ -192,7 +178,8 @@ def replay_commands(bag: Path) -> Callable[..., None]:
 def episode_of(bag: Path, act: Callable[..., None]) -> dict[tuple[str, int], tuple]:
     """What a new arena of one seed gives, recorded: all of it, by topic and stamp."""
     with client_node("test") as node, Recorder(bag, node) as recorder:
-        with process("sim_node", "seed:=9", "design:=2-L"):
+        arena = node_command("sim_node", *ros_arguments({"seed": 9, "design": "2-L"}))
+        with running(bag.parent, arena):
             wait_for(lambda: recorder.counts["/arena_info"] == 1, "the arena")
             act(node, lambda: recorder.counts["/verdict"] >= STEPS)
     found: dict[tuple[str, int], tuple] = {}
@@ -235,11 +222,11 @@ def test_commands_for_another_arena_are_not_played(tmp_path, monkeypatch):
 
 def test_a_learner_fed_by_a_replayed_bag_learns_the_recorded_weights(tmp_path):
     assert train(tmp_path, "--record", tmp_path / "bag", frames=400) == 0
-    settings = [f"{name}:={value}" for name, value in SMALL.items()]
+    learner = node_command("learner_node", *ros_arguments({"seed": 5, **SMALL}))
     chosen = [topics.POLICY_WEIGHTS, topics.PROVENANCE]
     names = ("arena_info", "trajectories")
     with client_node("test") as node, Recorder(tmp_path / "live", node, chosen) as recorder:
-        with process("learner_node", "seed:=5", *settings):
+        with running(tmp_path, learner):
             replayed(node, tmp_path / "bag", rate=0.0, topics=names, wait_s=DEADLINE_S)
             wait_for(lambda: recorder.counts["/policy_weights"] == 5, "the last weights")
     live = {m.version: m.checksum for n, m in decoded(tmp_path / "live") if "weights" in n}

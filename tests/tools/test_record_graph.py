@@ -13,7 +13,8 @@ import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import Reader
 
-from helpers.recordings import decoded, pa_ros, publisher_heard
+from helpers.processes import pa_ros
+from helpers.recordings import decoded, publisher_heard
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair
