@@ -9,17 +9,14 @@ import pytest
 from helpers.sources import accesses, files
 
 PLANTED = {
-    "a parameter": "def f(message):\n    return message.agent_id",
+    "a parameter": "def f(message: Any):\n    return message.agent_id",
     "written": "def f(message: Any):\n    message.step = 3",
-    "by name": "def f(message):\n    return getattr(message, 'step')",
-    "just encoded": "print(encode_weights(policy).checksum)",
-    "encoded before": "m = encode_verdict(verdict)\nm.reward = 1.0",
-    "from a bag": "for recorded in bag.messages():\n    print(bag.deserialize(recorded).step)",
-    "in a callback": "VERDICT.subscribe(node, lambda m: print(m.reward))",
-    "in a named callback": "def f(v):\n    return v.reward\nVERDICT.subscribe(node, f)",
-    "in a guarded one": "def f(v):\n    return v.reward\nrefusals.guard('verdict', partial(f))",
+    "by name": "def f(message: Any):\n    return getattr(message, 'step')",
+    "just encoded": "def f(policy):\n    print(encode_weights(policy).checksum)",
+    "encoded before": "def f(verdict):\n    m = encode_verdict(verdict)\n    m.reward = 1.0",
+    "from a bag": "def f(bag):\n    print(bag.deserialize(recorded).step)",
     "beside its decoder": "def f(v: Any):\n    x = decode_verdict(v)\n    return v.reward",
-    "taken by hand": "taken = subscription.take_message(kind, False)\nprint(taken[0].step)",
+    "taken by hand": "def f():\n    taken = s.take_message(kind, False)\n    print(taken[0].step)",
 }
 HARMLESS = {
     "a record": "def f(message: Message):\n    return decode_verdict(message).reward",

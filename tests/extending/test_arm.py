@@ -1,4 +1,4 @@
-"""A custom arm moves, and agents learn with it in process and over the graph."""
+"""A custom arm moves, and agents learn with it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.graph import learned_over_the_graph
-from helpers.learners import DESIGN, FRAMES, SMALL, trained
+from helpers.learners import DESIGN, trained
 from pa_ros.arena import (
     ReachTask,
     mean_reward,
@@ -19,9 +18,7 @@ from pa_ros.arena import (
 )
 from pa_ros.cli.main import main
 from pa_ros.core import extensions
-from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.tools.launch_params import Parameters
 
 CRANE = str(Path(__file__).with_name("crane.py"))
 ALL = {"crane": 4, "panda": 7}
@@ -46,17 +43,12 @@ def test_it_is_learned_with_in_process(arm: str, joints: int, tmp_path: Path) ->
     assert learner.engine.name == "fused" and learner.counters.updates == 200
     policy = load_policy(tmp_path / "checkpoint")
     assert policy.world_digest == world_of(preset_named("fast", arm), DESIGN).digest
-    check(policy, joints)
-    actions = learner.replay.arrays["action"][: learner.replay.rows]
-    assert actions.shape[1] == joints and (actions.std(axis=0) > 0).all()
-
-
-def check(policy: PolicySnapshot, joints: int) -> None:
-    """The policy has an action for each joint and reads every joint."""
     tensors = policy.tensors
     assert tensors["output.weight"].shape[0] == tensors["output.bias"].shape[0] == joints
     assert tensors["detectors.weight"].shape[1] == 16 + 3 * joints
     assert np.abs(tensors["detectors.weight"]).max() > 0
+    actions = learner.replay.arrays["action"][: learner.replay.rows]
+    assert actions.shape[1] == joints and (actions.std(axis=0) > 0).all()
 
 
 def test_the_command_line_trains_with_it_and_stores_its_name(
@@ -71,21 +63,3 @@ def test_the_command_line_trains_with_it_and_stores_its_name(
     other = ["train", "--arm", "panda", "--frames", "300", "--out", out, "--resume"]
     assert main(other) == 2
     assert "arm: expected 'panda', got 'crane'" in capsys.readouterr().err
-
-
-@pytest.mark.graph
-@pytest.mark.parametrize(("arm", "joints"), ALL.items())
-def test_it_is_learned_with_over_the_graph(arm: str, joints: int, tmp_path: Path) -> None:
-    """Only the arena loads the extension."""
-    given: Parameters = {
-        "sim_node": {"arm": arm, **({"extensions": [CRANE]} if arm == "crane" else {})},
-        "agent_node": {"learning": True, "agent_id": "agent"},
-        "learner_node": {**SMALL},
-    }
-
-    policy, arena = learned_over_the_graph(tmp_path, given, FRAMES // 100)
-    config = preset_named("fast", arm)
-    assert (arena.arm, len(arena.joint_names)) == (arm, joints)
-    assert arena.speed_limits == config.joint_speed_limits
-    assert policy.world_digest == world_of(config, DESIGN).digest
-    check(policy, joints)

@@ -1,4 +1,4 @@
-"""A custom property group is simulated, named and learned, in process and over the graph."""
+"""A custom property group is simulated, named and learned."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from helpers.graph import learned_over_the_graph
-from helpers.learners import FRAMES, SMALL, trained
+from helpers.learners import trained
 from pa_ros.arena import (
     ArenaConfig,
     ReachTask,
@@ -24,12 +23,9 @@ from pa_ros.arena.render import top_view
 from pa_ros.core import extensions
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.tools.launch_params import Parameters
 from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
 
 SIZES = str(Path(__file__).with_name("sizes.py"))
-# Sparsity would set the weights of a short run to zero.
-NO_SPARSITY: dict[str, Any] = {"learner.detectors.sparsity": 0}
 
 
 @pytest.fixture
@@ -78,7 +74,8 @@ def test_every_group_has_its_conditions(design: Design, arena: ArenaConfig) -> N
 
 def test_it_is_learned_in_process(design: Design, arena: ArenaConfig, tmp_path: Path) -> None:
     world = world_of(arena, design)
-    learner = trained(tmp_path, design=design, **NO_SPARSITY)
+    no_sparsity: Any = {"learner.detectors.sparsity": 0}  # it would zero the weights of a short run
+    learner = trained(tmp_path, design=design, **no_sparsity)
     assert learner.engine.name == "fused" and learner.counters.updates == 200
     arrays = learner.engine.tensors()
     assert arrays["actor.detectors.weight"].shape == (len(design.vocabulary.words), 17 + 18)
@@ -111,18 +108,3 @@ def test_an_unknown_shape_is_rejected_before_the_first_episode() -> None:
     design = designed(shape=("CUBE", "CONE"), color=("RED", "BLUE"))
     with pytest.raises(ConfigError, match=r"shape: CONE: .* of \['CUBE'.*'CAPSULE'\], got 'CONE'"):
         ReachTask(preset_named("fast"), design, 0)
-
-
-@pytest.mark.graph
-def test_it_is_learned_over_the_graph(design: Design, arena: ArenaConfig, tmp_path: Path) -> None:
-    """Only the arena loads the extension; it announces the world."""
-    given: Parameters = {
-        "sim_node": {"design": "sizes", "extensions": [SIZES]},
-        "agent_node": {"learning": True, "agent_id": "agent"},
-        "learner_node": {**SMALL, **NO_SPARSITY},
-    }
-
-    policy, _ = learned_over_the_graph(tmp_path, given, FRAMES // 100)
-    assert policy.world_digest == world_of(arena, design).digest
-    size = world_of(arena, design).schema.slices["size"]
-    assert np.abs(policy.tensors["detectors.weight"][-2:, size]).min() > 0

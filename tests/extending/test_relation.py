@@ -1,4 +1,4 @@
-"""A custom relation is scored and learned, in process and over the graph."""
+"""A custom relation is scored and learned."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.graph import learned_over_the_graph
-from helpers.learners import FRAMES, SMALL, trained
+from helpers.learners import trained
 from pa_ros.arena import (
     ReachTask,
     design_named,
@@ -17,7 +16,6 @@ from pa_ros.arena import (
     preset_named,
     scripted_action,
     training_programs,
-    world_of,
 )
 from pa_ros.arena.designs import Design
 from pa_ros.arena.render import outline, top_view
@@ -26,7 +24,6 @@ from pa_ros.core import extensions
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.tools.launch_params import Parameters
 
 WITHIN = str(Path(__file__).with_name("within.py"))
 ARENA = preset_named("fast")
@@ -96,19 +93,3 @@ def test_the_command_line_trains_on_it(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["eval", "--checkpoint", str(tmp_path / "run"), "--condition", "train-within",
                  "--episodes", "2"]) == 0  # fmt: skip
     assert "WITHIN(HAND, AND(" in capsys.readouterr().out
-
-
-@pytest.mark.graph
-def test_it_is_learned_over_the_graph(design: Design, tmp_path: Path) -> None:
-    """All nodes load the extension; the arena announces its relations."""
-    given: Parameters = {
-        "sim_node": {"relations": ["NEAR", "WITHIN"], "extensions": [WITHIN]},
-        "agent_node": {"learning": True, "agent_id": "agent", "extensions": [WITHIN]},
-        "learner_node": {**SMALL, "extensions": [WITHIN]},
-    }
-
-    policy, _ = learned_over_the_graph(tmp_path, given, FRAMES // 100)
-    world = world_of(ARENA, design)
-    assert policy.world_digest == world.digest
-    weight = policy.tensors["relation.weight"]
-    assert weight.shape == (16, 2) and np.abs(weight[:, 0] - weight[:, 1]).min() > 0

@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from helpers.graph import learned_over_the_graph
-from helpers.learners import EXAMPLES, FRAMES, SMALL, load_example, trained
+from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.learner import Learner
-from pa_ros.tools.launch_params import Parameters
 from pa_ros.world import reward_from
 
 SHAPED = '{"name": "shaped", "weight": 0.8}'
@@ -40,16 +38,3 @@ def test_it_is_chosen_by_name_or_json() -> None:
     assert reward_from(SHAPED).to_json() == '{"length_m":0.3,"name":"shaped","weight":0.8}'
     with pytest.raises(ConfigError, match=r"\['weight', 'length_m'\], got wait = 1"):
         reward_from('{"name": "shaped", "wait": 1}')
-
-
-@pytest.mark.graph
-def test_arena_and_learner_agree_on_it_over_the_graph(tmp_path: Path) -> None:
-    extensions = [str(EXAMPLES / "reward.py")]
-    given: Parameters = {
-        "sim_node": {"reward": SHAPED, "extensions": extensions},
-        "agent_node": {"learning": True, "agent_id": "agent"},
-        "learner_node": {"algorithm": "td3", **SMALL, "extensions": extensions},
-    }
-    load_example("reward")
-    _, arena = learned_over_the_graph(tmp_path, given, FRAMES // 100)
-    assert arena.reward == reward_from(SHAPED).to_json()

@@ -12,6 +12,7 @@ import rclpy
 from lifecycle_msgs.msg import Transition, TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -24,6 +25,7 @@ from pa_ros.arena.designs import Kind
 from pa_ros.arena.task import Verifier
 from pa_ros.core.experience import Observation, PolicySnapshot
 from pa_ros.ros import topics
+from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.environment import prepare_environment
 from pa_ros.ros.executor import release, spin_until
 from pa_ros.tools.client import client_node
@@ -34,6 +36,14 @@ from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
 from pa_ros.wire.learning import decode_weights
+from pa_ros.wire.program import (
+    GoalProgress,
+    GoalResult,
+    ProgramGoal,
+    decode_goal_feedback,
+    decode_goal_result,
+    encode_goal,
+)
 from pa_ros.wire.services import Outcome, decode_outcome
 from pa_ros.wire.simulator import SimState, encode_state_request
 from pa_ros.world import Trajectory
@@ -47,6 +57,9 @@ SMALL: dict[str, Any] = {
     "network.hidden": 16,
 }
 SMALL_LEARNER = {f"learner_node__{name}": value for name, value in SMALL.items()}
+# Parameters of an arena in real time, and of an agent that is trained for it.
+SCENE = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
+TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
 
 
 class Probe(Node):
@@ -188,6 +201,43 @@ CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE, SHUTDOWN = (
     Transition.TRANSITION_DEACTIVATE,
     Transition.TRANSITION_ACTIVE_SHUTDOWN,
 )
+
+
+class GoalSender:
+    """Sends goals to an agent and keeps their feedback."""
+
+    def __init__(self, probe: Probe) -> None:
+        self.probe = probe
+        self.feedback: list[GoalProgress] = []
+        self._client = ActionClient(probe, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
+        assert probe.until(self._client.server_is_ready)
+
+    def send(self, text: str, time_limit_s: float = 0.0, hold_s: float = 1.0) -> Any:
+        """The handle of an accepted goal."""
+        goal = encode_goal(ProgramGoal(text, time_limit_s, hold_s))
+        sent = self._client.send_goal_async(goal, feedback_callback=self._keep)
+        assert self.probe.until(sent.done)
+        assert sent.result().accepted
+        return sent.result()
+
+    def result(self, handle: Any) -> tuple[int, GoalResult]:
+        """The status and the result of a goal that ends."""
+        future = handle.get_result_async()
+        assert self.probe.until(future.done)
+        return future.result().status, decode_goal_result(future.result().result)
+
+    def close(self) -> None:
+        self._client.destroy()
+
+    def _keep(self, message: Any) -> None:
+        self.feedback.append(decode_goal_feedback(message.feedback))
+
+
+@contextmanager
+def goals_of(probe: Probe) -> Iterator[GoalSender]:
+    sender = GoalSender(probe)
+    yield sender
+    sender.close()
 
 
 class User:

@@ -7,18 +7,17 @@ from typing import Any
 import pytest
 
 from agent_node.node import AgentNode
-from helpers.graph import graph
+from helpers.graph import SCENE, TRAINED, graph
 from pa_ros.ros import topics
 from pa_ros.ros.health import OK, WARN
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-REAL_TIME = {"sim_node__mode": "real_time", "sim_node__design": "3-D"}
 
 
 def test_an_agent_that_rejects_every_step_says_why_until_steps_are_valid() -> None:
     """Features first lack a joint, and later contain all of them."""
-    given = {**REAL_TIME, "agent_node__weights": "random"}
+    given = {**SCENE, "agent_node__weights": "random"}
     with graph(SimNode, AgentNode, remaps=["sim_node:object_features:=whole"], **given) as probe:
         out, joints = topics.OBJECT_FEATURES.publisher(probe), 5
 
@@ -37,9 +36,8 @@ def test_an_agent_that_rejects_every_step_says_why_until_steps_are_valid() -> No
 
 
 def test_an_agent_with_weights_for_another_arm_says_so() -> None:
-    trained = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
-    panda = {**REAL_TIME, "sim_node__arm": "panda"}
-    with graph(SimNode, AgentNode, **panda, **trained) as probe:
+    panda = {**SCENE, "sim_node__arm": "panda"}
+    with graph(SimNode, AgentNode, **panda, **TRAINED) as probe:
         assert probe.until(lambda: "takes in no step: " in probe.message("agent_node"))
         assert probe.health["/agent_node"].level == WARN
         assert "expected" in probe.message("agent_node") and not probe.count(topics.JOINT_COMMANDS)

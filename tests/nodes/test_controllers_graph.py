@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 
 from agent_node.node import AgentNode
-from helpers.graph import graph
+from helpers.graph import SCENE, TRAINED, graph
 from pa_ros.ros import topics
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-ARENA = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
-TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
 
 
 def test_velocities_follow_the_commands_and_end_with_commands_or_agent():
     ramp = {"agent_node__controller": "velocity", "agent_node__max_acceleration": 5.0}
-    with graph(SimNode, AgentNode, **ARENA, **TRAINED, **ramp) as probe:
+    with graph(SimNode, AgentNode, **SCENE, **TRAINED, **ramp) as probe:
         assert probe.until(lambda: probe.count(topics.VELOCITY_COMMANDS) > 10)
         speeds = np.array(probe.last(topics.ARENA_INFO).speed_limits)
         seen = np.array([m.data for m in probe.heard["velocity_commands"]])
@@ -38,7 +36,7 @@ def test_velocities_follow_the_commands_and_end_with_commands_or_agent():
 
 def test_a_joint_trajectory_has_one_point_one_control_period_ahead():
     with graph(
-        SimNode, AgentNode, **ARENA, **TRAINED, agent_node__controller="joint_trajectory"
+        SimNode, AgentNode, **SCENE, **TRAINED, agent_node__controller="joint_trajectory"
     ) as probe:
         assert probe.until(lambda: probe.count(topics.JOINT_TRAJECTORY) > 5)
         arena, (sent,) = probe.last(topics.ARENA_INFO), probe.heard["joint_trajectory"][3:4]

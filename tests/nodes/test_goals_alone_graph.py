@@ -8,36 +8,22 @@ import uuid
 from types import SimpleNamespace
 
 import pytest
-from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
-from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Probe, User, graph
+from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, Probe, User, goals_of, graph
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import WARN
-from pa_ros.wire.program import (
-    GoalResult,
-    ProgramGoal,
-    ProgramRequest,
-    decode_goal_result,
-    encode_goal,
-    encode_program,
-)
+from pa_ros.wire.program import GoalResult, ProgramRequest, encode_program
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
 
 
 def result_of(probe: Probe, text: str, time_limit_s: float = 0.0) -> GoalResult:
-    client = ActionClient(probe, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
-    assert probe.until(client.server_is_ready)
-    sent = client.send_goal_async(encode_goal(ProgramGoal(text, time_limit_s)))
-    assert probe.until(sent.done)
-    future = sent.result().get_result_async()
-    assert probe.until(future.done)
-    client.destroy()
-    return decode_goal_result(future.result().result)
+    with goals_of(probe) as goals:
+        return goals.result(goals.send(text, time_limit_s, hold_s=0.0))[1]
 
 
 def test_a_goal_without_an_arena_is_refused() -> None:

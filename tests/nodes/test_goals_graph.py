@@ -10,36 +10,19 @@ from collections.abc import Iterator
 
 import pytest
 from action_msgs.msg import GoalStatus
-from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
-from helpers.graph import Probe, graph
+from helpers.graph import SCENE, TRAINED, GoalSender, Probe, goals_of, graph
 from pa_ros.ros import topics
-from pa_ros.ros.actions import EXECUTE_PROGRAM
-from pa_ros.wire.program import (
-    GoalProgress,
-    GoalResult,
-    ProgramGoal,
-    decode_goal_feedback,
-    decode_goal_result,
-    decode_program_status,
-    encode_goal,
-)
+from pa_ros.wire.program import decode_program_status
 from pa_ros.wire.services import encode_speed
 from pa_ros.wire.step import encode_clock
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-ARENA = {
-    "sim_node__design": "3-D",
-    "sim_node__seed": 2,
+FAST = {
     "sim_node__program_source": "topic",
-    "sim_node__mode": "real_time",
     "sim_node__real_time_factor": 100.0,
-}
-AGENT = {
-    "agent_node__weights": "checkpoint",
-    "agent_node__checkpoint": "shipped:3-D",
     "agent_node__use_sim_time": True,
 }
 REACHABLE = "NEAR(HAND, AND(RED, CUBE))"
@@ -50,47 +33,17 @@ SUCCEEDED, CANCELED, ABORTED = (
 )
 
 
-class Client:
-    """Sends goals; keeps feedback."""
-
-    def __init__(self, probe: Probe) -> None:
-        self.probe = probe
-        self.feedback: list[GoalProgress] = []
-        self._client = ActionClient(probe, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
-        assert probe.until(self._client.server_is_ready)
-
-    def send(self, text: str, time_limit_s: float = 0.0, hold_s: float = 1.0):
-        """The handle of an accepted goal."""
-        goal = encode_goal(ProgramGoal(text, time_limit_s, hold_s))
-        sent = self._client.send_goal_async(goal, feedback_callback=self._keep)
-        assert self.probe.until(sent.done)
-        assert sent.result().accepted
-        return sent.result()
-
-    def _keep(self, message) -> None:
-        self.feedback.append(decode_goal_feedback(message.feedback))
-
-    def result(self, handle) -> tuple[int, GoalResult]:
-        future = handle.get_result_async()
-        assert self.probe.until(future.done)
-        return future.result().status, decode_goal_result(future.result().result)
-
-    def close(self) -> None:
-        self._client.destroy()
-
-
 @pytest.fixture(scope="module")
 def probe(module_domain: str) -> Iterator[Probe]:
-    with graph(SimNode, AgentNode, **ARENA, **AGENT) as probe:
+    with graph(SimNode, AgentNode, **SCENE, **TRAINED, **FAST) as probe:
         assert probe.until(lambda: "waits for a program" in probe.message("agent_node"))
         yield probe
 
 
 @pytest.fixture
-def client(probe: Probe) -> Iterator[Client]:
-    client = Client(probe)
-    yield client
-    client.close()
+def client(probe: Probe) -> Iterator[GoalSender]:
+    with goals_of(probe) as sender:
+        yield sender
 
 
 def commanded(probe: Probe) -> bool:
@@ -98,14 +51,14 @@ def commanded(probe: Probe) -> bool:
     return any(probe.last(topics.JOINT_COMMANDS).action)
 
 
-def test_a_goal_is_reached(client: Client) -> None:
+def test_a_goal_is_reached(client: GoalSender) -> None:
     status, result = client.result(client.send(REACHABLE, time_limit_s=500.0))
     assert (status, result.success, result.code) == (SUCCEEDED, True, "")
     assert 0 < result.time_to_reach_s < 500 and result.final_distance < 0.2
 
 
 def test_feedback_shows_relevance_and_cancelling_holds_the_arm(
-    probe: Probe, client: Client
+    probe: Probe, client: GoalSender
 ) -> None:
     handle = client.send("NEAR(HAND, AND(GREEN, CUBE))", hold_s=1e9)
     assert probe.until(lambda: any(f.relevance for f in client.feedback))
@@ -138,7 +91,7 @@ def test_a_rejected_goal_says_why_and_where(client, text, limit, code, position)
     assert "expected" in result.reason and ("^" in result.reason or position < 0)
 
 
-def test_another_goal_and_another_program_replace_a_goal(probe: Probe, client: Client) -> None:
+def test_another_goal_and_another_program_replace_a_goal(probe: Probe, client: GoalSender) -> None:
     first = client.send("NEAR(HAND, RED)", hold_s=1e9)
     assert probe.until(lambda: len(client.feedback) > 2)
     second = client.send("NEAR(HAND, GREEN)", hold_s=1e9)
@@ -152,7 +105,7 @@ def test_another_goal_and_another_program_replace_a_goal(probe: Probe, client: C
     assert (status, result.code) == (ABORTED, "goal.replaced")
 
 
-def test_a_goal_replaced_before_its_first_step_is_aborted(probe: Probe, client: Client) -> None:
+def test_a_goal_replaced_before_its_first_step_is_aborted(probe: Probe, client: GoalSender) -> None:
     """A program takes effect with the next step, which is slow to come here."""
     speaker = probe.speaker(topics.PROGRAM)
     assert probe.call(topics.SPEED, encode_speed(0.2)).success
@@ -172,7 +125,7 @@ def test_a_goal_replaced_before_its_first_step_is_aborted(probe: Probe, client: 
     assert own[-1] not in {message.program_id for message in probe.heard["verdict"]}
 
 
-def test_the_time_limit_ends_a_goal_and_holds_the_arm(probe: Probe, client: Client) -> None:
+def test_the_time_limit_ends_a_goal_and_holds_the_arm(probe: Probe, client: GoalSender) -> None:
     goal = client.send("NEAR(HAND, GREEN)", time_limit_s=3.0, hold_s=1e9)
     status, result = client.result(goal)
     assert (status, result.success, result.code) == (ABORTED, False, "goal.time_limit")
@@ -180,7 +133,7 @@ def test_the_time_limit_ends_a_goal_and_holds_the_arm(probe: Probe, client: Clie
     assert probe.until(lambda: not commanded(probe))
 
 
-def test_a_goal_ends_with_its_arena_and_keeps_its_result(probe: Probe, client: Client) -> None:
+def test_a_goal_ends_with_its_arena_and_keeps_its_result(probe: Probe, client: GoalSender) -> None:
     handle = client.send("NEAR(HAND, RED)", hold_s=1e9)
     assert probe.until(lambda: len(client.feedback) > 1)
     arena, agent = probe.nodes

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
 from helpers.graph import (
@@ -14,10 +13,13 @@ from helpers.graph import (
     CLEANUP,
     CONFIGURE,
     DEACTIVATE,
+    SCENE,
     SMALL,
     SMALL_LEARNER,
+    TRAINED,
     Probe,
     User,
+    goals_of,
     graph,
 )
 from helpers.learners import ARENA, trajectory
@@ -26,19 +28,15 @@ from learner_node.worker import LearnerWorker
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros import topics
-from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.health import WARN
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.fields import read_stamp
 from pa_ros.wire.learning import encode_trajectory
-from pa_ros.wire.program import ProgramGoal, decode_goal_result, encode_goal
 from pa_ros.wire.services import ResetRequest, encode_reset
 from pa_ros.wire.step import Command, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-SCENE = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
-TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
 STEPS = SMALL["learner.schedule.trajectory_steps"]
 LEARNING = {
     "sim_node__resend_period_s": 0.2,
@@ -105,23 +103,18 @@ def test_an_arena_configured_again_has_a_new_id_and_new_parameters() -> None:
 
 def test_an_inactive_agent_sends_no_commands_and_aborts_its_goal() -> None:
     given = {"sim_node__program_source": "topic", "agent_node__controller": "velocity"}
-    with graph(SimNode, AgentNode, **SCENE, **TRAINED, **given) as probe:
+    with (
+        graph(SimNode, AgentNode, **SCENE, **TRAINED, **given) as probe,
+        goals_of(probe) as client,
+    ):
         arena, agent = probe.nodes
-        user, client = (
-            User(probe, agent),
-            ActionClient(probe, EXECUTE_PROGRAM[1], "execute_program"),
-        )
-        assert probe.until(client.server_is_ready)
+        user = User(probe, agent)
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
 
         def result(text: str, then=lambda: None, hold_s=1.0):
-            goal = encode_goal(ProgramGoal(text, hold_s=hold_s))
-            sent = client.send_goal_async(goal)
-            assert probe.until(sent.done)
+            handle = client.send(text, hold_s=hold_s)
             then()
-            future = sent.result().get_result_async()
-            assert probe.until(future.done)
-            return decode_goal_result(future.result().result)
+            return client.result(handle)[1]
 
         def deactivate() -> None:
             assert resumes(probe, topics.VELOCITY_COMMANDS)
@@ -136,7 +129,6 @@ def test_an_inactive_agent_sends_no_commands_and_aborts_its_goal() -> None:
         assert user.ask(ACTIVATE) == (True, "active")
         assert resumes(probe, topics.JOINT_COMMANDS)
         assert result("NEAR(HAND, AND(RED, CUBE))").success
-        client.destroy()
 
 
 def sent_and_accounted(probe: Probe) -> tuple[int, int, int]:

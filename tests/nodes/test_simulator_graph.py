@@ -13,7 +13,7 @@ from geometry_msgs.msg import Vector3
 from rclpy.action import ActionClient
 
 from agent_node.node import AgentNode
-from helpers.graph import Probe, graph
+from helpers.graph import SCENE, TRAINED, Probe, graph
 from msgs_schema.action import SimulateSteps
 from msgs_schema.msg import Bounds
 from pa_ros.arena.rearranging import bodies
@@ -29,13 +29,7 @@ from pa_ros.wire.simulator import (
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
-ARENA = {
-    "sim_node__design": "3-D",
-    "sim_node__seed": 2,
-    "sim_node__program_source": "topic",
-    "sim_node__mode": "real_time",
-}
-TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
+ARENA = SCENE | {"sim_node__program_source": "topic"}
 OK, FAILED = ResultCode.OK, ResultCode.OPERATION_FAILED
 UNSUPPORTED = ResultCode.FEATURE_UNSUPPORTED
 STOPPED, PLAYING, PAUSED = 0, 1, 2

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agent_node.node import AgentNode
-from helpers.graph import Probe, graph
+from helpers.graph import SCENE, TRAINED, Probe, graph
 from helpers.pictures import opengl, pixel_of
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
@@ -19,22 +19,18 @@ from sim_node.node import SimNode
 from sim_node.viewers import CAMERA_FRAME
 
 pytestmark = pytest.mark.graph
-ARENA = {
-    "sim_node__design": "3-D",
-    "sim_node__seed": 2,
+CAMERA = {
     "sim_node__program_source": "topic",
-    "sim_node__mode": "real_time",
     "sim_node__camera.rate_hz": 10.0,
     "sim_node__camera.view": "above",
 }
-TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
 
 
 @pytest.fixture(scope="module")
 def probe(module_domain: str) -> Iterator[Probe]:
     """One arena with a camera, and a trained agent, for all tests of this module."""
     opengl()
-    with graph(SimNode, AgentNode, **ARENA, **TRAINED) as probe:
+    with graph(SimNode, AgentNode, **SCENE, **TRAINED, **CAMERA) as probe:
         assert probe.until(lambda: probe.count(topics.TRANSFORMS) >= 6)
         assert probe.until(lambda: probe.count(topics.MARKERS) >= 1)
         yield probe

@@ -13,12 +13,11 @@ from pathlib import Path
 
 import pytest
 
+from helpers.installed import ORIGINS, PACKAGES, ROOT, elsewhere, missing
 from helpers.waiting import DEADLINE_S
 
-ROOT = Path(__file__).parents[2]
 BUILT = ROOT / "build/colcon"
 INSTALLED, PYTHON = BUILT / "install", BUILT / "venv"
-PACKAGES = ("sim_node", "agent_node", "learner_node", "pa_ros", "msgs_schema")
 LEARNED = re.compile(r"\bversion [1-9]")
 Command = Callable[..., str]
 
@@ -49,38 +48,14 @@ def run(environment: dict[str, str], tmp_path: Path) -> Command:
     return run
 
 
-ORIGINS = """
-import importlib, json
-from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from msgs_schema.msg import Program
-Program.__class__.__import_type_support__()
-with open("/proc/self/maps") as maps:
-    mapped = {line.split()[-1] for line in maps if "libmsgs_schema" in line}
-from pa_ros.native.library import level, library
-names = NAMES
-found = [get_package_prefix(n) for n in names] + [get_package_share_directory(n) for n in names]
-files = [importlib.import_module(n).__path__[0] for n in names]
-print(json.dumps({"level": level(), "places": [*found, *files, *mapped, library().__file__]}))
-"""
-
-
 def test_code_messages_libraries_and_engine_come_from_colcon(run: Command, tmp_path: Path):
-    (tmp_path / "origins.py").write_text(ORIGINS.replace("NAMES", repr(PACKAGES)))
-    told = json.loads(run("python origins.py"))
-    assert len(told["places"]) > 3 * len(PACKAGES) + 1  # some libraries, too
-    assert [path for path in told["places"] if not path.startswith(str(INSTALLED))] == []
-    assert told["level"] in ("generic", "x86-64-v3", "x86-64-v4")
+    (tmp_path / "origins.py").write_text(ORIGINS)
+    assert elsewhere(json.loads(run("python origins.py")), INSTALLED) == []
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_shared_files_are_installed(package: str):
-    shared = [
-        path.relative_to(ROOT / package)
-        for pattern in ("package.xml", "launch/*.py", "config/*.yaml", "msg/*.msg")
-        for path in (ROOT / package).glob(pattern)
-    ]
-    share = INSTALLED / package / "share" / package
-    assert shared and [path for path in shared if not (share / path).is_file()] == []
+    assert missing(package, INSTALLED / package / "share" / package, "msg/*.msg") == []
 
 
 @pytest.mark.graph
@@ -121,8 +96,3 @@ def test_a_graph_learns_in_lockstep(environment: dict[str, str], tmp_path: Path)
             process.kill()
     assert any(map(LEARNED.search, said)), "".join(said)
     assert process.returncode == 0, "".join(said)
-
-
-def test_layouts_are_installed():
-    there = {path.name for path in (INSTALLED / "pa_ros/share/pa_ros/layouts").iterdir()}
-    assert there == {path.name for path in (ROOT / "pa_ros/pa_ros/layouts").iterdir()}

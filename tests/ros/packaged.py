@@ -17,10 +17,9 @@ from pathlib import Path
 
 import pytest
 
+from helpers.installed import ORIGINS, PACKAGES, ROOT, elsewhere, missing
 from helpers.waiting import DEADLINE_S
 
-ROOT = Path(__file__).parents[2]
-PACKAGES = ("sim_node", "agent_node", "learner_node", "pa_ros", "msgs_schema")
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -80,41 +79,13 @@ def test_both_have_the_declared_version():
     assert built("*.whl").name.startswith(f"programmable_agents-{version}-")
 
 
-ORIGINS = """
-import importlib, json
-from ament_index_python.packages import get_package_prefix, get_package_share_directory
-from msgs_schema.msg import Program
-Program.__class__.__import_type_support__()
-with open("/proc/self/maps") as maps:
-    mapped = {line.split()[-1] for line in maps if "libmsgs_schema" in line or "_fused" in line}
-import pa_ros.native._fused
-names = NAMES
-found = [get_package_prefix(n) for n in names] + [get_package_share_directory(n) for n in names]
-files = [importlib.import_module(n).__path__[0] for n in names]
-print(json.dumps([*found, *files, *mapped, pa_ros.native._fused.__file__]))
-"""
-
-
 def test_code_messages_libraries_and_index_come_from_the_wheel(run: Command, environment: Path):
-    told = json.loads(run("python", "-c", ORIGINS.replace("NAMES", repr(PACKAGES))).stdout)
-    assert len(told) > 3 * len(PACKAGES) + 1  # some libraries, too
-    assert [path for path in told if not path.startswith(str(environment))] == []
+    assert elsewhere(json.loads(run("python", "-c", ORIGINS).stdout), environment) == []
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_shared_files_are_installed(package: str, prefix: Path):
-    share = prefix / "share" / package
-    shared = [
-        path.relative_to(ROOT / package)
-        for pattern in ("package.xml", "launch/*.py", "config/*.yaml")
-        for path in (ROOT / package).glob(pattern)
-    ]
-    assert shared and [path for path in shared if not (share / path).is_file()] == []
-
-
-def test_layouts_are_installed(prefix: Path):
-    there = {path.name for path in (prefix / "share/pa_ros/layouts").iterdir()}
-    assert there == {path.name for path in (ROOT / "pa_ros/pa_ros/layouts").iterdir()}
+    assert missing(package, prefix / "share" / package) == []
 
 
 def test_the_shipped_agent_scores_well(run: Command):
