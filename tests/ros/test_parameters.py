@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 import rclpy
 from pydantic import Field
@@ -28,6 +30,7 @@ class Config(Settings):
     name: str = "x"
     flag: bool = False
     words: tuple[str, ...] = ()
+    kind: Literal["small", "large"] = "small"
     part: Part = Part()
 
 
@@ -80,8 +83,11 @@ def test_overrides_arrive_in_the_fields_types(node_with):
      ("use_sim_time:=yess", "use_sim_time: expected true or false, got 'yess'")],
 )  # fmt: skip
 def test_wrong_types_and_unknown_names_are_refused(node_with, parameter, shown):
+    node = node_with(parameter)
     with pytest.raises(ConfigError, match=shown):
-        NodeParameters(node_with(parameter), Config).fix()
+        parameters = NodeParameters(node, Config)
+        parameters.open()  # as when an unconfigured node is shut down
+        parameters.fix()
 
 
 def test_later_changes_are_rejected_with_a_reason(node_with):
@@ -90,6 +96,28 @@ def test_later_changes_are_rejected_with_a_reason(node_with):
     result = node.set_parameters([Parameter("number", value=2)])[0]
     assert not result.successful and "number" in result.reason
     assert node.get_parameter("number").value == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("number", 0, "number: expected an integer of at least 1, got 0"),
+     ("flag", "yes", "flag: expected true or false, got 'yes'"),
+     ("kind", "smal",
+      "kind: expected one of ['small', 'large'], got 'smal'; did you mean 'small'?"),
+     ("part.share", float("nan"), "part.share: expected a number in [0, 1), got nan")],
+)  # fmt: skip
+def test_an_impossible_value_is_rejected_when_it_is_set(node_with, name, value, said):
+    node = node_with("number:=3")
+    parameters = NodeParameters(node, Config)
+    for again in range(2):  # before the first configuring, and after a cleanup
+        rejected, accepted = node.set_parameters(
+            [Parameter(name, value=value), Parameter("factor", value=2)]
+        )
+        assert not rejected.successful and rejected.reason == said and accepted.successful
+        if not again:
+            parameters.fix()
+            parameters.open()
+    assert parameters.fix() == Config(number=3, factor=2.0)
 
 
 def test_parameters_are_described_with_their_ranges(node_with):

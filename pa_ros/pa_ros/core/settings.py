@@ -124,12 +124,22 @@ class Leaf:
 
     def read(self, text: str) -> Any:
         """The value that a text gives; ConfigError if the setting rejects it."""
-        checked: Any = Annotated[self.field.annotation, self.field]
-        adapter = TypeAdapter(checked, config=ConfigDict(allow_inf_nan=False))
         try:
-            return adapter.validate_strings(text)
+            return self._adapter.validate_strings(text)
         except ValueError:
             raise ConfigError(f"{self.path}: {self.refusal(text, text or repr(text))}") from None
+
+    def check(self, value: Any) -> None:
+        """Raise ConfigError if the setting rejects a value."""
+        try:
+            self._adapter.validate_python(value, strict=True)
+        except ValueError:
+            raise ConfigError(f"{self.path}: {self.refusal(value, repr(value))}") from None
+
+    @property
+    def _adapter(self) -> TypeAdapter[Any]:
+        checked: Any = Annotated[self.field.annotation, self.field]
+        return TypeAdapter(checked, config=ConfigDict(allow_inf_nan=False))
 
     def refusal(self, given: Any, shown: str) -> str:
         """Why a value is rejected, in words."""

@@ -9,10 +9,17 @@ since ROS cannot tell the type of an empty array.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Leaf, Settings
@@ -34,11 +41,13 @@ class NodeParameters(Generic[Kind]):
     def __init__(self, node: Node, kind: type[Kind]) -> None:
         self._node, self._kind = node, kind
         self._given = set(self._values())
+        self._leaves: dict[str, Leaf] = {}  # of the parameters that can be set now
+        node.add_on_set_parameters_callback(self._check)
         self.open()
 
     def open(self) -> None:
         """Let parameters be set until the next `fix`."""
-        values, node = self._values(), self._node
+        values, node, self._leaves = self._values(), self._node, {}
         leaves = {leaf.path: leaf for leaf in self._kind.leaves()}
         for path in {**leaves, **values}:
             if node.has_parameter(path):
@@ -47,17 +56,17 @@ class NodeParameters(Generic[Kind]):
             if path in leaves or path in self._given:
                 about = describe(leaves[path]) if path in leaves else ParameterDescriptor()
                 about.read_only, about.dynamic_typing = False, True
+                about.integer_range, about.floating_point_range = [], []  # `_check` says more
                 value = to_ros(values[path]) if path in self._given & values.keys() else None
-                if value is not None:  # `fix` checks it, so that its error names the parameter
-                    about.integer_range, about.floating_point_range = [], []
                 node.declare_parameter(path, value, about, ignore_override=True)
+        self._leaves = leaves  # last: `fix` rejects a wrong value that was given at the start
 
     def fix(self) -> Kind:
         """Build the settings and make every parameter read-only, with its effective value.
 
         Raises ConfigError for an unknown parameter, or for a value that the settings reject.
         """
-        given = self._values()
+        given, self._leaves = self._values(), {}
         self._given = set(given)  # also kept if they are rejected, so that one can be corrected
         settings = self._kind(**given)
         leaves = {leaf.path: leaf for leaf in settings.own_leaves()}
@@ -69,6 +78,16 @@ class NodeParameters(Generic[Kind]):
             value = to_ros(leaf.default)
             self._node.declare_parameter(leaf.path, value, describe(leaf), ignore_override=True)
         return settings
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Reject a value that its setting rejects, in the words of the setting."""
+        try:
+            for one in parameters:
+                if one.name in self._leaves and one.value is not None:
+                    self._leaves[one.name].check(_from_ros(one.value))
+        except ConfigError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     def _values(self) -> dict[str, Any]:
         """The values of our parameters that have one, by name."""
