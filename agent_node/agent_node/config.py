@@ -29,7 +29,7 @@ class AgentConfig(NodeSettings):
         description="namespace of the learner that sends weights and receives experience; "
         "empty: the agent's own",
     )
-    agent_id: str = Field("", description="empty: a new one at each start")
+    agent_id: str = Field("", description="empty: a new one for each process")
     seed: int = Field(0, ge=0, description="of the exploration noise, and of random weights")
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
         MIN_MAX.name,

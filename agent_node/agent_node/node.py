@@ -69,11 +69,12 @@ class AgentNode(ManagedNode):
     config: AgentConfig
 
     def __init__(self) -> None:
+        self._drawn_id = uuid.uuid4().hex[:8]  # the same after a cleanup: the agent is no other one
         super().__init__("agent_node", AgentConfig)
 
     def configure(self) -> None:
         config = self.config
-        self.agent_id = config.agent_id or f"{self.get_name()}-{uuid.uuid4().hex[:8]}"
+        self.agent_id = config.agent_id or f"{self.get_name()}-{self._drawn_id}"
         self.agent = make_agent(config, AgentKey(self.agent_id, time.time_ns()))
         self.book = ProgramBook(Vocabulary(()), self.agent.check_program)  # until an arena is known
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
@@ -162,8 +163,8 @@ class AgentNode(ManagedNode):
         context = decode_context(features, self._joints)
         executed, text = context.executed, context.program
         self._status.has_program = bool(text)
-        if executed is not None and executed.command[:2] != self.agent.key:
-            other = executed.command.agent_id
+        other = executed.command.agent_id if executed is not None else self.agent_id
+        if other != self.agent_id:
             self._status.warn(f"the arm obeys the agent {other!r}, too: stop one of the two")
         if not text:
             return

@@ -305,7 +305,8 @@ class SimNode(ManagedNode):
         if self.count_publishers(clock) > 1:
             return WARN, f"another node publishes {clock}, too: its readers see time jump"
         if self.paused:
-            return OK, f"paused: waits for the service {topics.SET_SIMULATION_STATE[0]}"
+            waits = f"waits for the service {topics.SET_SIMULATION_STATE[0]}"
+            return OK, f"paused: {f'makes the requested steps, {rate:.0f}/s' if rate else waits}"
         if self.session.program is None:
             return OK, f"waits for a program ({topics.PROGRAM.name})"
         if self._agents.fault:

@@ -99,6 +99,19 @@ def test_an_arena_configured_again_has_a_new_id_and_new_parameters() -> None:
         assert resumes(probe, topics.JOINT_COMMANDS)
 
 
+def test_an_agent_configured_again_is_no_second_agent() -> None:
+    with graph(SimNode, AgentNode, **SCENE, **TRAINED, sim_node__real_time_factor=5.0) as probe:
+        arena, agent = probe.nodes
+        user, name = User(probe, agent), agent.agent_id
+        assert resumes(probe, topics.JOINT_COMMANDS)
+        for transition in (DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE):
+            assert user.ask(transition)[0]
+        assert resumes(probe, topics.JOINT_COMMANDS, 5) and agent.agent_id == name
+        said = [arena.collect()[1], agent.collect()[1]]
+        assert resumes(probe, topics.JOINT_COMMANDS, 5)
+        assert {*said, arena.collect()[1], agent.collect()[1]} == {"running", "acting"}
+
+
 def test_an_inactive_agent_sends_no_commands_and_aborts_its_goal() -> None:
     given = {"sim_node__program_source": "topic", "agent_node__controller": "velocity"}
     with (

@@ -292,6 +292,7 @@ def test_steps_as_an_action_are_counted_and_can_be_cancelled(probe):
     endless = start(10**9)
     assert result(start(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
     assert probe.until(lambda: session.steps > before + 20)
+    assert probe.nodes[0].collect()[1].startswith("paused: makes the requested steps, ")
     assert probe.until(endless.cancel_goal_async().done)
     assert result(endless)[0] == GoalStatus.STATUS_CANCELED
     steps = session.steps

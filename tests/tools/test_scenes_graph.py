@@ -11,6 +11,7 @@ from helpers.graph import graph
 from pa_ros.arena import ArenaConfig, design_named
 from pa_ros.arena.task import world_of
 from pa_ros.cli.main import main
+from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse, require_target
 from pa_ros.ros import topics
 from pa_ros.tools.client import spin_with_notice
@@ -86,7 +87,7 @@ def test_a_scene_is_the_next_or_a_number(text, capsys):
 
 
 @pytest.mark.graph
-def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(monkeypatch, capfd):
+def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(monkeypatch):
     monkeypatch.setattr("pa_ros.tools.client.NOTICE_S", 0.2)
     with graph() as probe:
         world = world_of(ArenaConfig(), design_named("3-D"))
@@ -94,10 +95,8 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(m
         left = topics.ARENA_INFO.within("left").publisher(probe)
         left.publish(encode_arena_info(about))
         # A node knows its own publishers at once, so this doesn't wait for discovery.
-        assert not spin_with_notice(probe, lambda: False, 0.4)
-        notice = capfd.readouterr().err
-        assert notice.startswith("no arena yet in ROS domain")
-        assert "an arena describes itself in /left: --namespace chooses it" in notice
+        with pytest.raises(ConfigError, match=r"expected one with an arena \(/left\), got /$"):
+            spin_with_notice(probe, lambda: False, 30.0)
         command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "3", "--namespace", "left"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as sent:
             assert probe.until(lambda: sent.poll() is not None)

@@ -21,7 +21,6 @@ from pa_ros.tools.client import (
     NoAnswerError,
     Node,
     client_node,
-    elsewhere,
     spin_with_notice,
 )
 from pa_ros.tools.scenes import Scene
@@ -67,8 +66,8 @@ def run(options: argparse.Namespace) -> int:
     with client_node("send", options.namespace) as node:
         try:
             if options.scene is not None:
-                spin = partial(spin_with_notice, node)
-                began = ArenaClient(node, spin).reset(options.scene, how.timeout_s)
+                arena = ArenaClient(node, partial(spin_with_notice, node))
+                began = arena.reset(options.scene, how.timeout_s)
                 print(f"began episode {began.episode}")
             scene = Scene(node)
             if options.text is None:
@@ -79,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
                 print(_suggested(scene), file=sys.stderr)
             return status
         except NoAnswerError as error:
-            print(f"timed out: {error}{elsewhere(node)}", file=sys.stderr)
+            print(f"timed out: {error}", file=sys.stderr)
             return EXIT_TIMED_OUT
 
 
@@ -117,7 +116,7 @@ def _suggested(scene: Scene) -> str:
 
 def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
     """Send a goal to the agent; None if it offers no action, as agents that learn do."""
-    client = GoalClient(node)
+    client = GoalClient(node, partial(spin_with_notice, node))
     try:
         if not client.offered(min(OFFER_S, how.timeout_s)):
             return None

@@ -11,14 +11,14 @@ from typing import Any
 
 from rclpy.node import Node
 
-from pa_ros.core.errors import PaError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.environment import check_namespace, prepare_environment, start_ros
 from pa_ros.ros.executor import release, spin_until
 from pa_ros.ros.topics import ARENA_INFO, RESET, SET_SIMULATION_STATE
 from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset
 from pa_ros.wire.simulator import SimState, encode_state_request
 
-__all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node", "elsewhere", "spin_with_notice"]
+__all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node", "spin_with_notice"]
 
 NOTICE_S = 3.0
 
@@ -61,15 +61,23 @@ def client_node(name: str, namespace: str = "") -> Iterator[Node]:
 
 
 def spin_with_notice(node: Node, condition: Callable[[], bool], timeout_s: float) -> bool:
-    """Like `spin_until`; says on standard error after NOTICE_S that there is no arena to answer."""
+    """Like `spin_until`, for an answer of an arena or its agent.
+
+    After NOTICE_S it says on standard error that there is no arena yet. If all arenas are in other
+    namespaces, it raises ConfigError instead, as waiting would not help.
+    """
     before_notice_s = min(NOTICE_S, timeout_s)
     if spin_until(node, condition, before_notice_s):
         return True
-    if timeout_s > before_notice_s and not node.get_publishers_info_by_topic(ARENA_INFO.name):
-        domain = node.context.get_domain_id()
+    found, here = namespaces_of_arenas(node), node.get_namespace()
+    if found and here not in found:
+        raise ConfigError(
+            f"--namespace: expected one with an arena ({', '.join(found)}), got {here}"
+        )
+    if timeout_s > before_notice_s and not found:
         print(
-            f"no arena yet in ROS domain {domain}, namespace {node.get_namespace()}: "
-            f"waits for one, {timeout_s:g} s at most{elsewhere(node)}",
+            f"no arena yet in ROS domain {node.context.get_domain_id()}, namespace {here}: "
+            f"waits for one, {timeout_s:g} s at most",
             file=sys.stderr,
             flush=True,
         )
@@ -84,14 +92,6 @@ def namespaces_of_arenas(node: Node) -> tuple[str, ...]:
         for topic, _ in node.get_topic_names_and_types()
         if topic.endswith(name) and node.count_publishers(topic)
     ))  # fmt: skip
-
-
-def elsewhere(node: Node) -> str:
-    """The end of a line that says that no arena is here: where there are others; else empty."""
-    found = namespaces_of_arenas(node)
-    if not found or node.get_namespace() in found:
-        return ""
-    return f"; an arena describes itself in {', '.join(found)}: --namespace chooses it"
 
 
 class ArenaClient:
