@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pa_ros.arena.episodes import Episode, generate
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.simulation import HAND_INDEX, Simulation
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
-from pa_ros.language import Program, require_target, satisfying
+from pa_ros.language import Program, require_target, roles
 from pa_ros.world import Reward, Score, Scoring
 from pa_ros.world.world import World
 
@@ -39,23 +39,29 @@ class Verifier:
         kinds: Sequence[Kind],
         scoring: Scoring,
         may_name_nothing: bool = False,
+        bodiless: Collection[str] = (),
     ) -> None:
-        """`kinds` are the blocks, which are objects 1, 2, …
+        """`kinds` are the blocks and places, which are objects 1, 2, …
 
-        Raises ProgramError (program.names_nothing) if no block is named, unless that is allowed,
-        and ConfigError for an unknown relation.
+        Raises ProgramError if the program cannot hold (`require_target`), unless it may name
+        nothing, and ConfigError for an unknown relation.
         """
         # Raise ConfigError for an unknown relation now, not at the first step.
         scoring.threshold(program.relation)
-        check = satisfying if may_name_nothing else require_target
-        named = check(program, [kind.words for kind in kinds], None)
+        words = [frozenset(), *(kind.words for kind in kinds)]
+        if not may_name_nothing:
+            require_target(program, words, HAND_INDEX, bodiless)
         self.program = program
-        self.targets = tuple(i for i, is_named in enumerate(named, start=1) if is_named)
+        sets = roles(program, words, HAND_INDEX, bodiless)
+        self.moved, self.targets = (tuple(np.flatnonzero(one).tolist()) for one in sets)
+        """Objects that are to be moved, and those that they are to be related to."""
         self._scoring = scoring
 
     def score(self, objects: Float32, hand_pose: Float64) -> Score:
         """Score one state: object features [N, F], and the hand's pose [7] in the base's frame."""
-        return self._scoring.of_targets(self.targets, objects, self.program.relation, hand_pose)
+        moved = None if self.program.moves_hand else self.moved
+        relation = self.program.relation
+        return self._scoring.of_targets(self.targets, objects, relation, hand_pose, moved)
 
 
 class ReachTask:
@@ -133,9 +139,8 @@ class ReachTask:
         """Continue the episode with other blocks (see `Simulation.rearrange`). Program, step and
         time stay; the program may name nothing now."""
         self.simulation.rearrange(episode, poses, twists)
-        kinds = [block.kind for block in episode.blocks]
         self._episode = episode
-        self.verifier = Verifier(self.program, kinds, self.scoring, may_name_nothing=True)
+        self.verifier = self._verifier(episode, self.program, may_name_nothing=True)
 
     @property
     def program(self) -> Program:
@@ -187,9 +192,12 @@ class ReachTask:
             truncated=observation.step >= self.config.episode_steps,
         )
 
-    def _verifier(self, episode: Episode, program: Program) -> Verifier:
+    def _verifier(
+        self, episode: Episode, program: Program, may_name_nothing: bool = False
+    ) -> Verifier:
         kinds = [block.kind for block in episode.blocks]
-        return Verifier(program, kinds, self.scoring)
+        bodiless = self.design.vocabulary.bodiless
+        return Verifier(program, kinds, self.scoring, may_name_nothing, bodiless)
 
     @property
     def episode(self) -> Episode:

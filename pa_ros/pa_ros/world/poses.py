@@ -33,6 +33,16 @@ def in_base(hand: Float64, poses: Float64) -> Float64:
     return result
 
 
+def in_hand(hand: Float64, poses: Float64) -> Float64:
+    """The inverse of `in_base`: poses [..., 7] in the frame of the hand, with qw >= 0."""
+    back = hand[..., 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse of the hand's orientation
+    away = poses[..., :3] - hand[..., :3]
+    away = np.concatenate([away, np.zeros((*away.shape[:-1], 1))], -1)
+    place = times(times(back, away), hand[..., 3:])[..., :3]
+    turned = times(back, poses[..., 3:])
+    return np.concatenate([place, turned * np.copysign(1.0, turned[..., 3:])], -1)
+
+
 def objects_from_poses(
     schema: ObjectSchema, labels: Sequence[Mapping[str, str]], poses: Float64
 ) -> Float32:
@@ -44,11 +54,7 @@ def objects_from_poses(
     """
     hand = np.zeros(schema.width, np.float32)
     objects = np.stack([hand, *map(schema.features, labels)])
-    back = poses[0, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse of the hand's orientation
-    away = np.concatenate([poses[:, :3] - poses[0, :3], np.zeros((len(poses), 1))], 1)
-    objects[:, :3] = times(times(back, away), poses[0, 3:])[:, :3]
-    turned = times(back, poses[:, 3:])
-    objects[:, 3:7] = turned * np.copysign(1.0, turned[:, 3:])  # qw >= 0
+    objects[:, :POSE_WIDTH] = in_hand(poses[0], poses)
     return objects
 
 

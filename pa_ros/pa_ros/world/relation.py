@@ -1,4 +1,4 @@
-"""What a relation between the hand and an object is, the registry, and this project's relations.
+"""What a relation between two objects is, the registry, and this project's relations.
 
 Parser, verifier, relabeling, networks, pictures and the scripted reference use what is registered
 here. A custom relation is one file that calls `register`.
@@ -17,7 +17,7 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.core.extensions import Registry
-from pa_ros.world.poses import IDENTITY, POSE_WIDTH, in_base
+from pa_ros.world.poses import IDENTITY, POSE_WIDTH, in_base, in_hand
 
 Measure = Callable[[Float64, Float64], Float64]
 Place = Callable[[Float64, Float64, float], Float64]
@@ -29,7 +29,8 @@ class Relation:
 
     `measure(hand, objects)` is a pure function of poses, [..., 7] each and broadcast: x y z (m) and
     quaternion xyzw, in `frame`. It returns numbers [...] in `unit`, never NaN, with the same bits
-    for one state as for many. The relation holds where they are at most the threshold.
+    for one state as for many. The relation holds where they are at most the threshold. In
+    NAME(e1, e2) an object of e1 has the part of the hand, and `between` replaces the threshold.
 
     `goal(hand, object, threshold)` is the place [3] to which the scripted reference moves the hand.
     `outline(hand, object, threshold)` is a line [M, 2] for pictures from above, around the places
@@ -44,6 +45,7 @@ class Relation:
     goal: Place
     outline: Place
     frame: Literal["hand", "base"] = "base"
+    between: float | None = None  # the threshold between two objects; None: the arena's
 
     def __post_init__(self) -> None:
         """ConfigError unless threshold and functions are as the class describes."""
@@ -71,17 +73,21 @@ class Relation:
                 f"got {threshold}"
             )
 
-    def measures(self, objects: Float64, hand_pose: Float64 | None) -> Float64:
+    def measures(
+        self, objects: Float64, hand_pose: Float64 | None, moved: Float64 | None = None
+    ) -> Float64:
         """The measure [...] of each object, from poses [..., 7] in the hand's frame.
 
+        `moved` [..., 7], in the same frame, is what is related to them; by default the hand.
         `hand_pose` [..., 7] is the hand's in the base's frame. Only relations of that frame need
         it; they raise ConfigError if it is None.
         """
         if self.frame == "hand":
-            return self.measure(IDENTITY, objects)
+            return self.measure(IDENTITY, objects if moved is None else in_hand(moved, objects))
         if hand_pose is None:
             raise ConfigError(f"relation {self.name}: expected the hand's pose, got none")
-        return self.measure(hand_pose, in_base(hand_pose, objects))
+        first = hand_pose if moved is None else in_base(hand_pose, moved)
+        return self.measure(first, in_base(hand_pose, objects))
 
     def of_places(self, hand: Float64, objects: Float64) -> Float64:
         """The measure of upright objects at places [..., 3] for an upright hand at a place [3]."""
@@ -175,6 +181,7 @@ register(
         goal=lambda hand, target, threshold: target + np.array([0.0, 0.0, NEAR_HEIGHT * threshold]),
         outline=lambda hand, target, threshold: circle(hand, threshold),
         frame="hand",
+        between=0.10,  # where two blocks of 0.06 m nearly touch
     )
 )
 register(

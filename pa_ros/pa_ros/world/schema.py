@@ -11,6 +11,7 @@ from math import dist, inf, isfinite
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
@@ -88,11 +89,14 @@ class PropertyGroup:
     name: str
     words: tuple[str, ...]  # may include spare words, for values that do not exist yet
     features: OneHot | Real
+    bodiless: tuple[str, ...] = ()  # values of objects that the arm can neither touch nor move
 
     def __post_init__(self) -> None:
         WordGroup(self.name, self.words)
         prototypes, tolerance = self.features.prototypes, self.features.tolerance
         width = len(self.features.names(self.name))
+        if unknown := set(self.bodiless) - set(prototypes):
+            raise ConfigError(f"{self}: bodiless: expected some of its values, got {unknown}")
         if not prototypes or not width:
             raise ConfigError(f"{self}: expected at least one value and one feature, got none")
         for value, numbers in prototypes.items():
@@ -153,6 +157,22 @@ class ObjectSchema:
     def feature_names(self) -> tuple[str, ...]:
         """Feature names, in column order: x y z qx qy qz qw shape_cube …"""
         return POSE + tuple(name for group in self for name in group.features.names(group.name))
+
+    @cached_property
+    def bodiless(self) -> frozenset[str]:
+        """Values of objects without a body, which are seen and named but cannot be moved."""
+        return frozenset(value for group in self for value in group.bodiless)
+
+    def has_body(self, values: Mapping[str, str]) -> bool:
+        """Whether an object with these values has a body."""
+        return self.bodiless.isdisjoint(values.values())
+
+    def bodies(self, objects: Float32) -> NDArray[np.bool_]:
+        """Which objects [..., F] have a body, the hand included: [...]."""
+        body = np.ones(objects.shape[:-1], np.bool_)
+        for group, has in zip(self, self.has(objects), strict=True):
+            body &= ~has[..., [value in group.bodiless for value in group.features.values]].any(-1)
+        return body
 
     @property
     def width(self) -> int:
@@ -227,7 +247,11 @@ class ObjectSchema:
 
     def to_data(self) -> list[dict[str, Any]]:
         """As data for JSON."""
-        return [{"name": g.name, "words": list(g.words), **g.features.to_data()} for g in self]
+        return [
+            {"name": g.name, "words": list(g.words), **g.features.to_data()}
+            | ({"bodiless": list(g.bodiless)} if g.bodiless else {})
+            for g in self
+        ]
 
     @classmethod
     def from_data(cls, data: Any) -> ObjectSchema:
@@ -253,10 +277,12 @@ def within(features: Any, prototypes: Any, tolerance: float) -> Any:
 
 def _group(data: dict[str, Any]) -> PropertyGroup:
     name, words = data.pop("name"), tuple(data.pop("words"))
+    bodiless = tuple(data.pop("bodiless", ()))
     if "values" in data:
-        return PropertyGroup(name, words, OneHot(tuple(data.pop("values")), **data))
+        return PropertyGroup(name, words, OneHot(tuple(data.pop("values")), **data), bodiless)
     numbers = {value: tuple(row) for value, row in data.pop("of")}
-    return PropertyGroup(name, words, Real(tuple(data.pop("features")), numbers, **data))
+    features = Real(tuple(data.pop("features")), numbers, **data)
+    return PropertyGroup(name, words, features, bodiless)
 
 
 SHAPES = ("CUBE", "SPHERE", "CYLINDER", "CAPSULE")
@@ -268,3 +294,12 @@ PAPER = ObjectSchema(
     )
 )
 """Shapes and colors of the paper's blocks, and one more of each."""
+
+PLACE = "PLACE"
+PUSHING = ObjectSchema(
+    (
+        PropertyGroup("shape", (*SHAPES, PLACE), OneHot((*SHAPES, PLACE)), bodiless=(PLACE,)),
+        PropertyGroup("color", COLORS, OneHot(COLORS)),
+    )
+)
+"""The same with places: colored disks on the table, which blocks can be moved to."""

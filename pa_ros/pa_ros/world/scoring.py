@@ -24,7 +24,7 @@ from pa_ros.world.reward import Reward, Sparse
 class Score(NamedTuple):
     """The verifier's answer for states, each [...], or for one state, as numbers."""
 
-    measure: Any  # of the relation, in its unit: the least over the named objects; inf if none
+    measure: Any  # of the relation, in its unit: the least over the named pairs; inf if none
     satisfied: Any
     reward: Any
 
@@ -67,14 +67,19 @@ class Scoring:
         objects: Float32,
         relation: str = NEAR,
         hand_pose: Float64 | Float32 | None = None,
+        moved: NDArray[np.bool_] | None = None,
     ) -> Score:
         """Score states [..., N, F] under programs that name the objects `named` [..., N].
 
-        Both are broadcast: `named` [P, N] and `objects` [T, 1, N, F] give scores [T, P]. The hand
-        must not be named (see `world.programs.crisp`). `hand_pose` [..., 7] is in the base's frame;
-        relations in the frame of the hand do not need it.
+        Both are broadcast: `named` [P, N] and `objects` [T, 1, N, F] give scores [T, P].
+        `hand_pose` [..., 7] is in the base's frame; relations in the frame of the hand do not need
+        it. `moved` [..., N] are the objects that the programs move; None: the hand, which must not
+        be named (see `world.programs.crisp`). The relation holds between some moved object and
+        another named one.
         """
-        threshold = self.threshold(relation)
+        threshold = self.threshold(relation, between=moved is not None)
+        if moved is not None:
+            return self._score(self._nearest(moved, named, relation, objects, hand_pose), threshold)
         measures = self._measures(relation, objects, hand_pose)
         # An object that is not named counts as infinitely far, so a program that names none is not
         # satisfied.
@@ -89,30 +94,60 @@ class Scoring:
         objects: Float32,
         relation: str = NEAR,
         hand_pose: Float64 | Float32 | None = None,
+        moved: Sequence[int] | None = None,
     ) -> Score:
-        """Score one state [N, F], given the indices of the named objects: the same bits as for many
-        states, but faster, and as numbers."""
-        threshold = self.threshold(relation)
-        measures = self._measures(relation, objects, hand_pose).tolist()
-        return self._score(min([measures[i] for i in targets], default=inf), threshold)
+        """Score one state [N, F], given the indices of the named and the moved objects: the same
+        bits as for many states, but faster, and as numbers."""
+        threshold = self.threshold(relation, between=moved is not None)
+        if moved is None:
+            measures = self._measures(relation, objects, hand_pose).tolist()
+            return self._score(min([measures[i] for i in targets], default=inf), threshold)
+        pairs = [(i, j) for i in moved for j in targets if i != j]
+        first, second = objects[[i for i, _ in pairs]], objects[[j for _, j in pairs]]
+        measures = self._measures(relation, second, hand_pose, first).tolist()
+        return self._score(min(measures, default=inf), threshold)
 
-    def threshold(self, relation: str) -> float:
-        """The threshold of a relation; ConfigError lists the known relations."""
+    def threshold(self, relation: str, between: bool = False) -> float:
+        """The threshold of a relation of the hand, or `between` two objects; ConfigError lists the
+        known relations."""
         if relation not in self.thresholds:
             raise ConfigError(
                 f"unknown relation: expected one of {list(self.thresholds)}, got {relation!r}"
             )
-        return self.thresholds[relation]
+        return (RELATIONS[relation].between if between else None) or self.thresholds[relation]
+
+    def _nearest(
+        self,
+        moved: NDArray[np.bool_],
+        named: NDArray[np.bool_],
+        relation: str,
+        objects: Float32,
+        hand_pose: Float64 | Float32 | None,
+    ) -> Float64:
+        """The least measure over pairs of a moved and another named object, [...]."""
+        nearest: Float64 = np.array(inf)
+        for i in range(objects.shape[-2]):
+            measures = self._measures(relation, objects, hand_pose, objects[..., i : i + 1, :])
+            for j in range(objects.shape[-2]):
+                if i != j:
+                    pair = moved[..., i] & named[..., j]
+                    nearest = np.minimum(nearest, np.where(pair, measures[..., j], inf))
+        return nearest
 
     def _measures(
-        self, relation: str, objects: Float32, hand_pose: Float64 | Float32 | None
+        self,
+        relation: str,
+        objects: Float32,
+        hand_pose: Float64 | Float32 | None,
+        moved: Float32 | None = None,
     ) -> Float64:
-        """The measure of each object, [..., N]."""
+        """The measure of each object, [..., N], to the hand or to `moved`."""
         poses, meant, hand = objects[..., :POSE_WIDTH].astype(np.float64), RELATIONS[relation], None
         if meant.frame == "base" and hand_pose is not None:
             # Agents receive float32, and relabeling has no more precision than that.
             hand = hand_pose.astype(np.float32).astype(np.float64)[..., None, :]
-        return meant.measures(poses, hand)
+        first = None if moved is None else moved[..., :POSE_WIDTH].astype(np.float64)
+        return meant.measures(poses, hand, first)
 
     def _score(self, measure: Any, threshold: float) -> Score:
         satisfied = measure <= threshold

@@ -40,6 +40,11 @@ class World:
             raise ConfigError(f"world: groups of words: expected {ours}, got {theirs}")
         if type(self.joints) is not int or not 1 <= self.joints <= MAX_JOINTS:
             raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints!r}")
+        named = set(self.schema.bodiless) & set(self.vocabulary.words)
+        if self.vocabulary.moves_objects and set(self.vocabulary.bodiless) != named:
+            raise ConfigError(
+                f"world: bodiless words: expected {named}, got {self.vocabulary.bodiless}"
+            )
         for relation in self.relations:
             RELATIONS[relation]  # raises ConfigError for an unknown one
 
@@ -55,9 +60,11 @@ class World:
 
     @cached_property
     def sees_hand_pose(self) -> bool:
-        """Whether the arm's features end with the hand's pose, which relations in the base's frame
-        need."""
-        return any(RELATIONS[relation].frame == "base" for relation in self.relations)
+        """Whether the arm's features end with the hand's pose. Relations in the base's frame need
+        it, and programs that move objects, since those stay where they are when the hand moves."""
+        return self.vocabulary.moves_objects or any(
+            RELATIONS[relation].frame == "base" for relation in self.relations
+        )
 
     @property
     def arm_features(self) -> int:
@@ -106,7 +113,9 @@ class World:
 
     def to_data(self) -> dict[str, Any]:
         """As data for JSON."""
+        moving = {"moves_objects": True} if self.vocabulary.moves_objects else {}
         return {
+            **moving,
             "objects": self.schema.to_data(),
             "words": [[group.name, list(group.words)] for group in self.vocabulary.groups],
             "joints": self.joints,
@@ -119,7 +128,10 @@ class World:
         try:
             vocabulary = Vocabulary.of(**{name: tuple(words) for name, words in data["words"]})
             asked = vocabulary.asking(*data["relations"])
-            return cls(ObjectSchema.from_data(data["objects"]), asked, data["joints"])
+            schema = ObjectSchema.from_data(data["objects"])
+            if data.get("moves_objects", False) is True:
+                asked = asked.moving(*(w for w in asked.words if w in schema.bodiless))
+            return cls(schema, asked, data["joints"])
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise ConfigError(
                 f"world: expected its JSON: {error!r}, got {str(data)[:200]}"
