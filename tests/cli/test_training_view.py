@@ -74,8 +74,9 @@ def test_a_run_tells_its_evaluations_and_what_comes_next(tmp_path, capsys, resum
     if resumed:
         capsys.readouterr()
         assert main([*run, "--frames", "400", "--resume"]) == 0
-    *_, before, last, then = capsys.readouterr().out.splitlines()
+    *_, before, last, note, then = capsys.readouterr().out.splitlines()
     frames = (300, 400) if resumed else (100, 200)
     assert [int(line.split()[0]) for line in (before, last)] == list(frames)
+    assert note.startswith("no update was made: the first one needs more than 5,000 frames")
     command = shlex.split(then.rpartition("next: ")[2])
     assert command == ["pa_ros", "eval", "--checkpoint", str(out)]

@@ -42,6 +42,17 @@ def test_a_transition_comes_back_as_it_was() -> None:
     assert (replay.arrays["program"][index] == 3).all()
 
 
+def test_the_reward_per_step_is_that_of_the_newest_transitions() -> None:
+    """Rows that end a trajectory have no reward, and rows that are written over no longer count."""
+    rng, replay, rewards = np.random.default_rng(0), ReplayBuffer(25, WORLD), []
+    for sequence in range(4):
+        trajectory = random_trajectory(rng, 9, sequence=sequence)
+        replay.insert(trajectory, 0)
+        rewards += trajectory.rewards.tolist()
+    assert replay.reward_per_step() == pytest.approx(np.mean(rewards[-22:]))
+    assert replay.reward_per_step(rows=5) == pytest.approx(np.mean(rewards[-4:]))
+
+
 @settings(deadline=None, max_examples=40)
 @given(lengths=st.lists(st.integers(1, 9), min_size=1, max_size=30), capacity=st.integers(10, 40))
 def test_samples_are_the_newest_whole_transitions(lengths, capacity) -> None:

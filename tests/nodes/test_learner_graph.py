@@ -58,6 +58,9 @@ def test_a_learner_takes_the_next_arena_after_one_that_it_cannot_learn_about() -
         probe.speaker(topics.TRAJECTORIES).publish(encode_trajectory(trajectory(0)))
         assert probe.until(lambda: float(probe.value("learner_node", "frames") or 0) > 0)
         assert "weights version 1" in learner.progress()
+        reward = trajectory(0).rewards.mean()
+        assert f"reward/step {reward:+.3f}" in learner.progress()
+        assert probe.value("learner_node", "reward_per_step") == f"{reward:.6g}"
 
 
 def test_a_learner_ends_with_one_line_if_another_run_uses_its_folder(tmp_path: Path) -> None:

@@ -60,6 +60,16 @@ def run(options: argparse.Namespace) -> int:
     return 0 if found.complete else EXIT_INCOMPLETE
 
 
+def say_if_untrained(learner: Learner) -> None:
+    """Print why the weights are still the initial ones, if no update was made."""
+    if not learner.counters.updates:
+        warmup = learner.config.replay.warmup_frames
+        print(
+            f"no update was made: the first one needs more than {warmup:,} frames "
+            "(--learner.replay.warmup_frames)"
+        )
+
+
 def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dict[str, object]]:
     """A new learner with the recorded settings, and facts of the run for its checkpoint."""
     try:
@@ -159,4 +169,5 @@ def _conclude(found: OfflineResult, learner: Learner, out: Path) -> None:
     ):
         if count:
             print(f"{count} {what}")
+    say_if_untrained(learner)
     print(f"weights of version {counters.version}: {weights_checksum(learner.snapshot())}")

@@ -197,6 +197,7 @@ class Learner:
 
     def metrics(self) -> dict[str, float]:
         """Counters and the latest update's figures, by name."""
+        rewards = {"reward_per_step": self.replay.reward_per_step()} if self.replay.rows else {}
         return {
             "version": self.counters.version,
             "frames": self.counters.frames,
@@ -207,6 +208,7 @@ class Learner:
             "duplicate_trajectories": self.replay.ledger.duplicates,
             "rejected_trajectories": self.replay.ledger.rejected,
             "too_old_trajectories": self.replay.ledger.too_old,
+            **rewards,
             **self.engine.metrics(),
         }
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 from typing import TextIO
@@ -28,7 +28,6 @@ from pa_ros.wire.diagnostics import Health, decode_diagnostics
 REFRESH_S = 0.5  # of the table
 LINE_PERIOD_S = 5.0  # of plain lines
 STALE_S = 5.0  # a node whose last diagnostics are older is shown as silent
-UNKNOWN = "-"
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ class GraphFigures:
         return over_arenas(known) if known else None
 
     def rows(self) -> list[tuple[str, str]]:
-        """(label, text) of every figure, of each arena if there are several, and of the alarms."""
-        found = [(figure.label, self._text(figure)) for figure in FIGURES]
+        """(label, text) of the figures, of each arena if there are several, and of the alarms."""
+        found = [(figure.label, text) for figure, text in self._known()]
         arenas = self._of("sim_node")
         if len(arenas) > 1:
             found += [(_namespace(arena.name), self._arena_text(arena)) for arena in arenas]
@@ -91,7 +90,7 @@ class GraphFigures:
 
     def line(self) -> str:
         """The figures in one plain line."""
-        parts = [f"{figure.short} {self._text(figure)}" for figure in FIGURES if figure.short]
+        parts = [f"{figure.short} {text}" for figure, text in self._known() if figure.short]
         return "  ".join([*parts, f"refused {self._refusals()}", f"alarms {self._alarms()}"])
 
     def _of(self, node: str) -> list[Health]:
@@ -99,8 +98,12 @@ class GraphFigures:
         known = sorted(self._health.items())
         return [entry for name, (entry, _) in known if name.rpartition("/")[2] == node]
 
-    def _text(self, figure: Figure) -> str:
-        return _written(figure, self.value(figure.node, figure.key, figure.over_arenas))
+    def _known(self) -> Iterator[tuple[Figure, str]]:
+        """The figures that a node reports, written."""
+        for figure in FIGURES:
+            value = self.value(figure.node, figure.key, figure.over_arenas)
+            if value is not None:
+                yield figure, _written(figure, value)
 
     def _arena_text(self, arena: Health) -> str:
         """The figures of one arena and its agent."""
@@ -130,7 +133,7 @@ class GraphFigures:
             if LIFECYCLE in entry.values and self._now() - when <= STALE_S:
                 nodes.setdefault(entry.values[LIFECYCLE], []).append(name)
         found = [f"{state}: {', '.join(names)}" for state, names in sorted(nodes.items())]
-        return "; ".join(found) or UNKNOWN
+        return "; ".join(found) or "-"
 
     def _alarms(self) -> str:
         alarms = []
@@ -150,9 +153,7 @@ def _number(entry: Health, key: str) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _written(figure: Figure, value: float | None) -> str:
-    if value is None:
-        return UNKNOWN
+def _written(figure: Figure, value: float) -> str:
     return figure.form.format(-value if figure.key in NEGATED else value)
 
 

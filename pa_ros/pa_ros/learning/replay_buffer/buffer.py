@@ -53,6 +53,12 @@ class ReplayBuffer:
         """Number of sampleable transitions."""
         return int(np.count_nonzero(~self.arrays["last"][: self.rows])) if self.arrays else 0
 
+    def reward_per_step(self, rows: int = 2000) -> float:
+        """Mean reward of the transitions in the newest rows; the buffer must not be empty."""
+        newest = (self.head - 1 - np.arange(min(rows, self.rows))) % self.capacity
+        begins = ~self.arrays["last"][newest]
+        return float(self.arrays["reward"][newest][begins].mean())
+
     def check(self, trajectory: Trajectory) -> None:
         """Raise LearningError unless the trajectory is one of this world that fits the buffer.
 
