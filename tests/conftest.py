@@ -1,7 +1,5 @@
 """One thread for torch, no deadlines for hypothesis, and a separate ROS domain for each test."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 

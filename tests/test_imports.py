@@ -1,7 +1,5 @@
 """Imports run one way; rclpy and message packages stay in their rooms (docs/DESIGN.md)."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """What `make` runs, wherever the clone lies."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """Only `pa_ros.wire` reads and writes fields of messages; all others call its functions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`import pa_ros`: an agent executes programs in a few lines of Python."""
 
-from __future__ import annotations
-
 import pydoc
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The actor: noise, weights it refuses, and the order an agent must keep."""
 
-from __future__ import annotations
-
 import logging
 from dataclasses import replace
 

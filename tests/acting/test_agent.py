@@ -1,7 +1,5 @@
 """Which weights an agent acts with, and which steps it joins to experience."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Exploration noise: its moments, and that an episode's noise is the episode's own."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Weights that meet an arena of another arm, other relations or objects: they act, or reject it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The synchronous protocol as an agent keeps it: which weights act, what is sent again."""
 
-from __future__ import annotations
-
 import weakref
 from dataclasses import replace
 

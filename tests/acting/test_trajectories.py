@@ -1,7 +1,5 @@
 """Transitions join consecutive steps of one episode, program and policy: by construction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Velocities within the limits that change no faster than allowed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

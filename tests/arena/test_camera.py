@@ -1,7 +1,5 @@
 """Pictures show each block at the pixel that the camera's numbers give."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Contacts and sleeping: what touches what, and that sleeping changes nothing but the speed."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import mujoco

@@ -1,7 +1,5 @@
 """Moving, adding and removing blocks during an episode."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Relations in the arena: episodes, verdicts and pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

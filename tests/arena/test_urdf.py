@@ -1,7 +1,5 @@
 """The forward kinematics of the URDF, computed independently, agree with the model."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree as ET
 
 import numpy as np

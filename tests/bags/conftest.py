@@ -1,7 +1,5 @@
 """Bags for all tests of a file, or of several that are of one xdist_group."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Bags as files: written as stock tools expect, split, and rejected in one clear line."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

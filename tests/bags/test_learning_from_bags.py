@@ -1,7 +1,5 @@
 """A recorded run is repeated to the last bit, and whatever was altered is found and named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Episodes of a bag: described, exported and filmed as they were recorded."""
 
-from __future__ import annotations
-
 import csv
 import json
 import sys

@@ -1,7 +1,5 @@
 """Bags that were cut off or damaged, and full disks: what is whole is kept, the rest is named."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shlex

@@ -1,7 +1,5 @@
 """Inject faults into running graphs: `make chaos`, or for a minute `make chaos ARGS=--short`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Many cycles on a few stages, as a table with a row for each fault."""
 
-from __future__ import annotations
-
 import itertools
 import statistics
 import tempfile

@@ -1,7 +1,5 @@
 """One cycle: strike a working stage, watch it, lift the fault, and see whether it works again."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Faults of processes, disks and fleets: what is done to a stage, and what must follow."""
 
-from __future__ import annotations
-
 import resource
 import signal
 from collections.abc import Callable

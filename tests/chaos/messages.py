@@ -1,7 +1,5 @@
 """Faults of messages: forged ones, and a relay that drops, repeats, delays or reorders them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final

@@ -1,7 +1,5 @@
 """What is published on a graph: trajectories, versions of the weights, steps, diagnostics."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping

@@ -1,7 +1,5 @@
 """A relay between nodes: what one publishes on NAME, others read on relayed/NAME."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """A small graph for fault injection: nodes as processes, a recorder, and an observer."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

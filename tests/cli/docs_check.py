@@ -5,8 +5,6 @@ ended after LIMIT_S, or RECORDING_S, is interrupted, as with Ctrl-C, and must th
 it should; but what makes something that the page goes on with runs to its end.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

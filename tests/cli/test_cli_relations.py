@@ -1,7 +1,5 @@
 """Relations are chosen by name: options, settings, the program command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

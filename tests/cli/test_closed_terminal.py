@@ -1,7 +1,5 @@
 """What runs in a terminal that is closed comes to its end in order, though nobody can be told."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Commands that README and docs show are what programs take. `make docs-check` runs them, too."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

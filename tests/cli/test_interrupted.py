@@ -1,7 +1,5 @@
 """Ctrl-C ends what trains, too."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

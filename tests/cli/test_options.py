@@ -1,7 +1,5 @@
 """Options that follow from settings."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Literal

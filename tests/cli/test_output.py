@@ -1,7 +1,5 @@
 """What commands say goes to a full disk, or nowhere: the work is done, without a traceback."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

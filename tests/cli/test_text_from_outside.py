@@ -1,7 +1,5 @@
 """What strangers wrote into a bag or say on the graph is shown, and moves no cursor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A browser for the tests marked `browser`: Debian's Chromium, drawing in software."""
 
-from __future__ import annotations
-
 import importlib.util
 import shutil
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """The controls of a page: the program field, the arena's buttons, and the handle of a block."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 

@@ -1,7 +1,5 @@
 """What the page says about a program is what the networks and the arena say."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock

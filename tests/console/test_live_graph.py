@@ -1,7 +1,5 @@
 """A running graph on the page: which arena it shows, and what its controls ask of the arena."""
 
-from __future__ import annotations
-
 from unittest.mock import MagicMock
 
 import numpy as np

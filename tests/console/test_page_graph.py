@@ -1,7 +1,5 @@
 """The page in a real browser, beside real nodes."""
 
-from __future__ import annotations
-
 import re
 import signal
 import time

@@ -1,7 +1,5 @@
 """A recording is shown with the weights of each moment."""
 
-from __future__ import annotations
-
 from itertools import groupby
 from unittest.mock import MagicMock
 

@@ -1,7 +1,5 @@
 """The scene frees what it no longer shows, and its labels don't overlap."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 

@@ -1,7 +1,5 @@
 """The page is served on this machine only, and wrong settings are named."""
 
-from __future__ import annotations
-
 import socket
 
 import pytest

@@ -1,7 +1,5 @@
 """Registries by name, and the extensions that add to them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Settings: strict, frozen, and refusals that say where, what was expected and what came."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 import pytest

@@ -1,7 +1,5 @@
 """Signals that ask a command to come to its end."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import signal

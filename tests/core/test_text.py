@@ -1,7 +1,5 @@
 """Text: YAML from outside, and suggestions for misspelled names."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 

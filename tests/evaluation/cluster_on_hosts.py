@@ -1,7 +1,5 @@
 """Seeds and scores on a Ray cluster of two hosts, one of which is switched off: `make links`."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """An untrained 3-D agent whose detectors are right: enough to test how agents are scored."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

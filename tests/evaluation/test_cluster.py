@@ -1,7 +1,5 @@
 """Seeds as tasks of a Ray cluster, with a stand-in for Ray that runs them in this process."""
 
-from __future__ import annotations
-
 import socket
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Code blocks of the docs about scoring run as they are written."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

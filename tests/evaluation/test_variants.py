@@ -1,7 +1,5 @@
 """Variants of an experiment, cut to the frames that all have."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ The critic learns like DPG's. The actor imitates stored actions, with more weigh
 critic prefers to the actor's own.
 """
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A custom reward that also pays for coming closer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A custom property group: blocks are small or large, seen as a number in metres."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from pa_ros.arena.appearance import APPEARANCES, BLOCK_HALF_SIZE_M

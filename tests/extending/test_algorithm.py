@@ -1,7 +1,5 @@
 """The example of an algorithm learns with the usual learner."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

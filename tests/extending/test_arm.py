@@ -1,7 +1,5 @@
 """A custom arm moves, and agents learn with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

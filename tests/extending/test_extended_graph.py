@@ -1,7 +1,5 @@
 """Agents learn over the graph with the examples of this folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

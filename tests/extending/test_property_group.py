@@ -1,7 +1,5 @@
 """A custom property group is simulated, named and learned."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A custom relation is scored and learned."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The example of a reward is chosen by name and used in relabeling."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

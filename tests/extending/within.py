@@ -3,8 +3,6 @@
 `pa_ros train --extension tests/extending/within.py --relations NEAR WITHIN` learns with it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pa_ros.core.experience import Float64

@@ -1,7 +1,5 @@
 """A bag or a checkpoint that is damaged anywhere is read, repaired or rejected by a PaError."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A message with changed fields is rejected by a PaError, or decoded and then usable."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

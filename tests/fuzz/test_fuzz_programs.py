@@ -1,7 +1,5 @@
 """Any text is parsed, or rejected by a ProgramError within the text."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import strategies as st
 

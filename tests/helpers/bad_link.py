@@ -6,8 +6,6 @@ namespace of the switch:
     python tests/helpers/bad_link.py port2 up2 --loss 0.02 --delay-ms 20 --jitter-ms 10
 """
 
-from __future__ import annotations
-
 import argparse
 import fcntl
 import heapq

@@ -3,8 +3,6 @@
 `make test` checks a small, fixed share of the cases; `make fuzz` checks all (PA_ROS_FUZZ=1).
 """
 
-from __future__ import annotations
-
 import array
 import copy
 import functools

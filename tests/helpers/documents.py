@@ -1,7 +1,5 @@
 """The commands that the fenced blocks of README and docs show."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ uses nothing of `pa_ros.networks` or an engine except the names of tensors. Test
 with it, in float64; the learner's benchmark compares speed with it, in float32.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

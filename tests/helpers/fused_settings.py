@@ -1,7 +1,5 @@
 """Networks, batches and bounds for comparing the fused engine with the formulas in float64."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import Any

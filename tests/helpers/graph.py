@@ -1,7 +1,5 @@
 """Running graphs with real nodes and real DDS, in the ROS domain of a test marked `graph`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -108,6 +106,12 @@ class Probe(Node):
         """The last diagnostic message of a node; empty if it has not sent any."""
         health = self.health.get(f"/{node}")
         return health.message if health else ""
+
+    def learns(self, frames: int = 100) -> bool:
+        """Wait until the learner has learned from so many more frames; whether it did in time."""
+        now = lambda: float(self.value("learner_node", "frames") or 0)  # noqa: E731
+        before = now()
+        return self.until(lambda: now() > before + frames)
 
     def speaker(self, topic: topics.Topic) -> Any:
         """A publisher that is already connected to the node under test."""

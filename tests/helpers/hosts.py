@@ -1,7 +1,5 @@
 """Several hosts made of network namespaces, with a switch and a cable to each host."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """What an installation of the packages must contain, whoever made it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]

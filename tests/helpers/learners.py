@@ -1,7 +1,5 @@
 """Learners and agents without a graph: made-up announcements, trajectories, small training runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

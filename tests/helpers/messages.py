@@ -1,14 +1,14 @@
 """Records to send, strategies for their fields, and equality of records with arrays."""
 
-from __future__ import annotations
-
 import dataclasses
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
 
 from pa_ros.core.experience import Observation
+from pa_ros.wire.step import Command
 
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=40)
@@ -28,6 +28,12 @@ def observation(seed: int = 0, count: int = 5) -> Observation:
         program_id="p",
         hand_pose=np.array([0.4, -0.1, 0.3, 0.0, 0.6, 0.0, 0.8]),
     )
+
+
+def answer(to: Observation, share: float = 0.5, **fields: Any) -> Command:
+    """A command of an agent "me" to an observation, with some fields changed."""
+    action = np.full(6, share, np.float32)
+    return replace(Command(to.episode, to.step, to.stamp_ns, "me", 0, action), **fields)
 
 
 def same(a: Any, b: Any) -> bool:

@@ -1,7 +1,5 @@
 """Rendered pictures and films: is OpenGL available, where is a place seen, what captions say."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Bags: of programs, of acted episodes, of small runs, and recorded from running graphs."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 from pathlib import Path

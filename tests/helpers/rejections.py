@@ -1,7 +1,5 @@
 """Expecting an error by its code."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """The driver of evaluation/test_cluster.py, on one of its hosts: small seeds trained and scored."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The source files of the packages, and which fields of ROS messages they access."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -5,8 +5,6 @@ launch_ros 0.26) accept, and no others, and resolves them to command lines. It d
 `ros2 launch` does the same.
 """
 
-from __future__ import annotations
-
 import runpy
 import sys
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Waiting for events. Tests check whether something happened at all, never how long it took."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

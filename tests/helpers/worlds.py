@@ -1,7 +1,5 @@
 """A point world, small enough to solve in seconds, with random experience and training runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

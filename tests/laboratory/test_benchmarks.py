@@ -1,7 +1,5 @@
 """What the other benchmarks compute from their measurements."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Fault injection without a graph: rows, tables, orphans, and what counts as lost."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

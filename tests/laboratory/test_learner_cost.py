@@ -1,7 +1,5 @@
 """The learner's benchmark: operation counts, timing in rounds, and the report."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cases in files: the meaning of each valid text, and the error of each wrong one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The commands and code of docs/language.md print what the page shows."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

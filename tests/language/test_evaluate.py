@@ -1,7 +1,5 @@
 """What programs mean, and their instructions, on examples that can be checked by hand."""
 
-from __future__ import annotations
-
 import pytest
 
 from pa_ros.language import (

@@ -1,11 +1,11 @@
 """Laws of the language, on generated programs and worlds."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from helpers import programs
+from helpers.programs import VOCABULARY
 from pa_ros.language import (
     MIN_MAX,
     And,
@@ -13,7 +13,6 @@ from pa_ros.language import (
     Not,
     Or,
     Program,
-    Vocabulary,
     Word,
     parse,
     relevance,
@@ -21,17 +20,10 @@ from pa_ros.language import (
 from pa_ros.language.parser import MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from pa_ros.language.syntax import walk
 
-VOCABULARY = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "GREEN", "A"))
 HAND, OBJECTS = 0, 4
 
 
-def wider(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
-    operands = st.lists(inner, min_size=2, max_size=4).map(tuple)
-    return st.one_of(inner.map(Not), operands.map(And), operands.map(Or))
-
-
-words = st.sampled_from(VOCABULARY.words).map(Word)
-expressions: st.SearchStrategy[Expression] = st.recursive(words, wider, max_leaves=20)
+expressions = programs.expressions(max_leaves=20)
 rows = st.lists(st.floats(0, 1), min_size=OBJECTS, max_size=OBJECTS)
 soft = st.lists(rows, min_size=len(VOCABULARY.words), max_size=len(VOCABULARY.words))
 space = st.text(" \t\r\n\f\v", max_size=3)

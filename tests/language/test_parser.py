@@ -1,7 +1,5 @@
 """Rejected programs: the message with its caret, the limits, and the relations of a vocabulary."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """Learning meets the real arena: the same rewards either way, and the loop runs on it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Checkpoints are plain files; a damaged one, or another learner's, is rejected with a reason."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One DPG update, by hand in float64; the engine's bookkeeping."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

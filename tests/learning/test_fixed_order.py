@@ -1,7 +1,5 @@
 """Several agents: learned from in a fixed order (exact), or without anyone waiting (free)."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from typing import Any

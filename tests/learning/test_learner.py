@@ -1,7 +1,5 @@
 """The learner: exact update-to-data ratio, idempotence, versions, relabeled batches."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Property dropout: what is hidden, of whom, and when."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Relabeling against the verifier's own definition, one transition and one program at a time."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The replay buffer returns what was stored, once; the ledger knows what is missing."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

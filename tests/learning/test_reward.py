@@ -1,7 +1,5 @@
 """The arena's reward is the learner's: another one changes what relabeling teaches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

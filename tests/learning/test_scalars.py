@@ -1,7 +1,5 @@
 """Scalars for TensorBoard, read back by its own reader."""
 
-from __future__ import annotations
-
 import errno
 import sys
 from types import SimpleNamespace

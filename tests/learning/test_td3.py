@@ -1,7 +1,5 @@
 """TD3: one update by hand, its delay and targets, and all that DPG has through the same learner."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The loop: lag, order, resuming, and a problem that DPG must solve."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import shutil

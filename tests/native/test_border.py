@@ -1,7 +1,5 @@
 """The extension module checks its arguments: no caller can make it leave its memory."""
 
-from __future__ import annotations
-
 import gc
 import subprocess
 import sys

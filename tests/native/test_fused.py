@@ -1,7 +1,5 @@
 """The fused update against formulas in float64 autograd, written out as docs/DESIGN.md has them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fused update of canonical networks against the torch reference in float64."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

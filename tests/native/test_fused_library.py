@@ -1,7 +1,5 @@
 """When the fused update is used, by which instructions, and why it is not."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Canonical networks: the flattened input by hand, torch against NumPy, what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

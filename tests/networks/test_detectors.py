@@ -1,7 +1,5 @@
 """Φ by NumPy is the reference's, and p of it what a program means."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

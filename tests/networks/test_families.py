@@ -1,7 +1,5 @@
 """Families of networks: one object for all that depends on the kind."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

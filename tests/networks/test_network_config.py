@@ -1,7 +1,5 @@
 """Descriptions of networks: refused values, canonical text, and what the text distinguishes."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The torch networks against the formulas as they stand: forward and gradients, both dtypes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Relations as an input of r: batches that mix them, and worlds that know one alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

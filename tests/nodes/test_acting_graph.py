@@ -1,7 +1,5 @@
 """An arena and an agent in lockstep, in one process: invariants 1, 6, 7 and 9."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

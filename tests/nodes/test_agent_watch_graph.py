@@ -1,7 +1,5 @@
 """An agent reports that it acts only while it does, and otherwise why it can't."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Three episodes in lockstep over the graph of real processes end where the loop ends."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

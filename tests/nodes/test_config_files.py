@@ -1,7 +1,5 @@
 """The parameter files that the nodes come with say every parameter, and are what they say."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

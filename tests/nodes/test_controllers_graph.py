@@ -1,7 +1,5 @@
 """Commands as ros2_control's controllers take them, brought to rest when commands stop."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

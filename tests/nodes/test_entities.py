@@ -1,7 +1,5 @@
 """The entities of an arena by name, without ROS."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

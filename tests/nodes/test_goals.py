@@ -1,7 +1,5 @@
 """A goal between its acceptance and its end, with invented verdicts."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock

@@ -1,7 +1,5 @@
 """Goals for agents that can't pursue them, and clients that ask while an agent is cleaned up."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import uuid

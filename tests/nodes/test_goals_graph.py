@@ -4,8 +4,6 @@ Most tests share one graph: an arena at a hundred times real time and a trained 
 clock. rclpy keeps results for 15 minutes of the node's clock, which would be 9 s here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

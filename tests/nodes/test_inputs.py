@@ -1,7 +1,5 @@
 """What an agent receives: steps put together from their parts, programs known by their ids."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Nodes that start late: programs sent before an agent was there, an arena that waits."""
 
-from __future__ import annotations
-
 import pytest
 
 from agent_node.node import AgentNode

@@ -1,7 +1,5 @@
 """A learner that starts late, stops and resumes, and arenas that it can't learn about."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An agent that learns does what its learner asks, or says why it can't."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

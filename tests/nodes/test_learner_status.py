@@ -1,7 +1,5 @@
 """What a learner reports: OK only while it learns, and how many trajectories are missing."""
 
-from __future__ import annotations
-
 import pytest
 
 from learner_node.status import AT_WORK_S, IDLE_S, REFUSED_S, LearnerStatus

@@ -1,7 +1,5 @@
 """The learner behind its topic: idempotent, in a fixed ratio, resumable (invariants 3 and 5)."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from pathlib import Path

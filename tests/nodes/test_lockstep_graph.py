@@ -1,7 +1,5 @@
 """An arena in lockstep, commanded by hand: invariants 2, 7, 8 and 9."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -12,11 +10,13 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile
 
 from helpers.graph import Probe, graph
+from helpers.messages import answer
+from pa_ros.core.experience import Observation
 from pa_ros.ros import topics
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramRequest, encode_program
 from pa_ros.wire.services import ResetRequest, decode_outcome, encode_reset
-from pa_ros.wire.step import Command, encode_command
+from pa_ros.wire.step import encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -41,13 +41,8 @@ def commands(running: Probe) -> Any:
     return running.speaker(topics.JOINT_COMMANDS)
 
 
-def answer(probe: Probe, **fields: Any) -> Command:
-    """A command that answers the current step, with some fields changed."""
-    current = probe.nodes[0].session.frame.observation
-    action = np.full(6, 0.1, np.float32)
-    values = dict(episode=current.episode, step=current.step, stamp_ns=current.stamp_ns,
-                  agent_id="me", policy_version=0, action=action)  # fmt: skip
-    return Command(**{**values, **fields})
+def current(probe: Probe) -> Observation:
+    return probe.nodes[0].session.frame.observation
 
 
 def test_one_command_moves_one_control_period_and_no_command_moves_nothing(probe, commands):
@@ -56,7 +51,7 @@ def test_one_command_moves_one_control_period_and_no_command_moves_nothing(probe
     assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > repeated + 1)
     assert session.steps == before
     for step in range(1, 6):
-        commands.publish(encode_command(answer(probe)))
+        commands.publish(encode_command(answer(current(probe))))
         assert probe.until(lambda: session.steps == before + step)  # noqa: B023
     assert probe.until(lambda: probe.last(topics.OBJECT_FEATURES).commanded_by == "me")
 
@@ -71,10 +66,10 @@ def test_one_command_moves_one_control_period_and_no_command_moves_nothing(probe
 def test_bad_commands_are_refused_and_counted(probe, commands, fields, code):
     sim = probe.nodes[0]
     steps, refused = sim.session.steps, sim.refusals.counts[code]
-    commands.publish(encode_command(answer(probe, **fields)))
+    commands.publish(encode_command(answer(current(probe), **fields)))
     assert probe.until(lambda: sim.refusals.counts[code] == refused + 1)
     assert sim.session.steps == steps
-    commands.publish(encode_command(answer(probe)))
+    commands.publish(encode_command(answer(current(probe))))
     assert probe.until(lambda: sim.session.steps == steps + 1)
     assert probe.until(lambda: probe.value("sim_node", f"refused.{code}") == str(refused + 1))
 

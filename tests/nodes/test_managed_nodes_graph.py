@@ -1,7 +1,5 @@
 """What arena, agent and learner do, and don't, in each state of the standard's lifecycle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

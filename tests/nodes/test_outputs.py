@@ -1,7 +1,5 @@
 """Setpoints for controllers: a ramp belongs to the arm of one arena."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock

@@ -1,7 +1,5 @@
 """An arena in real time: watchdog, speed (invariant 7)."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -10,9 +8,10 @@ import numpy as np
 import pytest
 
 from helpers.graph import Probe, graph
+from helpers.messages import answer
 from pa_ros.ros import topics
 from pa_ros.wire.services import encode_speed
-from pa_ros.wire.step import Command, encode_command
+from pa_ros.wire.step import encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -30,13 +29,6 @@ def commands(probe: Probe) -> Any:
     return probe.speaker(topics.JOINT_COMMANDS)
 
 
-def command(probe: Probe) -> Any:
-    """A command at half speed for the current step."""
-    current = probe.nodes[0].session.frame.observation
-    action = np.full(6, 0.5, np.float32)
-    return encode_command(Command(current.episode, current.step, current.stamp_ns, "me", 0, action))
-
-
 def speed(probe: Probe) -> float:
     return float(np.abs(probe.nodes[0].session.frame.observation.joint_velocity).max())
 
@@ -45,7 +37,7 @@ def test_the_arm_moves_while_commands_arrive_and_holds_when_they_stop(probe, com
     sim = probe.nodes[0]
 
     def moves() -> bool:
-        commands.publish(command(probe))
+        commands.publish(encode_command(answer(sim.session.frame.observation)))
         return speed(probe) > 0.3
 
     assert probe.until(moves)

@@ -1,7 +1,5 @@
 """A second agent, arena or learner is an ERROR that names it, and is ignored."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Nodes started one by one with the parameter files that come with them."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """Which episode runs next, under which program."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

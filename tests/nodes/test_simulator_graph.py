@@ -1,7 +1,5 @@
 """The services and the action of simulation_interfaces on a running arena."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from typing import Any

@@ -3,8 +3,6 @@
 All tests share one graph that learns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -46,11 +44,6 @@ def probe(running: Probe) -> Probe:
     assert running.until(lambda: running.message("learner_node") == "learning")
     assert running.until(lambda: running.message("agent_node") == "acting")
     return running
-
-
-def keeps_learning(probe: Probe) -> bool:
-    then = float(probe.value("learner_node", "frames"))
-    return probe.until(lambda: float(probe.value("learner_node", "frames")) > then + 100)
 
 
 def test_commands_forged_in_the_agents_name_falsify_no_transition(probe: Probe) -> None:
@@ -116,7 +109,7 @@ def test_forged_latched_messages_are_reported_and_learning_continues(probe, stra
     said = [text for _, _, text in strangers]
     assert probe.until(lambda: all(text in probe.message("agent_node") for text in said))
     assert probe.health["/agent_node"].level == ERROR
-    assert keeps_learning(probe)
+    assert probe.learns()
 
 
 def test_the_commands_of_a_second_agent_do_not_move_the_arm(probe: Probe) -> None:
@@ -132,7 +125,7 @@ def test_the_commands_of_a_second_agent_do_not_move_the_arm(probe: Probe) -> Non
     said = "a second agent is ignored (second/1 sends, too): stop it"
     assert probe.until(lambda: probe.message("sim_node").startswith(said))
     assert probe.health["/sim_node"].level == ERROR
-    assert keeps_learning(probe)
+    assert probe.learns()
     probe.destroy_subscription(answering)
     moved_by = {message.commanded_by for message in probe.heard["object_features"][seen:]}
     assert moved_by <= {"", "real"}
@@ -154,5 +147,5 @@ def test_the_steps_of_a_second_arena_are_ignored(probe: Probe) -> None:
     said = "a second arena is ignored (second sends, too): stop it"
     assert probe.until(lambda: probe.message("agent_node").startswith(said))
     assert probe.health["/agent_node"].level == ERROR
-    assert keeps_learning(probe) and agent.arena.arena_id == arena.session.arena_id
+    assert probe.learns() and agent.arena.arena_id == arena.session.arena_id
     probe.destroy_subscription(repeating)

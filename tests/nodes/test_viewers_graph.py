@@ -1,7 +1,5 @@
 """What viewers show: the URDF, poses, blocks with labels, how far each is meant, a camera."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree as ET

@@ -1,7 +1,5 @@
 """In real time a command holds for a while, and never beyond its episode."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

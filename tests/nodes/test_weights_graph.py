@@ -1,7 +1,5 @@
 """Weights on the graph: the right ones act, wrong ones are refused. All tests share one graph."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What a learner and an arena say of themselves."""
 
-from __future__ import annotations
-
 from helpers.worlds import PROGRAMS, WORLD, dpg
 from pa_ros.arena import design_named, preset_named
 from pa_ros.learning.learner import Learner

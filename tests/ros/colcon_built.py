@@ -1,7 +1,5 @@
 """What colcon has built and installed under build/colcon does its work: `make colcon`."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,8 +1,6 @@
 """Source archive and wheel in dist/ hold what they should, and the wheel does its work in an
 environment of its own, which sees the dependencies of this one: `make dist`."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Spinning, and signals that come meanwhile."""
 
-from __future__ import annotations
-
 import os
 import signal
 

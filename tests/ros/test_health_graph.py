@@ -1,7 +1,5 @@
 """What a node logs of its state: what changed in kind, not every number."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

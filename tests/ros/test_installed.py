@@ -1,7 +1,5 @@
 """What ROS's own tools look up in the environment that the packages are installed in."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

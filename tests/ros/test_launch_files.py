@@ -1,7 +1,5 @@
 """The launch files' structure, by a stand-in for `launch`; and that what they start does start."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

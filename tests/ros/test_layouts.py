@@ -3,8 +3,6 @@
 Neither program is on the Python index: that they open the files is not tested.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from importlib.resources import files

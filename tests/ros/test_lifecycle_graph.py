@@ -1,7 +1,5 @@
 """Managed nodes: transitions, rejections, parameters, and what cleanup destroys."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Namespaces: what ROS accepts, in settings and in what people type."""
 
-from __future__ import annotations
-
 import pytest
 
 from agent_node.config import AgentConfig

@@ -1,7 +1,5 @@
 """A node as a process: arguments, exit status, sockets, shared memory."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

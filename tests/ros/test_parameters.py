@@ -1,7 +1,5 @@
 """A frozen configuration from ROS parameters, which then cannot change."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import pytest

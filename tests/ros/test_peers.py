@@ -1,7 +1,5 @@
 """Which peer a node follows: the one whose data arrive; every other one is ignored and named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

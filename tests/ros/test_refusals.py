@@ -1,7 +1,5 @@
 """Refusals are counted one by one and logged now and then; programs are limited in rate."""
 
-from __future__ import annotations
-
 import threading
 
 import pytest

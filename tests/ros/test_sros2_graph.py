@@ -1,7 +1,5 @@
 """The SROS2 policies say what nodes say and hear, and no more. (That they hold is untested.)"""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 

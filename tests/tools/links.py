@@ -5,8 +5,6 @@ multicast.
 Not part of `make test`, because it takes minutes: `make links`.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import time

@@ -1,7 +1,5 @@
 """The demonstration: its programs and scenes, what it leaves, and how it ends."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Graphs that are yet to start don't meet, whoever claims domains for them."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """The runnable examples of docs/robot.md execute programs, and are as short as they claim."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """A free fleet: nobody waits for another."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Sequence

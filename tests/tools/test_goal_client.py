@@ -1,7 +1,5 @@
 """What a goal's client makes of an agent that takes no goals."""
 
-from __future__ import annotations
-
 from typing import Any
 from unittest.mock import Mock
 

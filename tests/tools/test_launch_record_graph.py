@@ -1,7 +1,5 @@
 """Two composed arenas in step are recorded, with all that is needed to verify what was learned."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

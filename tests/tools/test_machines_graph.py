@@ -1,8 +1,6 @@
 """A learner on one host, an arena with its agent on each of two others, and a cable that is
 pulled and plugged in again. The hosts are network namespaces that the test makes."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A bag played into a graph: its bytes, its timing, its episodes and its learning."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

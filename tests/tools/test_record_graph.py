@@ -7,19 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import Reader
 
+from helpers.messages import observation
 from helpers.processes import pa_ros
 from helpers.recordings import decoded, publisher_heard
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main
-from pa_ros.core.experience import Observation
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.record import BAG_TOPICS, Recorder, SequenceGaps, topics_named
@@ -31,15 +30,6 @@ from pa_ros.wire.step import encode_joints, encode_observation
 pytestmark = pytest.mark.graph
 REQUEST = encode_program(ProgramRequest("id", "NEAR(HAND, RED)"))
 ORIGIN = Origin("/x", "1", "0", "v", 7, {})
-
-
-def observation() -> Observation:
-    rng = np.random.default_rng(0)
-    objects = rng.normal(size=(5, 16)).astype(np.float32)
-    joints = rng.normal(size=(2, 6))
-    return Observation(
-        7, 3, 1_234_567_891, objects, joints[0], joints[1], 0, "p", rng.normal(size=7)
-    )
 
 
 def information(bag: Path) -> dict:
@@ -65,7 +55,7 @@ def test_decoded_messages_equal_the_published_ones(tmp_path):
             wait_for(lambda: sum(recorder.counts.values()) >= 5, "five messages")
     found = dict(decoded(tmp_path / "bag"))
     assert list(found["/object_features"].features) == list(features.features)
-    assert found["/object_features"].header.stamp.nanosec == 234_567_891
+    assert found["/object_features"].header.stamp.nanosec == 300_000_001
     assert found["/joint_states"].name == list("abcdef")
     assert list(found["/joint_states"].velocity) == list(joints.velocity)
     assert found["/program"].text == "NEAR(HAND, RED)"

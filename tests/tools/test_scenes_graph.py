@@ -1,7 +1,5 @@
 """What stands on the table of an arena that runs, and what could be asked there."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

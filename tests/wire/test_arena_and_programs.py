@@ -1,18 +1,17 @@
 """An arena's description, programs and answers of services as messages."""
 
-from __future__ import annotations
-
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from helpers import learners
 from helpers.messages import texts
 from helpers.rejections import rejected
 from msgs_schema.srv import Reset, SetSimulationState, SetSpeed
-from pa_ros.language import Vocabulary, parse
-from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info, encode_arena_info
+from pa_ros.wire.arena import decode_arena_info, encode_arena_info
 from pa_ros.wire.program import (
     ProgramRequest,
     ProgramStatus,
@@ -34,28 +33,13 @@ from pa_ros.wire.services import (
     encode_speed,
 )
 from pa_ros.wire.simulator import ALREADY_IN_TARGET_STATE, ResultCode, encode_result
-from pa_ros.world.schema import PAPER
-from pa_ros.world.world import World
 
-WORLD = World(PAPER, Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE")), joints=6)
-ARENA = ArenaDescription(
-    mode=Mode.LOCKSTEP,
-    design="2-L",
-    arm="jaco",
-    preset="fast",
+ARENA = replace(
+    learners.ARENA,
     seed=2**63,
-    block_count=4,
-    world=WORLD,
-    training_programs=(parse("NEAR(HAND, RED)", WORLD.vocabulary),),
-    joint_names=("a", "b", "c", "d", "e", "f"),
-    joint_lower=(-math.inf, -1.0, -1.0, -1.0, -1.0, -1.0),
-    joint_upper=(math.inf, 1.0, 1.0, 1.0, 1.0, 1.0),
-    speed_limits=(1.0,) * 6,
-    control_period=0.1,
-    thresholds=(0.2,),
-    episode_steps=100,
+    joint_lower=(-math.inf, *[-1.0] * 5),
+    joint_upper=(math.inf, *[1.0] * 5),
     reward='{"name":"shaped","weight":0.5}',
-    hand_index=0,
     stamp_ns=1_500_000_000,
     arena_id="0a1b",
     software_version="0.1.0",

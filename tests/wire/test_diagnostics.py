@@ -1,7 +1,5 @@
 """What a process says about itself: health and provenance as messages."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -10,7 +8,7 @@ from hypothesis import strategies as st
 
 from helpers.messages import texts
 from helpers.rejections import rejected
-from pa_ros.language import Vocabulary, parse
+from helpers.worlds import PROGRAMS, WORLD
 from pa_ros.wire.diagnostics import (
     Health,
     LearnerOrigin,
@@ -20,11 +18,7 @@ from pa_ros.wire.diagnostics import (
     encode_diagnostics,
     encode_provenance,
 )
-from pa_ros.world.schema import PAPER
-from pa_ros.world.world import World
 
-WORLD = World(PAPER, Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE")), joints=6)
-PROGRAMS = (parse("NEAR(HAND, RED)", WORLD.vocabulary),)
 ORIGIN = Origin(
     node="/arena1/learner_node",
     instance="run",

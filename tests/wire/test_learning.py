@@ -1,7 +1,5 @@
 """Trajectories, weights and a learner's announcement as messages."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 
@@ -13,6 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from helpers.messages import same
 from helpers.rejections import rejected
+from helpers.worlds import WORLD, random_trajectory
 from pa_ros.core.experience import (
     AgentKey,
     LearnerInfo,
@@ -20,7 +19,7 @@ from pa_ros.core.experience import (
     PublishedPolicy,
     TrajectoryKey,
 )
-from pa_ros.language import ProgramError, Vocabulary, parse
+from pa_ros.language import ProgramError
 from pa_ros.wire.learning import (
     decode_learner_info,
     decode_trajectory,
@@ -32,11 +31,8 @@ from pa_ros.wire.learning import (
     weights_checksum,
 )
 from pa_ros.world import Trajectory
-from pa_ros.world.schema import PAPER
-from pa_ros.world.world import World
 
 DIGEST = "0123456789abcdef"
-WORLD = World(PAPER, Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE")), joints=6)
 LATEST = TrajectoryKey("agent-2", 3, 5)
 LEARNER = LearnerInfo(
     run_id="run", learner_id="learner", first_version=2**40, world_digest=DIGEST,
@@ -48,7 +44,10 @@ LEARNER = LearnerInfo(
 
 def trajectory(seed: int = 0, length: int = 3, count: int = 5, number: int = 4) -> Trajectory:
     rng = np.random.default_rng(seed)
-    return Trajectory(
+    return random_trajectory(
+        rng,
+        length,
+        objects=rng.normal(size=(length + 1, count, 16)).astype(np.float32),
         agent_id="agent-1",
         incarnation=number + 1,
         sequence=number,
@@ -57,15 +56,9 @@ def trajectory(seed: int = 0, length: int = 3, count: int = 5, number: int = 4) 
         policy_version=number,
         episode=number,
         first_step=20,
-        program=parse("NEAR(HAND, RED)", WORLD.vocabulary),
         hand_index=seed % count,
-        objects=rng.normal(size=(length + 1, count, 16)).astype(np.float32),
-        arm=rng.normal(size=(length + 1, 18)).astype(np.float32),
-        actions=rng.uniform(-1, 1, (length, 6)).astype(np.float32),
-        rewards=rng.choice([-1.0, 1.0], length).astype(np.float32),
         ends_episode=seed % 2 == 0,
         terminated=seed % 3 == 0,
-        world_digest=WORLD.digest,
         stamp_ns=number % 2**60,
     )
 

@@ -1,7 +1,5 @@
 """Signed messages: forged, altered, replayed and unsigned ones are rejected."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

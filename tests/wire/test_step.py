@@ -1,7 +1,5 @@
 """The messages of one control step: records survive them, and malformed ones are rejected."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

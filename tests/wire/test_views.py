@@ -1,7 +1,5 @@
 """Measured poses, and markers around what a program is about."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped

@@ -1,22 +1,16 @@
 """Batched evaluation agrees with the scalar definitions."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers import programs as generated
+from helpers.programs import VOCABULARY
 from pa_ros.language import (
     LOGICS,
-    And,
-    Expression,
     Logic,
-    Not,
-    Or,
     Program,
-    Vocabulary,
-    Word,
     parse,
     relevance,
     role_relevance,
@@ -30,18 +24,11 @@ from pa_ros.world.programs import ProgramTable, crisp, crisp_roles
 
 torch.set_num_threads(1)
 
-VOCABULARY = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("RED", "GREEN", "A"))
 WORDS = len(VOCABULARY.words)
 FLOAT32 = 1e-5  # a deep program rounds once for each of its nodes
 
 
-def wider(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
-    operands = st.lists(inner, min_size=2, max_size=4).map(tuple)
-    return st.one_of(inner.map(Not), operands.map(And), operands.map(Or))
-
-
-words = st.sampled_from(VOCABULARY.words).map(Word)
-expressions: st.SearchStrategy[Expression] = st.recursive(words, wider, max_leaves=12)
+expressions = generated.expressions(max_leaves=12)
 programs = st.lists(expressions.map(Program), min_size=1, max_size=6)
 MOVING = VOCABULARY.moving("C")
 arguments = st.one_of(expressions, st.just(HAND))

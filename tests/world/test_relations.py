@@ -1,7 +1,5 @@
 """Relations: when each holds, where its script moves the hand, and what a relation must be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import nan, pi
 from typing import Any

@@ -1,7 +1,5 @@
 """Object schemas and worlds: sizes, true words, JSON, limits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

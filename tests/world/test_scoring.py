@@ -1,7 +1,5 @@
 """The one rule: distance, the threshold itself, and rewards, for one state and for many."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any
