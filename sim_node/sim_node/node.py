@@ -100,7 +100,7 @@ class SimNode(ManagedNode):
             raise SimError(text, code="arena.inactive")
 
     def _create_publishers(self) -> None:
-        self._features = topics.OBJECT_FEATURES.publisher(self)
+        self._features = self.advertise(topics.OBJECT_FEATURES)
         self._joints = topics.JOINT_STATES.publisher(self)
         self._verdict = topics.VERDICT.publisher(self)
         self._clock_topic = topics.CLOCK.publisher(self)

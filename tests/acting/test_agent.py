@@ -246,7 +246,8 @@ def test_another_run_gets_no_trajectories_of_the_one_before(arm) -> None:
     arm.agent.offer(published(0, learner=another))
     arm.run(12)
     assert arm.spans == [(0, 0, 10), (1, 15, 10)]  # numbers go on, and 14 was acted by the other
-    assert [(o.run_id, o.held_from) for o in arm.sent] == [("run", 0), ("another", 1)]
+    numbers = [(o.run_id, o.first_of_run, o.held_from) for o in arm.sent]
+    assert numbers == [("run", 0, 0), ("another", 1, 1)]
 
 
 @pytest.mark.parametrize(

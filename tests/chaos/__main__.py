@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from chaos.campaign import campaign, chosen, write_table
+from chaos.soak import soak
 from pa_ros.core.errors import PaError
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
 
@@ -18,9 +19,14 @@ def main() -> int:
     parser.add_argument("--short", action="store_true", help="three faults, one cycle each")
     parser.add_argument("--out", type=Path, metavar="DIR", help="keep logs and bags there")
     parser.add_argument("--table", type=Path, metavar="FILE", help="write the table into this page")
+    parser.add_argument(
+        "--soak", type=float, metavar="S", help="only kill a node every 20 s, so long"
+    )
     options = parser.parse_args()
     try:
         with signals_interrupt():
+            if options.soak:
+                return int(not soak(options.soak, options.out))
             faults = chosen(options.only, options.short)
             cycles = len(faults) if options.short else options.cycles
             rows = campaign(faults, cycles, options.out)

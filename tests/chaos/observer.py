@@ -31,8 +31,7 @@ class Observer:
     def __init__(self, node: Node) -> None:
         self.arena: ArenaDescription | None = None
         self.ledger = Ledger()
-        self.forgeries = 0  # forged trajectories sent
-        self.forged: set[TrajectoryKey] = set()
+        self.forged: set[TrajectoryKey] = set()  # trajectories sent that nothing may come of
         self.steps = 0  # control steps
         self.last: dict[str, Message] = {}  # by topic
         self.positions: deque[tuple[float, Float64]] = deque(maxlen=2000)  # time, joints (rad)
@@ -51,6 +50,7 @@ class Observer:
             (topics.TRAJECTORIES, self._on_trajectory),
             (topics.POLICY_WEIGHTS, self._on_weights),
             (topics.JOINT_STATES, self._on_joints),
+            (topics.OBJECT_FEATURES, self._on_features),
             (topics.JOINT_COMMANDS, self._on_command),
             (topics.DIAGNOSTICS, self._on_diagnostics),
         ):
@@ -109,8 +109,8 @@ class Observer:
         Negative if more was learned than published.
         """
         living = {entry.values.get("agent_id", "") for entry, _ in self._health.values()}
-        rejected = self.value("learner_node", "rejected_trajectories")
-        reported = max(0.0, rejected - self.forgeries)
+        strange = sum(key.agent_id == STRANGER for key in self.forged)
+        reported = max(0.0, self.value("learner_node", "rejected_trajectories") - strange)
         reported += self.value("learner_node", "lost_trajectories")
         return self.ledger.unexplained(living, int(reported))
 
@@ -156,6 +156,9 @@ class Observer:
         self._stamp = stamp
         self.positions.append((time.monotonic(), decode_joints(message, ())[0]))
 
+    def _on_features(self, message: Message) -> None:
+        self.last["object_features"] = message
+
     def _on_command(self, message: Message) -> None:
         self.last["joint_commands"] = message
 
@@ -200,14 +203,18 @@ class Ledger:
         # since subscribers discover it one after the other.
         self._published: dict[AgentKey, int] = {}
 
+    @property
+    def accounted(self) -> int:
+        """Trajectories that the newest weights account for."""
+        return sum(self._accounted.values())
+
     def published(self, agent: AgentKey, sequence: int) -> None:
         """A trajectory was published."""
         self._published[agent] = max(self._published.get(agent, 0), sequence + 1)
 
     def learned(self, version: int, accounted: Mapping[AgentKey, int]) -> None:
-        """Weights were published. They do not list former incarnations of an agent."""
-        self.version = version
-        self._accounted |= accounted
+        """Weights were published."""
+        self.version, self._accounted = version, dict(accounted)
         for agent, count in accounted.items():
             self._ever[agent] = max(self._ever.get(agent, 0), count)
 

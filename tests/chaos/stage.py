@@ -98,6 +98,11 @@ class Stage:
         return "learner_node" in self._parameters
 
     @property
+    def key(self) -> bytes:
+        """The key of a "keyed" stage."""
+        return (self.folder / "key").read_bytes()
+
+    @property
     def checkpoint(self) -> Path:
         return checkpoint_of(self.folder / "run")
 

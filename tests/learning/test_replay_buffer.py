@@ -130,10 +130,10 @@ def test_trajectories_that_an_agent_no_longer_holds_are_lost_and_not_missing() -
 def test_what_a_new_agent_made_for_this_run_and_no_longer_holds_is_lost(first, lost) -> None:
     """An agent that served another run before begins at its own number; that is no loss."""
     ledger = Ledger()
-    ledger.record(TrajectoryKey("agent", 0, 400), held_from=399, first=first)
+    ledger.record(TrajectoryKey("agent", 0, 400), held_from=399, first_of_run=first)
     assert (ledger.missing, ledger.lost) == (1, lost)
     assert ledger.accounted() == {AgentKey("agent", 0): 399}
-    ledger.record(TrajectoryKey("agent", 0, 399), held_from=399, first=first)
+    ledger.record(TrajectoryKey("agent", 0, 399), held_from=399, first_of_run=first)
     assert (ledger.missing, ledger.lost) == (0, lost)
     assert ledger.accounted() == {AgentKey("agent", 0): 401}
 
@@ -146,6 +146,26 @@ def test_what_a_restarted_agent_had_not_sent_before_is_lost() -> None:
     ledger.record(TrajectoryKey("agent", 11, 0))
     assert (ledger.missing, ledger.lost) == (0, 1)  # nobody holds 2 any more
     assert ledger.accounted() == {AgentKey("agent", 10): 4, AgentKey("agent", 11): 1}
+
+
+ARRIVALS = st.tuples(st.integers(0, 2), st.integers(0, 9), st.integers(0, 5), st.booleans())
+
+
+@settings(max_examples=200)
+@given(st.lists(ARRIVALS, max_size=40))
+def test_every_number_is_learned_rejected_lost_or_missing(arrivals) -> None:
+    """Of each start of an agent, whatever arrives, and wherever its learner begins to count."""
+    ledger, learned = Ledger(), 0
+    for incarnation, sequence, behind, usable in arrivals:
+        key = TrajectoryKey("agent", incarnation, sequence)
+        if ledger.is_new(key):
+            ledger.record(key, held_from=max(0, sequence - behind))
+            learned += usable
+            ledger.rejected += not usable
+    counted = sum(tracker.next for tracker in ledger.agents.values())
+    assert counted == learned + ledger.rejected + ledger.lost + ledger.missing
+    accounted = sum(ledger.accounted().values())
+    assert ledger.missing or accounted == learned + ledger.rejected + ledger.lost
 
 
 def one_action(value: float) -> Float32:

@@ -117,6 +117,25 @@ def test_an_agent_that_was_cut_off_for_long_continues_at_its_number(bench, monke
     assert bench.worker.metrics["lost_trajectories"] == 4998
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_what_a_killed_learner_forgot_is_lost_also_of_an_agent_that_it_does_not_know(
+    tmp_path: Path, known
+):
+    """A learner learned 0 to 7 after its newest checkpoint, and was killed."""
+    first = Bench(out=str(tmp_path))
+    if known:
+        first.submit(trajectory(0))
+    first.worker.close()
+    second = Bench(out=str(tmp_path), resume=True)
+    run_id = second.worker.run.info.run_id
+    of_this_run = replace(trajectory(8), run_id=run_id, held_from=8)
+    of_another = replace(trajectory(5, "b"), held_from=5)
+    assert second.submit(of_this_run, of_another).accounted == {A: 9, AgentKey("b", 0): 6}
+    second.worker.close()
+    figures = second.worker.metrics
+    assert figures["version"] + figures["lost_trajectories"] == 9 + 1
+
+
 def test_nobody_who_uses_an_agents_name_bars_it(tmp_path: Path):
     """Neither at once nor after a restart: the checkpoint remembers each incarnation."""
     first = Bench(out=str(tmp_path))

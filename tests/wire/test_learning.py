@@ -52,6 +52,7 @@ def trajectory(seed: int = 0, length: int = 3, count: int = 5, number: int = 4) 
         incarnation=number + 1,
         sequence=number,
         held_from=number // 2,
+        first_of_run=number // 3,
         run_id=f"run {number}",
         policy_version=number,
         episode=number,

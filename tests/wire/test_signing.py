@@ -13,12 +13,14 @@ from pa_ros.core.errors import PaError
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights
 from pa_ros.wire.signing import KEY_BYTES, SIGNED, WINDOW, Checker, Signer, read_key
-from pa_ros.wire.step import encode_command
+from pa_ros.wire.step import StepContext, encode_command, encode_observation
 
 KEY, OTHER_KEY = b"k" * KEY_BYTES, b"o" * KEY_BYTES
+TOPIC = "/arena1/topic"
 MESSAGES = {
     "ArenaInfo": lambda: encode_arena_info(learners.ARENA),
     "LearnerInfo": lambda: encode_learner_info(learners.LEARNER),
+    "ObjectFeatures": lambda: encode_observation(sample_step()[0], StepContext("arena")),
     "JointCommand": lambda: encode_command(sample_step()[2]),
     "Trajectory": lambda: encode_trajectory(learners.trajectory(0)),
     "PolicyWeights": lambda: encode_weights(learners.published(1, 1)),
@@ -30,7 +32,7 @@ def signer(incarnation: int = 1, key: bytes = KEY) -> Signer:
 
 
 def signed(sender: Signer, name: str = "JointCommand") -> Any:
-    return sender.sign(MESSAGES[name]())
+    return sender.sign(TOPIC, MESSAGES[name]())
 
 
 def test_every_signed_type_is_tested_here():
@@ -40,17 +42,17 @@ def test_every_signed_type_is_tested_here():
 @pytest.mark.parametrize("name", MESSAGES)
 def test_a_signed_message_is_accepted_once(name):
     message, checker = signed(signer(), name), Checker(KEY)
-    checker.check(message)
+    checker.check(TOPIC, message)
     with rejected("auth.replayed", match="counter 1 of incarnation 1 again"):
-        checker.check(message)
+        checker.check(TOPIC, message)
 
 
 @pytest.mark.parametrize("name", MESSAGES)
 def test_another_key_or_no_signature_is_rejected(name):
-    with rejected("auth.forged", match=f"{name}: expected a signature made"):
-        Checker(KEY).check(signed(signer(key=OTHER_KEY), name))
-    with rejected("auth.unsigned", match=f"{name}: expected a signature, got none"):
-        Checker(KEY).check(MESSAGES[name]())
+    with rejected("auth.forged", match=f"{TOPIC}: expected a signature made"):
+        Checker(KEY).check(TOPIC, signed(signer(key=OTHER_KEY), name))
+    with rejected("auth.unsigned", match=f"{TOPIC}: expected a signature, got none"):
+        Checker(KEY).check(TOPIC, MESSAGES[name]())
 
 
 @pytest.mark.parametrize("name", MESSAGES)
@@ -60,41 +62,54 @@ def test_any_altered_field_is_rejected(name):
     def check(altered: Any) -> None:
         if altered != original:
             with pytest.raises(PaError):
-                checker.check(altered)
+                checker.check(TOPIC, altered)
 
     explore(damaged(original), check, 100_000)
-    checker.check(original)
+    checker.check(TOPIC, original)
 
 
 def test_a_restarted_sender_makes_its_earlier_messages_replays():
     checker, early = Checker(KEY), signer(1)
-    checker.check(signed(early))
-    checker.check(signed(signer(2)))
+    checker.check(TOPIC, signed(early))
+    checker.check(TOPIC, signed(signer(2)))
     with rejected("auth.replayed", match="incarnation 2"):
-        checker.check(signed(early))
-    checker.check(signed(Signer(KEY, "/other", 1)))
+        checker.check(TOPIC, signed(early))
+    checker.check(TOPIC, signed(Signer(KEY, "/other", 1)))
 
 
 def test_messages_may_arrive_out_of_order_within_a_window():
     checker, sender = Checker(KEY), signer()
     sent = [signed(sender) for _ in range(WINDOW + 6)]
     for index in (3, 1, 2, 0, 5):
-        checker.check(sent[index])
+        checker.check(TOPIC, sent[index])
         with rejected("auth.replayed"):
-            checker.check(sent[index])
+            checker.check(TOPIC, sent[index])
     for index in (4, -1, -2):
-        checker.check(sent[index])
+        checker.check(TOPIC, sent[index])
     with rejected("auth.replayed"):
-        checker.check(sent[5])  # before the window
+        checker.check(TOPIC, sent[5])  # before the window
 
 
-def test_each_type_has_its_own_counter():
-    """So a late subscriber of a latched topic accepts a message older than those of other types."""
+def test_each_topic_has_its_own_counter():
+    """So a late subscriber of a latched topic accepts a message older than those of others."""
     checker, sender = Checker(KEY), signer()
     info = signed(sender, "LearnerInfo")
     for _ in range(2 * WINDOW):
-        checker.check(signed(sender))
-    checker.check(info)
+        checker.check("/commands", sender.sign("/commands", MESSAGES["JointCommand"]()))
+    checker.check(TOPIC, info)
+
+
+def test_a_message_of_another_namespace_is_rejected():
+    with rejected("auth.forged", match="/arena2/topic: expected a signature made .* this topic"):
+        Checker(KEY).check("/arena2/topic", signed(signer()))
+
+
+def test_what_a_message_says_cannot_be_shifted_between_its_fields():
+    message = signed(signer(), "ArenaInfo")
+    message.training_programs = [*message.training_programs, message.object_feature_names[0]]
+    message.object_feature_names = message.object_feature_names[1:]
+    with rejected("auth.forged"):
+        Checker(KEY).check(TOPIC, message)
 
 
 def test_a_key_file_must_be_private_and_long_enough(tmp_path: Path):

@@ -125,7 +125,7 @@ class SendWindow:
         return self._sent[0].sequence if self._sent else self._next
 
     def _as_held(self, trajectory: Trajectory) -> Trajectory:
-        return replace(trajectory, held_from=self._held_from)
+        return replace(trajectory, held_from=self._held_from, first_of_run=self._first)
 
     def _accounted(self, policy: PublishedPolicy) -> int:
         """Once these weights are here, no trajectory before this number is waited for."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 from uuid import uuid4
 
@@ -65,6 +66,8 @@ class LearningRun:
         recording's trajectories are welcome, too.
         """
         ledger = self.learner.replay.ledger
+        if trajectory.run_id != self.info.run_id:  # what it made for another run is no loss here
+            trajectory = replace(trajectory, first_of_run=trajectory.held_from)
         try:
             self._check_length(trajectory)
             self._check_age(trajectory)
@@ -73,7 +76,7 @@ class LearningRun:
             raise
         except PaError:
             if ledger.is_new(trajectory.key):
-                ledger.record(trajectory.key, trajectory.held_from)
+                ledger.record(trajectory.key, trajectory.held_from, trajectory.first_of_run)
                 ledger.rejected += 1
             raise
         if accepted:

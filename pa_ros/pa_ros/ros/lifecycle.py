@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import servers_of
 from pa_ros.ros.executor import is_poll_timer
-from pa_ros.ros.health import ERROR, LIFECYCLE, WARN, HealthReporter
+from pa_ros.ros.health import ERROR, LIFECYCLE, OK, WARN, HealthReporter
 from pa_ros.ros.parameters import NodeParameters
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import Topic
@@ -50,6 +51,7 @@ class ManagedNode(LifecycleNode, ABC):
         self._configured = False
         self._signer: Signer | None = None
         self._checker: Checker | None = None
+        self._forged = 0  # messages without a valid signature, at the last report
         self._error: Exception | None = None  # that made the newest transition fail
         self._own_parameters = NodeParameters(self, settings)
         self._health = HealthReporter(self, self.refusals, self._report, self._progress)
@@ -99,10 +101,10 @@ class ManagedNode(LifecycleNode, ABC):
 
     def advertise(self, topic: Topic) -> Any:
         """A publisher. It signs its messages if the node has a key and the topic is signed."""
-        publisher = topic.publisher(self)
-        if self._signer is None or topic.type not in SIGNED:
+        publisher, signer = topic.publisher(self), self._signer
+        if signer is None or topic.type not in SIGNED:
             return publisher
-        return _SigningPublisher(publisher, self._signer)
+        return _SigningPublisher(publisher, partial(signer.sign, publisher.topic_name))
 
     def subscribe(self, topic: Topic, callback: Callable[[Message], None]) -> Any:
         """Call back with each message; a PaError refuses it.
@@ -111,9 +113,10 @@ class ManagedNode(LifecycleNode, ABC):
         """
         checker, handle = self._checker, callback
         if checker is not None and topic.type in SIGNED:
+            name = self.resolve_topic_name(topic.name)
 
             def check_and_handle(message: Message) -> None:
-                checker.check(message)
+                checker.check(name, message)
                 callback(message)
 
             handle = check_and_handle
@@ -266,6 +269,10 @@ class ManagedNode(LifecycleNode, ABC):
 
     def _report(self) -> tuple[int, str, dict[str, str]]:
         level, message, values = self.collect() if self._configured else (WARN, "", {})
+        before, self._forged = self._forged, self._count_forged()
+        if level == OK and self._forged > before:
+            level, message = WARN, f"rejected {self._forged - before} messages without a valid "
+            message += "signature (see the log): stop their sender, or give it the key"
         state = self.state
         if not self.active and self._configured and self.trouble:
             level, message = ERROR, f"{state}; {self.trouble}"
@@ -274,6 +281,10 @@ class ManagedNode(LifecycleNode, ABC):
             level, message = WARN, f"{state}: {hint}"
         return level, message, {**values, LIFECYCLE: state}
 
+    def _count_forged(self) -> int:
+        counts = self.refusals.counts
+        return sum(count for code, count in counts.items() if code.startswith("auth."))
+
     def _progress(self) -> str:
         return self.progress() if self.active else ""
 
@@ -281,11 +292,11 @@ class ManagedNode(LifecycleNode, ABC):
 class _SigningPublisher:
     """A publisher that signs its messages."""
 
-    def __init__(self, publisher: Any, signer: Signer) -> None:
-        self._publisher, self._signer = publisher, signer
+    def __init__(self, publisher: Any, sign: Callable[[Message], Message]) -> None:
+        self._publisher, self._sign = publisher, sign
 
     def publish(self, message: Message) -> None:
-        self._publisher.publish(self._signer.sign(message))
+        self._publisher.publish(self._sign(message))
 
     def get_subscription_count(self) -> int:
         return int(self._publisher.get_subscription_count())

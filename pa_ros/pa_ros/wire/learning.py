@@ -44,8 +44,8 @@ SAME = (
     *("control_period", "reward"),
 )
 SAME_OF_TRAJECTORY = (
-    *("agent_id", "incarnation", "sequence", "held_from", "run_id", "policy_version", "episode"),
-    *("first_step", "world_digest", "hand_index", "ends_episode", "terminated"),
+    *("agent_id", "incarnation", "sequence", "held_from", "first_of_run", "run_id", "episode"),
+    *("policy_version", "first_step", "world_digest", "hand_index", "ends_episode", "terminated"),
 )
 
 
@@ -77,9 +77,10 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
         raise WireError(field, world.digest, received, code="wire.world")
     if not message.agent_id:
         raise WireError("trajectory.agent_id", "a name", "''", code="wire.range")
-    if message.held_from > message.sequence:
-        expected = f"at most its sequence, {message.sequence}"
-        raise WireError("trajectory.held_from", expected, message.held_from, code="wire.range")
+    numbers = message.first_of_run, message.held_from, message.sequence
+    if list(numbers) != sorted(numbers):
+        field, expected = "trajectory.sequence", "first_of_run <= held_from <= sequence"
+        raise WireError(field, expected, numbers, code="wire.range")
     length = message.transition_count
     if not 1 <= length <= MAX_TRANSITIONS:
         field, expected = "trajectory.transition_count", f"1 to {MAX_TRANSITIONS}"

@@ -1,7 +1,8 @@
 """Messages signed with a key that all nodes of a graph share.
 
-The signature (an HMAC) covers the type, the sender (name and incarnation), a counter, and every
-other field. The counter rejects a copy of a message; the incarnation rejects one from an earlier
+The signature (an HMAC) covers the topic's full name, the type, the sender (name and incarnation), a
+counter, and every other field. The name keeps a message from being carried to another arena's
+namespace. The counter rejects a copy of a message; the incarnation rejects one from an earlier
 start of its sender. Messages may arrive out of order within a window, as in IPsec (RFC 4303,
 3.4.3). Limits: a receiver that has just started remembers no counters, so its first messages may
 be a recording; and everyone who has the key can sign in any name.
@@ -9,12 +10,14 @@ be a recording; and everyone who has the key can sign in any name.
 
 from __future__ import annotations
 
-import hashlib
+import array
 import hmac
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,13 +25,7 @@ from msgs_schema import msg
 from pa_ros.core.errors import PaError
 from pa_ros.wire import Message
 
-SIGNED: Final = (
-    msg.ArenaInfo,
-    msg.LearnerInfo,
-    msg.JointCommand,
-    msg.Trajectory,
-    msg.PolicyWeights,
-)
+SIGNED: Final = tuple(kind for kind in vars(msg).values() if hasattr(kind, "signature"))
 KEY_BYTES: Final = 32  # least length of a key
 WINDOW: Final = 64  # how many counters a message may arrive late
 _FIELD: Final = "signature"
@@ -68,18 +65,19 @@ class Signer:
 
     def __init__(self, key: bytes, sender: str, incarnation: int) -> None:
         self._key, self._sender, self._incarnation = key, sender, incarnation
-        self._counters: dict[type, int] = {}
+        self._counters: dict[str, int] = {}  # by topic
 
-    def sign(self, message: Message) -> Message:
-        """Sign a message in place and return it. A message sent again gets a new signature."""
+    def sign(self, topic: str, message: Message) -> Message:
+        """Sign a message in place and return it. A message sent again gets a new signature.
+
+        :param topic: full name of the topic on which it is sent.
+        """
         signed: Any = message
-        kind = type(message)
-        self._counters[kind] = self._counters.get(kind, 0) + 1
-        mark = msg.Signature(
-            sender=self._sender, incarnation=self._incarnation, counter=self._counters[kind]
-        )
-        signed.signature = [mark]
-        mark.mac = _mac(self._key, signed)
+        if not signed.signature:
+            signed.signature = [msg.Signature(sender=self._sender, incarnation=self._incarnation)]
+        mark = signed.signature[0]
+        mark.counter = self._counters[topic] = self._counters.get(topic, 0) + 1
+        mark.mac = array.array("B", _mac(self._key, topic, signed))
         return message
 
 
@@ -88,31 +86,29 @@ class Checker:
 
     def __init__(self, key: bytes) -> None:
         self._key = key
-        self._received: dict[tuple[type, str], _Received] = {}
+        self._received: dict[tuple[str, str], _Received] = {}  # by topic and sender
 
-    def check(self, message: Message) -> None:
-        """Raise SigningError if the message must not be used."""
+    def check(self, topic: str, message: Message) -> None:
+        """Raise SigningError if a message that arrived on a topic must not be used."""
         signed: Any = message
-        kind = type(message)
-        name = kind.__name__
         if not signed.signature:
-            raise SigningError(f"{name}: expected a signature, got none", code="auth.unsigned")
+            raise SigningError(f"{topic}: expected a signature, got none", code="auth.unsigned")
         mark = signed.signature[0]
-        if not hmac.compare_digest(bytes(mark.mac), _mac(self._key, signed)):
-            text = "expected a signature made with this graph's key, got another from a sender "
-            text += f"that calls itself {mark.sender[:100]!r}"
-            raise SigningError(f"{name}: {text}", code="auth.forged")
-        received = self._received.setdefault((kind, mark.sender), _Received(mark.incarnation))
+        if not hmac.compare_digest(mark.mac.tobytes(), _mac(self._key, topic, signed)):
+            text = "expected a signature made with this graph's key, for this topic, got another "
+            text += f"from a sender that calls itself {mark.sender[:100]!r}"
+            raise SigningError(f"{topic}: {text}", code="auth.forged")
+        received = self._received.setdefault((topic, mark.sender), _Received(mark.incarnation))
         if not received.accept(mark.incarnation, mark.counter):
             text = f"expected a new message of {mark.sender!r} (incarnation "
             text += f"{received.incarnation}, counter above {received.highest}), got counter "
             text += f"{mark.counter} of incarnation {mark.incarnation} again"
-            raise SigningError(f"{name}: {text}", code="auth.replayed")
+            raise SigningError(f"{topic}: {text}", code="auth.replayed")
 
 
 @dataclass
 class _Received:
-    """Counters received from one sender for one type; bit i of `seen` stands for highest - i."""
+    """Counters received from one sender on one topic; bit i of `seen` stands for highest - i."""
 
     incarnation: int
     highest: int = 0
@@ -136,36 +132,33 @@ class _Received:
         return True
 
 
-def _mac(key: bytes, signed: Any) -> bytes:
-    mark = signed.signature[0]
-    made = hmac.new(key, digestmod=hashlib.sha256)
-    about = f"{type(signed).__name__}\0{mark.sender}\0{mark.incarnation}\0{mark.counter}"
-    for part in (about.encode(), *_contents(signed)):
-        # The length in front keeps two neighbouring fields from being shifted into one another.
-        made.update(len(part).to_bytes(8, "little"))
-        made.update(part)
-    return made.digest()
+def _mac(key: bytes, topic: str, signed: Any) -> bytes:
+    mark, arrays = signed.signature[0], list[bytes]()
+    about = topic, type(signed).__name__, mark.sender, mark.incarnation, mark.counter
+    # The text contains the arrays' sizes, so that nothing can be shifted from one into another.
+    text = repr((about, _values(signed, arrays), [len(one) for one in arrays]))
+    return hmac.digest(key, b"".join([text.encode(), *arrays]), "sha256")
 
 
-def _contents(value: Any) -> Iterator[bytes]:
-    """Yield every field's value, in order, except the signature; floats to the last bit."""
-    for name in value.get_fields_and_field_types():
-        if name != _FIELD:
-            yield from _parts(getattr(value, name))
+def _values(message: Any, arrays: list[bytes]) -> tuple[Any, Any]:
+    """Return all fields but the signature; numbers of arrays are appended to `arrays`."""
+    plain, numeric, others = _fields(message.__class__)
+    arrays += [getattr(message, name).tobytes() for name in numeric]
+    return plain(message), [_nested(getattr(message, name), arrays) for name in others]
 
 
-def _parts(value: Any) -> Iterator[bytes]:
-    if isinstance(value, (bool, int, float)):
-        yield repr(value).encode()
-    elif isinstance(value, str):
-        yield value.encode()
-    elif isinstance(value, list):
-        yield str(len(value)).encode()
-        for item in value:
-            yield from _parts(item)
-    elif hasattr(value, "tobytes"):
-        yield value.tobytes()
-    elif isinstance(value, bytes):
-        yield value
-    else:
-        yield from _contents(value)
+def _nested(value: Any, arrays: list[bytes]) -> Any:
+    if isinstance(value, list):
+        return [_nested(one, arrays) for one in value]
+    return value if isinstance(value, str) else _values(value, arrays)
+
+
+@lru_cache
+def _fields(kind: Any) -> tuple[Callable[[Any], Any], list[str], list[str]]:
+    """Sort the fields of a type: single values, arrays of numbers, messages and lists."""
+    example = kind()
+    names = [name for name in example.get_fields_and_field_types() if name != _FIELD]
+    numeric = [name for name in names if hasattr(getattr(example, name), "tobytes")]
+    plain = [name for name in names if isinstance(getattr(example, name), (bool, int, float, str))]
+    others = [name for name in names if name not in numeric and name not in plain]
+    return attrgetter(*plain), numeric, others

@@ -32,6 +32,7 @@ class Trajectory:
     run_id: str = ""  # of the learner that trained the behaviour policy
     incarnation: int = 0  # of the agent
     held_from: int = 0  # the agent can still resend trajectories from this sequence number on
+    first_of_run: int = 0  # sequence number of the agent's first for the run `run_id`
     stamp_ns: int = 0  # simulation time of row 0
 
     def __len__(self) -> int:

@@ -97,7 +97,7 @@ class ReplayBuffer:
         `program` is the row of its program in the learner's table, `goals` the relabeler's masks
         of its T + 1 rows.
         """
-        self.ledger.record(trajectory.key, trajectory.held_from)
+        self.ledger.record(trajectory.key, trajectory.held_from, trajectory.first_of_run)
         if not self.arrays:
             self._allocate(trajectory.objects.shape[1])
         index = (self.head + np.arange(len(trajectory) + 1)) % self.capacity

@@ -83,19 +83,19 @@ class Ledger:
         tracker = self.agents.get(AgentKey(key.agent_id, key.incarnation))
         return tracker is None or tracker.is_new(key.sequence)
 
-    def record(self, key: TrajectoryKey, held_from: int = 0, first: int = 0) -> None:
+    def record(self, key: TrajectoryKey, held_from: int = 0, first_of_run: int = 0) -> None:
         """Record the arrival of a trajectory that `is_new`.
 
         :param held_from: first trajectory that its agent can still send; what has not arrived
             before it is lost.
-        :param first: first trajectory that its agent sent for this run.
+        :param first_of_run: first trajectory that its agent sent for this run.
         """
         agent = AgentKey(key.agent_id, key.incarnation)
         if agent not in self.agents:
             for other, tracker in self.agents.items():
                 if other.agent_id == agent.agent_id:  # it has restarted
                     self.lost += tracker.give_up(tracker.next)
-            self.agents[agent] = SequenceTracker(first)
+            self.agents[agent] = SequenceTracker(first_of_run)
         self.lost += self.agents[agent].give_up(held_from)
         self.agents[agent].record(key.sequence)
 
