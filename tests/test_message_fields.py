@@ -11,13 +11,13 @@ PLANTED = {
     "written": "def f(message: Any):\n    message.step = 3",
     "by name": "def f(message: Any):\n    return getattr(message, 'step')",
     "just encoded": "def f(policy):\n    print(encode_weights(policy).checksum)",
-    "encoded before": "def f(verdict):\n    m = encode_verdict(verdict)\n    m.reward = 1.0",
+    "encoded before": "def f(step):\n    m = encode_verdict(step)\n    m.reward = 1.0",
     "from a bag": "def f(bag):\n    print(bag.deserialize(recorded).step)",
-    "beside its decoder": "def f(v: Any):\n    x = decode_verdict(v)\n    return v.reward",
+    "beside its decoder": "def f(v: Any):\n    x = decode_step(v)\n    return v.reward",
     "taken by hand": "def f():\n    taken = s.take_message(kind, False)\n    print(taken[0].step)",
 }
 HARMLESS = {
-    "a record": "def f(message: Message):\n    return decode_verdict(message).reward",
+    "a record": "def f(message: Message):\n    return decode_step(message).verdict.reward",
     "text": "def f(log):\n    return log.read().decode().splitlines()",
     "a request of ours": "def f(request: ProgramRequest):\n    return request.text",
 }

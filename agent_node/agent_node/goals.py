@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Verdict
+from pa_ros.core.experience import Step
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
@@ -25,7 +25,6 @@ from pa_ros.wire.program import (
     encode_goal_result,
     encode_program,
 )
-from pa_ros.wire.step import arena_of, decode_verdict
 
 if TYPE_CHECKING:
     from agent_node.node import AgentNode
@@ -52,7 +51,6 @@ class _Execution:
     arena_id: str
     sent_at: float = 0.0  # 0: not sent yet
     answered: bool = False  # by the arena
-    verdict: Verdict | None = None  # the newest under this program
 
 
 class ProgramGoals:
@@ -63,7 +61,6 @@ class ProgramGoals:
         self._current: _Execution | None = None
         self._served = 0
         self._program_out = topics.PROGRAM.publisher(node)
-        self._verdicts: Any = None  # subscription, from the first goal on: it costs at every step
         self._timer: Any = None
         node.subscribe(topics.PROGRAM_STATUS, self._on_status)
         GoalServer(node, EXECUTE_PROGRAM, self._start, self._cancel)
@@ -73,6 +70,18 @@ class ProgramGoals:
         if self._current is not None:
             self._node.given_up = self._current.request.program_id
             self._abort("goal.inactive", "the agent was deactivated; the arm holds")
+
+    def observe(self, step: Step) -> None:
+        """Take in a step of the arena that the agent follows."""
+        current = self._current
+        if current is None or step.arena_id != current.arena_id:
+            return
+        if not current.sent_at:  # from now on no step under the program is missed
+            self._send(current)
+            return
+        execution = current.watch.observe(step)
+        if execution is not None:
+            self._end(current, execution)
 
     # Callbacks
 
@@ -93,8 +102,6 @@ class ProgramGoals:
         watch = ExecutionWatch(program_id, wanted.time_limit_s or FOREVER_S, wanted.hold_s)
         request = ProgramRequest(program_id, wanted.text)
         self._current = _Execution(goal, wanted, request, watch, arena_id)
-        if self._verdicts is None:
-            self._verdicts = self._node.subscribe(topics.VERDICT, self._on_verdict)
         self._timer = steady_timer(self._node, FEEDBACK_S, self._on_timer)
 
     def _check(self, text: str) -> str:
@@ -114,20 +121,6 @@ class ProgramGoals:
             self._node.given_up = self._current.request.program_id
             self._finish(goal.cancel, code="goal.cancelled", reason="cancelled; the arm holds")
 
-    def _on_verdict(self, message: Message) -> None:
-        current = self._current
-        if current is None or arena_of(message) != current.arena_id:
-            return
-        if not current.sent_at:  # from now on no verdict under the program is missed
-            self._send(current)
-            return
-        verdict = decode_verdict(message)
-        execution = current.watch.observe(verdict)
-        if verdict.program_id == current.request.program_id:
-            current.verdict = verdict
-        if execution is not None:
-            self._end(current, execution)
-
     def _on_status(self, message: Message) -> None:
         current, status = self._current, decode_program_status(message)
         if current is None or status.program_id != current.request.program_id:
@@ -144,8 +137,8 @@ class ProgramGoals:
         current, arena = self._current, self._node.arena
         if current is None:
             return
-        verdicts = self._node.resolve_topic_name(topics.VERDICT.name)  # as it is remapped
-        gone = self._node.count_publishers(verdicts) == 0
+        steps = self._node.resolve_topic_name(topics.OBJECT_FEATURES.name)  # as it is remapped
+        gone = self._node.count_publishers(steps) == 0
         if gone or arena is None or arena.arena_id != current.arena_id:
             got = "none" if gone or arena is None else repr(arena.arena_id)
             reason = f"{ACTION}: expected the arena {current.arena_id!r} until the end, got {got}"
@@ -172,10 +165,8 @@ class ProgramGoals:
             objects = arena.world.schema.labels(observation.objects, observation.hand_index)
             if observation.program_id == current.request.program_id:
                 relevance = agent.relevance(observation, program)
-        verdict = current.verdict
-        distance = verdict.distance if verdict else float("inf")
-        near = verdict is not None and verdict.satisfied
-        return GoalProgress(distance, near, objects, relevance, agent.version)
+        watch = current.watch
+        return GoalProgress(watch.distance, watch.satisfied, objects, relevance, agent.version)
 
     def _end(self, current: _Execution, execution: Execution) -> None:
         if execution.ended == "held":
@@ -203,6 +194,6 @@ class ProgramGoals:
         current, self._current = self._current, None
         assert current is not None
         self._node.destroy_timer(self._timer)
-        distance = current.verdict.distance if current.verdict else float("inf")
+        distance = current.watch.distance
         result = GoalResult(success, distance, reached_s, code, reason, position)
         end(Message(encode_goal_result(result)))

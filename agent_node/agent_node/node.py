@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import time
 import uuid
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from agent_node.config import AgentConfig
 from agent_node.goals import ProgramGoals
-from agent_node.inputs import ProgramBook, StepMatcher
+from agent_node.inputs import ProgramBook
 from agent_node.outputs import ControllerOutput, RelevanceMarkers
 from agent_node.status import AgentStatus
-from pa_ros.acting.agent import Agent, ArenaFacts, Step
+from pa_ros.acting.agent import Agent, ArenaFacts
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import (
@@ -23,6 +22,7 @@ from pa_ros.core.experience import (
     Observation,
     PolicySnapshot,
     PublishedPolicy,
+    Step,
 )
 from pa_ros.language import Program, ProgramError, Vocabulary, logic_named
 from pa_ros.learning.checkpoints import load_policy
@@ -39,25 +39,10 @@ from pa_ros.ros.refusals import RateLimiter, answer_program
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import decode_diagnostics, encode_provenance
-from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.learning import decode_learner_info, decode_weights, encode_trajectory
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
-from pa_ros.wire.step import (
-    Command,
-    StepMessages,
-    arena_of,
-    decode_context,
-    decode_observation,
-    decode_verdict,
-    encode_command,
-)
+from pa_ros.wire.step import Command, arena_of, decode_step, encode_command
 from pa_ros.world.world import World
-
-FEATURES, VERDICT = "features", "verdict"  # the parts of a step
-PARTS = {
-    FEATURES: topics.OBJECT_FEATURES,
-    VERDICT: topics.VERDICT,  # only a learning agent needs its reward
-}
 
 
 class AgentNode(ManagedNode):
@@ -80,7 +65,7 @@ class AgentNode(ManagedNode):
         self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
         self.given_up = ""  # id of the program whose goal was cancelled or took too long
         self._handled_ns = self._commanded_ns = -1  # stamps of the newest step taken in, answered
-        self._command = StepMessages().command  # filled again for each command
+        self._command = topics.JOINT_COMMANDS.type()  # filled again for each command
         self._commands = self._trajectories = 0
         self._core_s = 0.0  # spent in the policy itself
         self._reported = (0, 0.0)  # commands and core_s at the last report
@@ -99,12 +84,9 @@ class AgentNode(ManagedNode):
         self._goals = None if config.learning else ProgramGoals(self)
         RelevanceMarkers(self)
 
-        parts = [part for part in PARTS if part != VERDICT or config.learning]
-        self._matcher = StepMatcher(parts)
         self.subscribe(topics.ARENA_INFO, self._on_arena)
         self.subscribe(topics.PROGRAM, self._on_program)
-        for part in parts:
-            self.subscribe(PARTS[part], partial(self._on_part, part))
+        self.subscribe(topics.OBJECT_FEATURES, self._on_step)
         if config.weights == "topic":
             self.subscribe(topics.LEARNER_INFO.within(config.learner), self._on_learner)
             self.subscribe(topics.POLICY_WEIGHTS.within(config.learner), self._on_weights)
@@ -141,41 +123,43 @@ class AgentNode(ManagedNode):
 
     # A control step: observation in, command out
 
-    def _on_part(self, part: str, message: Message) -> None:
+    def _on_step(self, message: Message) -> None:
         if not self.active or not self._arenas.received(arena_of(message)):
             return
-        self._status.observed_at = time.monotonic()
+        status = self._status
+        status.observed_at = time.monotonic()
         try:
-            step = self._matcher.add(part, header_stamp(message), message)
-            if step is not None:
-                self._on_step(step)
-                self._status.step_at, self._status.step_refusal = time.monotonic(), ""
+            self._take_in(decode_step(message, self._joints, self._object_width))
+            status.step_at, status.step_refusal = time.monotonic(), ""
         except PaError as error:
-            self._status.step_refusal = str(error)
+            status.step_refusal = str(error)
             raise
 
-    def _on_step(self, parts: dict[str, Message]) -> None:
-        features = parts[FEATURES]
-        observation = decode_observation(features, self._joints, self._object_width)
+    def _take_in(self, step: Step) -> None:
+        observation = step.observation
+        if observation.stamp_ns < self._handled_ns:
+            raise PaError(
+                f"object_features: expected a stamp of at least {self._handled_ns} ns, got "
+                f"{observation.stamp_ns}",
+                code="observation.stale",
+            )
+        if self._goals is not None:
+            self._goals.observe(step)
         if observation.stamp_ns == self._handled_ns:
             self._answer_again()
             return
-        context = decode_context(features, self._joints)
-        executed, text = context.executed, context.program
-        self._status.has_program = bool(text)
+        executed = step.executed
         other = executed.command.agent_id if executed is not None else self.agent_id
         if other != self.agent_id:
             self._status.warn(f"the arm obeys the agent {other!r}, too: stop one of the two")
-        if not text:
+        self._status.has_program = bool(step.program)
+        if not step.program:
             return
-        program = self.book.named(observation.program_id, text)
+        program = self.book.named(observation.program_id, step.program)
         if program is None:
-            program = self._accept_in_force(observation.program_id, text)
-        verdict = decode_verdict(parts[VERDICT]) if VERDICT in parts else None
-        ends_episode = observation.step >= self._episode_steps
-        step = Step(observation, program, verdict, context.evaluation, executed, ends_episode)
+            program = self._accept_in_force(observation.program_id, step.program)
         started = time.perf_counter()
-        trajectory = self.agent.observe(step)
+        trajectory = self.agent.observe(step, program)
         self._core_s += time.perf_counter() - started
         self._handled_ns, self.seen = observation.stamp_ns, (observation, program)
         if trajectory is not None:
@@ -232,9 +216,7 @@ class AgentNode(ManagedNode):
 
     def _bind_to_arena(self, arena: ArenaDescription) -> None:
         """Forget the arena that was followed before."""
-        self._joints, self._episode_steps = len(arena.joint_names), arena.episode_steps
-        self._object_width = arena.world.object_features
-        self._matcher.restart()
+        self._joints, self._object_width = len(arena.joint_names), arena.world.object_features
         self._handled_ns = self._commanded_ns = -1
         self.seen = None
         if self.book.vocabulary != arena.world.vocabulary:
@@ -319,8 +301,7 @@ class AgentNode(ManagedNode):
         if isinstance(self.agent, LearningAgent):
             values["interrupted"] = str(self.agent.interrupted)
             values["lost_trajectories"] = str(self.agent.lost)
-        lacking = [PARTS[part].name for part in self._matcher.lacking]
-        level, message = self._status.state(self.agent, self._arenas, self._learners, lacking)
+        level, message = self._status.state(self.agent, self._arenas, self._learners)
         return level, message, values
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent
@@ -28,8 +28,8 @@ class AgentStatus:
     """
 
     def __init__(self, stuck_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self.observed_at = clock()  # a part of a step arrived
-        self.step_at = clock()  # a step was complete, and acted on or waited with
+        self.observed_at = clock()  # a step arrived
+        self.step_at = clock()  # a step was taken in, and acted on or waited with
         self.commanded_at = clock()  # a command was sent
         self.step_refusal = ""  # why a step since `step_at` was refused
         self.has_program = True  # whether a program was in force at the newest step
@@ -54,15 +54,11 @@ class AgentStatus:
         agent: Agent,
         arenas: PeerMonitor[ArenaDescription],
         learners: PeerMonitor[LearnerInfo],
-        lacking: Sequence[str],
     ) -> Status:
-        """Level and message. The first reason counts.
-
-        :param lacking: topics that the newest step waits for.
-        """
+        """Level and message. The first reason counts."""
         return (
             self._cannot_act(agent, arenas.current)
-            or self._no_step(lacking)
+            or self._no_step()
             or ((ERROR, fault) if (fault := arenas.fault or learners.fault) else None)
             or self._doubtful(agent)
             or (OK, "acting" if self.has_program else "waits for a program (program)")
@@ -83,10 +79,9 @@ class AgentStatus:
             return WARN, f"does not act with version {agent.version}{reason}"
         return None
 
-    def _no_step(self, lacking: Sequence[str]) -> Status | None:
+    def _no_step(self) -> Status | None:
         age_s = self._clock() - self.observed_at
-        missing = f"{' and '.join(lacking)} with the same stamp are missing" if lacking else ""
-        reason = self.step_refusal or missing
+        reason = self.step_refusal
         if reason and age_s < REPORTED_S and self._clock() - self.step_at > QUIET_S:
             return WARN, f"takes in no step: {reason}"
         if age_s > QUIET_S:

@@ -12,7 +12,7 @@ from pa_ros.ros.node_main import run_node
 from pa_ros.ros.refusals import Refusals, answer_program
 from pa_ros.wire.arena import decode_arena_info
 from pa_ros.wire.program import decode_program, encode_program_status
-from pa_ros.wire.step import Command, decode_context, decode_observation, encode_command
+from pa_ros.wire.step import Command, decode_step, encode_command
 
 
 class Controller(Node):
@@ -44,11 +44,10 @@ class Controller(Node):
     def on_step(self, message) -> None:
         if self.arena is None:
             return
-        joints = len(self.arena.joint_names)
-        seen = decode_observation(message, joints)
-        text = decode_context(message, joints).program
-        if text:  # [J], shares of the joints' speed limits
-            action = self.policy.act(seen, self.book.program(text))
+        step = decode_step(message, len(self.arena.joint_names))
+        seen = step.observation
+        if step.program:  # [J], shares of the joints' speed limits
+            action = self.policy.act(seen, self.book.program(step.program))
             answered = seen.episode, seen.step, seen.stamp_ns
             command = Command(*answered, "my-controller", self.policy.version, action, 1, seen.step)
             self.commands.publish(encode_command(command))

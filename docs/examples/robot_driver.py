@@ -5,6 +5,7 @@ from rclpy.node import Node
 
 from pa_ros.arena import ReachTask, design_named, preset_named  # the simulated "robot": use yours
 from pa_ros.arena.task import world_of
+from pa_ros.core.experience import Step
 from pa_ros.language import parse
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
@@ -12,13 +13,7 @@ from pa_ros.ros.node_main import run_node
 from pa_ros.ros.refusals import Refusals, answer_program
 from pa_ros.wire.arena import ENDLESS, describe_robot, encode_arena_info
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
-from pa_ros.wire.step import (
-    StepContext,
-    decode_command,
-    encode_joints,
-    encode_observation,
-    encode_verdict,
-)
+from pa_ros.wire.step import decode_command, encode_joints, encode_step
 
 
 class Driver(Node):
@@ -35,7 +30,6 @@ class Driver(Node):
         self.info = topics.ARENA_INFO.publisher(self)
         self.features = topics.OBJECT_FEATURES.publisher(self)
         self.joints = topics.JOINT_STATES.publisher(self)
-        self.verdicts = topics.VERDICT.publisher(self)
         self.status = topics.PROGRAM_STATUS.publisher(self)
         self.info.publish(encode_arena_info(self.about))
         self.refusals = Refusals(self.get_logger().warning)
@@ -62,10 +56,9 @@ class Driver(Node):
         command, self.command = self.command, None  # without a new command the arm stops
         share = np.zeros(len(self.speeds)) if command is None else np.clip(command.action, -1, 1)
         self.seen, self.verdict = self.robot.step(share * np.array(list(self.speeds.values())))
-        context = StepContext(self.about.arena_id, program=self.program or "")
+        step = Step(self.seen, self.verdict, self.program or "", arena_id=self.about.arena_id)
         self.joints.publish(encode_joints(self.seen, tuple(self.speeds)))
-        self.features.publish(encode_observation(self.seen, context))
-        self.verdicts.publish(encode_verdict(self.verdict, arena_id=self.about.arena_id))
+        self.features.publish(encode_step(step))
 
     def close(self) -> None:
         pass

@@ -30,9 +30,8 @@ from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import Message
-from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramRequest, encode_program
-from pa_ros.wire.step import decode_step_mark
+from pa_ros.wire.step import decode_command, decode_step
 
 DESIGN = "3-D"
 RATES = {"": "real_time", "fast.": "lockstep"}  # 10 Hz, and as fast as possible
@@ -154,11 +153,10 @@ class Prober:
         self._publisher.publish(message)
 
     def _process(self, written_s: float, is_command: bool, message: Message) -> None:
-        stamp_ns = header_stamp(message)
         if not is_command:
-            program_id = decode_step_mark(message).program_id
-            self.latencies.observed(stamp_ns, program_id, written_s)
-        elif self.latencies.commanded(stamp_ns, written_s):
+            seen = decode_step(message).observation
+            self.latencies.observed(seen.stamp_ns, seen.program_id, written_s)
+        elif self.latencies.commanded(decode_command(message).stamp_ns, written_s):
             pause_s = self._random.uniform(0.5, 1.5) * self._pause_s
             self._due_s = time.monotonic() + pause_s
 

@@ -15,10 +15,8 @@ from typing import Any
 from benchmarks.samples import sample_step
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
-from pa_ros.wire.step import encode_clock, encode_command, encode_observation, encode_verdict
+from pa_ros.wire.step import encode_command, encode_step
 
-# In the order in which sim_node publishes them.
-_QUESTION = (topics.OBJECT_FEATURES, topics.VERDICT, topics.CLOCK)
 WARM_UP = 200  # round trips
 SETTLE_S = 0.5
 
@@ -33,16 +31,9 @@ def measure_round_trips(
     """
     from pa_ros.ros.executor import spin_until
 
-    observation, verdict, _ = sample_step()
-    features = encode_observation(observation)
-    clock = encode_clock(observation.stamp_ns)
-    messages = (features, encode_verdict(verdict), clock)
-    writers = [_bare(topic).publisher(node) for topic in _QUESTION]
+    question = encode_step(sample_step()[0])
+    asking = _bare(topics.OBJECT_FEATURES).publisher(node)
     answers, started, ended = 0, 0.0, 0.0
-
-    def ask() -> None:
-        for writer, message in zip(writers, messages, strict=True):
-            writer.publish(message)
 
     def receive(_: object) -> None:
         nonlocal answers, started, ended
@@ -52,17 +43,16 @@ def measure_round_trips(
             pass
         if answers == WARM_UP:
             started = ended
-        ask()
+        asking.publish(question)
 
     answering = _bare(topics.JOINT_COMMANDS).subscribe(node, receive)
-    read = writers[: _QUESTION.index(topics.CLOCK)]
     spin_until(
         node,
-        lambda: all(w.get_subscription_count() for w in read) and answering.get_publisher_count(),
+        lambda: asking.get_subscription_count() and answering.get_publisher_count(),
         timeout_s,
     )
     spin_until(node, lambda: False, SETTLE_S)  # until the other side has discovered us too
-    ask()
+    asking.publish(question)
     # A single spin: between two of them a message could be missed.
     finished = spin_until(node, lambda: bool(started) and ended - started > seconds, timeout_s)
     return (answers - WARM_UP) / (ended - started) if finished else 0.0
@@ -80,9 +70,8 @@ def _answerer() -> Any:
 
         def __init__(self) -> None:
             super().__init__("pingpong")
-            command = encode_command(sample_step()[2])
+            command = encode_command(sample_step()[1])
             writer = _bare(topics.JOINT_COMMANDS).publisher(self)
-            _bare(topics.VERDICT).subscribe(self, lambda _: None)
             _bare(topics.OBJECT_FEATURES).subscribe(self, lambda _: writer.publish(command))
 
         def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pa_ros.core.experience import Observation, Verdict
+from pa_ros.core.experience import Observation, Step, Verdict
 from pa_ros.wire.step import Command
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
@@ -14,13 +14,13 @@ JOINT_NAMES = tuple(f"joint_{i}" for i in range(1, WORLD.joints + 1))
 OBJECTS = 5  # the hand and four blocks
 
 
-def sample_step(seed: int = 0) -> tuple[Observation, Verdict, Command]:
-    """An observation, its verdict and the command that answers it."""
+def sample_step(seed: int = 0) -> tuple[Step, Command]:
+    """A step, and the command that answers it."""
     rng = np.random.default_rng(seed)
     objects = rng.normal(size=(OBJECTS, WORLD.object_features)).astype(np.float32)
     joints = rng.normal(size=(2, WORLD.joints))
     pose = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])
     observation = Observation(3, 7, 10**9, objects, joints[0], joints[1], 0, "generated-3", pose)
-    verdict = Verdict(3, 7, 10**9, "generated-3", -1.0, False, 0.4, False)
+    step = Step(observation, Verdict(-1.0, False, 0.4, False))
     action = rng.uniform(-1, 1, WORLD.actions).astype(np.float32)
-    return observation, verdict, Command(3, 7, 10**9, "agent", 1, action)
+    return step, Command(3, 7, 10**9, "agent", 1, action)

@@ -96,8 +96,7 @@ class Arena:
         steps = satisfied = 0
         while steps < max_steps and satisfied < HOLD_STEPS:
             # `advance` has no time limit, unlike `step`: a scene may last for many programs.
-            observation = self.task.advance(act(observation, parsed))
-            verdict = self.task.verdict(observation)
+            observation, verdict = self.task.advance(act(observation, parsed))
             steps, satisfied = steps + 1, satisfied + 1 if verdict.satisfied else 0
         return Result(str(parsed), verdict.satisfied, verdict.distance, steps)
 

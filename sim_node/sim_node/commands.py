@@ -6,14 +6,15 @@ until it is too old; then the arm holds still.
 
 from __future__ import annotations
 
+from pa_ros.core.experience import Step
 from pa_ros.wire.step import Command
-from sim_node.session import Frame, Session, SimError
+from sim_node.session import Session, SimError
 
 
 def check_answer(session: Session, command: Command) -> None:
     """Raise SimError unless a command answers the current step (lockstep)."""
     _check_program(session)
-    current = session.frame.observation
+    current = session.current.observation
     expected = (current.episode, current.step, current.stamp_ns)
     received = (command.episode, command.step, command.stamp_ns)
     if received != expected:
@@ -42,7 +43,7 @@ class Watchdog:
         last accepted one.
         """
         _check_program(self._session)
-        current = self._session.frame.observation
+        current = self._session.current.observation
         oldest = self._oldest_ns()
         if self._command is not None:
             oldest = max(oldest, self._command.stamp_ns)
@@ -58,7 +59,7 @@ class Watchdog:
         """Drop the last command, so that the arm holds until the next one."""
         self._command = None
 
-    def tick(self) -> Frame:
+    def tick(self) -> Step:
         """Run one control period; the step it led to."""
         session, command = self._session, self._command
         if session.program is not None:
@@ -74,7 +75,7 @@ class Watchdog:
         The episode is recognized by its time, not its number, because a training and an evaluation
         episode may have the same number.
         """
-        current = self._session.frame.observation
+        current = self._session.current.observation
         since_reset = current.step * self._session.arena.control_period_ns
         return current.stamp_ns - min(self._timeout_ns, since_reset)
 

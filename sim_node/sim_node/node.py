@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Callable
 
 from pa_ros.arena import DivergedError
-from pa_ros.core.experience import AgentKey
+from pa_ros.core.experience import AgentKey, Step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN
@@ -30,22 +30,14 @@ from pa_ros.wire.program import (
     encode_program_status,
 )
 from pa_ros.wire.services import ResetRequest
-from pa_ros.wire.step import (
-    StepContext,
-    StepMessages,
-    decode_command,
-    encode_clock,
-    encode_joints,
-    encode_observation,
-    encode_verdict,
-)
+from pa_ros.wire.step import decode_command, encode_step
 from sim_node.commands import Watchdog, check_answer
 from sim_node.config import SimConfig
 from sim_node.entities import Entities
 from sim_node.services import Services
-from sim_node.session import ActiveProgram, Frame, Session, SimError
+from sim_node.session import ActiveProgram, Session, SimError
 from sim_node.stepping import SteppingAction
-from sim_node.viewers import CameraView, Samples, Views
+from sim_node.viewers import CameraView, Samples, StepViews, Views
 
 
 class SimNode(ManagedNode):
@@ -64,7 +56,7 @@ class SimNode(ManagedNode):
         self.paused = self.config.paused
         self._real_time = self.config.mode == "real_time"
         self._announced: ActiveProgram | None = None
-        self._messages = StepMessages()  # filled again at each step
+        self._features_message = topics.OBJECT_FEATURES.type()  # filled again at each step
         self._published_at = -math.inf
         self._had_subscribers = False
         self._reported = (time.monotonic(), 0, 0.0)  # time, steps, core_s at the last report
@@ -101,14 +93,11 @@ class SimNode(ManagedNode):
 
     def _create_publishers(self) -> None:
         self._features = self.advertise(topics.OBJECT_FEATURES)
-        self._joints = topics.JOINT_STATES.publisher(self)
-        self._verdict = topics.VERDICT.publisher(self)
-        self._clock_topic = topics.CLOCK.publisher(self)
         self._program = topics.PROGRAM.publisher(self)
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._info = self.advertise(topics.ARENA_INFO)
         about = self.session.describe()
-        self._joint_names = about.joint_names
+        self._step_views = StepViews(self, about.joint_names)
         self._info.publish(encode_arena_info(about))
         self._provenance = topics.PROVENANCE.publisher(self)
         origin = self.session.origin(self.get_fully_qualified_name())
@@ -149,39 +138,28 @@ class SimNode(ManagedNode):
         if self.active and not self.paused:
             self._step(self.watchdog.tick)
 
-    def _step(self, advance: Callable[[], Frame]) -> None:
+    def _step(self, advance: Callable[[], Step]) -> None:
         """Advance the arena by one control period and publish the step that it led to."""
         started = time.perf_counter()
         try:
-            frame = advance()
+            step = advance()
         except DivergedError as error:
             self.refusals.refuse("physics", error)
             self._publish(self.session.begin())
             return
         advanced = time.perf_counter()
-        self._publish(frame)
-        # The reward is computed after publishing, while the agent already decides.
+        self._publish(step)
         published = time.perf_counter()
         ended = self.session.finish_step()
         self._core_s += advanced - started + time.perf_counter() - published
         if ended:
-            self._publish(self.session.frame)
+            self._publish(self.session.current)
 
-    def _publish(self, frame: Frame) -> None:
+    def _publish(self, step: Step) -> None:
         self._announce()
-        session, messages, observation = self.session, self._messages, frame.observation
-        context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
-        # An agent that only executes decides on this message, so the others come after it.
-        self._features.publish(encode_observation(observation, context, messages.features))
-        if self._joints.get_subscription_count():
-            joints = encode_joints(observation, self._joint_names, messages.joints)
-            self._joints.publish(joints)
-        if self._verdict.get_subscription_count():
-            evaluation = frame.evaluation
-            encode_verdict(frame.verdict, evaluation, session.arena_id, messages.verdict)
-            self._verdict.publish(messages.verdict)
-        if self._clock_topic.get_subscription_count():
-            self._clock_topic.publish(encode_clock(observation.stamp_ns, messages.clock))
+        # The agent decides on this message, so the others come after it.
+        self._features.publish(encode_step(step, self._features_message))
+        self._step_views.publish(step)
         self._published_at = time.monotonic()
 
     def _publish_again(self) -> None:
@@ -193,12 +171,12 @@ class SimNode(ManagedNode):
         had_subscribers = self._had_subscribers
         self._had_subscribers = self._features.get_subscription_count() > 0
         if late and had_subscribers and self.active and not self.paused:
-            self._publish(self.session.frame)
+            self._publish(self.session.current)
 
     def _publish_first_step(self) -> None:
         """In real time the first step is published whether or not somebody subscribes."""
         if self._real_time and not self.paused and self._published_at == -math.inf:
-            self._publish(self.session.frame)
+            self._publish(self.session.current)
 
     # Programs
 
@@ -212,7 +190,7 @@ class SimNode(ManagedNode):
             request = ProgramRequest(program.program_id, program.text)
             self._program.publish(encode_program(request))
             name = self.get_fully_qualified_name()
-            stamp_ns = self.session.frame.observation.stamp_ns
+            stamp_ns = self.session.current.observation.stamp_ns
             status = ProgramStatus(
                 program.program_id, name, True, canonical=program.text, stamp_ns=stamp_ns
             )
@@ -226,12 +204,12 @@ class SimNode(ManagedNode):
         self._program_rate.check()
         self._announce()  # the program of the current step, before it is replaced
         waiting = self.session.program is None
-        stamp_ns = self.session.frame.observation.stamp_ns
+        stamp_ns = self.session.current.observation.stamp_ns
         name = self.get_fully_qualified_name()
         status = answer_program(request, name, stamp_ns, self.session.submit, self.refusals)
         self._status.publish(encode_program_status(status))
         if waiting and status.accepted:
-            self._publish(self.session.frame)
+            self._publish(self.session.current)
 
     # What the services do
 
@@ -272,7 +250,7 @@ class SimNode(ManagedNode):
     # Health
 
     def collect(self) -> tuple[int, str, dict[str, str]]:
-        session, current = self.session, self.session.frame
+        session, current = self.session, self.session.current
         now, steps = time.monotonic(), session.steps
         since, steps_then, core_then = self._reported
         self._reported = (now, steps, self._core_s)

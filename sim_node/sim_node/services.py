@@ -87,7 +87,7 @@ class Services:
             except PaError as error:
                 self._arena.refusals.refuse(name, error)
                 code, reason = error.code, str(error)
-            now = self._arena.session.frame.observation
+            now = self._arena.session.current.observation
             speed = self._arena.speed
             outcome = Outcome(not code, code, reason, now.episode, now.stamp_ns, speed)
             return encode_outcome(response, outcome)
@@ -112,7 +112,7 @@ class Services:
 
     @property
     def _stamp_ns(self) -> int:
-        return self._arena.session.frame.observation.stamp_ns
+        return self._arena.session.current.observation.stamp_ns
 
     @property
     def _state(self) -> SimState:
@@ -157,7 +157,7 @@ class Services:
         if not scope & Scope.STATE:
             self._entities.despawn()
             return
-        now = self._arena.session.frame
+        now = self._arena.session.current
         again = ResetRequest(now.observation.episode, evaluation=now.evaluation)
         keep_spawned = not scope & Scope.SPAWNED
         self._entities.restart(lambda: self._arena.begin(again), keep_spawned)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf
@@ -13,7 +12,7 @@ import numpy as np
 from pa_ros import provenance
 from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Executed, Float64, Observation, Verdict
+from pa_ros.core.experience import Executed, Float64, Observation, Step, Verdict
 from pa_ros.language import Program, parse, require_target
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire import WireError
@@ -41,22 +40,6 @@ class SimulatorError(SimError):
         self.result = int(result)
 
 
-@dataclass
-class Frame:
-    """One control step as it is published."""
-
-    observation: Observation
-    evaluation: bool
-    executed: Executed | None  # the command that, unaltered, led here; None: no command did
-    program: str  # text of the active program; empty: none is active
-    judge: Callable[[], Verdict]  # must be called before anything else happens in the arena
-
-    @cached_property
-    def verdict(self) -> Verdict:
-        """Computed on first use, because an agent that only executes needn't wait for it."""
-        return self.judge()
-
-
 @dataclass(frozen=True)
 class ActiveProgram:
     """A program and the id under which it was announced."""
@@ -73,11 +56,11 @@ class ActiveProgram:
 class Session:
     """Which episode runs next, under which program, and with which rewards.
 
-    `frame` is the current step. Training and evaluation episodes are numbered apart, so that
-    evaluating doesn't change what is trained on.
+    `current` is the step that was published last. Training and evaluation episodes are numbered
+    apart, so that evaluating doesn't change what is trained on.
     """
 
-    frame: Frame
+    current: Step
     program: ActiveProgram | None  # None: the arm waits for one
 
     def __init__(self, config: SimConfig, arena_id: str) -> None:
@@ -102,7 +85,7 @@ class Session:
 
     # Steps
 
-    def apply(self, command: Command) -> Frame:
+    def apply(self, command: Command) -> Step:
         """Act for one control period as commanded; see `advance`."""
         largest = max(map(abs, command.action.tolist()))
         action = command.action
@@ -111,28 +94,27 @@ class Session:
             action = np.clip(action, -1.0, 1.0)
         # Experience must show the action that the agent chose at this very step. In real time a
         # command may be held over from an earlier step, and then no command counts as executed.
-        chosen_here = command.stamp_ns == self.frame.observation.stamp_ns
+        chosen_here = command.stamp_ns == self.current.observation.stamp_ns
         unaltered = largest <= 1.0 and bool(command.agent_id) and chosen_here
         executed = Executed(command.key, action) if unaltered else None
         return self.advance(action.astype(np.float64) * self.speed_limits, executed)
 
-    def advance(self, velocity: Float64, executed: Executed | None = None) -> Frame:
+    def advance(self, velocity: Float64, executed: Executed | None = None) -> Step:
         """Act for one control period with joint velocities in rad/s, [J]; the step it led to.
 
         Call `finish_step` after it. Raises DivergedError; the episode is then void.
         """
-        observation = self.task.advance(velocity)
+        observation, verdict = self.task.advance(velocity)
         if self.disturbed:
             executed, self.disturbed = None, False
         self.steps += 1
-        verdict_of = self.task.verdict
-        evaluation = self.frame.evaluation
-        self._show(observation, lambda: self._masked(verdict_of(observation)), evaluation, executed)
-        return self.frame
+        self._show(observation, verdict, self.current.evaluation, executed)
+        return self.current
 
     def finish_step(self) -> bool:
         """Count the step's reward; whether the episode ended, and the next one began with it."""
-        verdict, evaluation = self.frame.verdict, self.frame.evaluation
+        verdict, evaluation = self.current.verdict, self.current.evaluation
+        assert verdict is not None  # an arena judges every step
         self._episode_rewards.append(verdict.reward)
         if verdict.truncated:
             self.rewards[evaluation].append(float(np.mean(self._episode_rewards)))
@@ -141,7 +123,7 @@ class Session:
 
     # Episodes
 
-    def begin(self, request: ResetRequest | None = None) -> Frame:
+    def begin(self, request: ResetRequest | None = None) -> Step:
         """Begin the next episode, or the requested one. A rejected request changes nothing.
 
         Raises ProgramError if the requested program can't be executed in that scene, WireError if
@@ -163,7 +145,7 @@ class Session:
         self._evaluation_due = not evaluation and every > 0 and (index + 1) % every == 0
         self._episode_rewards = []
         self._show_current_step(program, evaluation)
-        return self.frame
+        return self.current
 
     def scene(self, evaluation: bool, index: int) -> Episode:
         """How an episode begins: its blocks, their places, and the generator's program."""
@@ -184,7 +166,7 @@ class Session:
         self.program_ids.bind(program.program_id, program.text)
         self._requested = program
         if self.program is None:
-            self._show_current_step(program, self.frame.evaluation)
+            self._show_current_step(program, self.current.evaluation)
         else:
             self.program = program
             self.task.set_program(program.program, program.program_id)
@@ -216,33 +198,27 @@ class Session:
     # The current step
 
     def _show_current_step(self, program: ActiveProgram | None, evaluation: bool) -> None:
-        """Make the task's current step the frame, under a program."""
+        """Make the task's current step the arena's, under a program."""
         self.program = program
         executed = program.program if program else self.task.episode.program
         program_id = program.program_id if program else None
-        observation, verdict = self.task.set_program(executed, program_id)
-        # The verdict is fixed now, because the program may change before the next step.
-        verdict = self._masked(verdict)
-        self._show(observation, lambda: verdict, evaluation, None)
+        self._show(*self.task.set_program(executed, program_id), evaluation, None)
 
     def _show(
         self,
         observation: Observation,
-        judge: Callable[[], Verdict],
+        verdict: Verdict,
         evaluation: bool,
         executed: Executed | None,
     ) -> None:
-        if self.program is None:
-            observation = replace(observation, program_id="")
-        text = self.program.text if self.program else ""
-        self.frame = Frame(observation, evaluation, executed, text, judge)
-
-    def _masked(self, verdict: Verdict) -> Verdict:
-        """Without an active program nothing is satisfied."""
+        text = ""
         if self.program is not None:
-            return verdict
-        reward = float(self.task.scoring.reward(False, inf))
-        return replace(verdict, program_id="", reward=reward, satisfied=False, distance=inf)
+            text = self.program.text
+        else:  # nothing is satisfied without an active program
+            observation = replace(observation, program_id="")
+            reward = float(self.task.scoring.reward(False, inf))
+            verdict = replace(verdict, reward=reward, satisfied=False, distance=inf)
+        self.current = Step(observation, verdict, text, evaluation, executed, self.arena_id)
 
     # What the arena says about itself
 

@@ -7,16 +7,18 @@ not see every step; pictures of a camera.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.urdf import urdf
-from pa_ros.core.experience import Body
+from pa_ros.core.experience import Body, Step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.wire.step import StepContext, encode_observation, encode_verdict
+from pa_ros.wire import Message
+from pa_ros.wire.step import encode_clock, encode_joints, encode_step, encode_verdict
 from pa_ros.wire.views import (
     encode_camera_info,
     encode_image,
@@ -72,7 +74,7 @@ class CameraView:
         busy = self._rendering is not None and not self._rendering.done()
         if busy or not watched or not self._arena.active:
             return
-        stamp_ns = self._session.frame.observation.stamp_ns
+        stamp_ns = self._session.current.observation.stamp_ns
         period, now = int(stamp_ns * self._config.rate_hz / 1e9), time.monotonic()
         if period == self._last[0] and now - self._last[1] < CAMERA_STILL_S:
             return
@@ -108,7 +110,7 @@ class Views:
     def _show(self) -> None:
         if not self._arena.active:
             return
-        stamp_ns = self._session.frame.observation.stamp_ns
+        stamp_ns = self._session.current.observation.stamp_ns
         if self._transforms.get_subscription_count():
             shown = {entity.name: entity.body for entity in self._entities.matching()}
             if self._camera is not None:
@@ -121,21 +123,35 @@ class Views:
             self._shown = len(blocks)
 
 
+class StepViews:
+    """Each step's joints, verdict and time for tools, while somebody subscribes."""
+
+    def __init__(self, arena: SimNode, joint_names: tuple[str, ...]) -> None:
+        joints, verdict, clock = (
+            (topic.publisher(arena), topic.type())  # the message is filled again at each step
+            for topic in (topics.JOINT_STATES, topics.VERDICT, topics.CLOCK)
+        )
+        self._views: tuple[tuple[Any, Callable[[Step], Message]], ...] = (
+            (joints[0], lambda step: encode_joints(step.observation, joint_names, joints[1])),
+            (verdict[0], lambda step: encode_verdict(step, verdict[1])),
+            (clock[0], lambda step: encode_clock(step.observation.stamp_ns, clock[1])),
+        )
+
+    def publish(self, step: Step) -> None:
+        """Publish the views of a step."""
+        for publisher, encode in self._views:
+            if publisher.get_subscription_count():
+                publisher.publish(encode(step))
+
+
 class Samples:
     """The current step, four times a second however fast the arena is."""
 
     def __init__(self, arena: SimNode) -> None:
         self._arena = arena
-        self._publishers = {part: topic.publisher(arena) for part, topic in topics.SAMPLES.items()}
+        self._out = topics.SAMPLES.publisher(arena)
         steady_timer(arena, SAMPLES_S, self._show)
 
     def _show(self) -> None:
-        watched = any(one.get_subscription_count() for one in self._publishers.values())
-        if not watched or not self._arena.active:
-            return
-        session, frame = self._arena.session, self._arena.session.frame
-        context = StepContext(session.arena_id, frame.evaluation, frame.executed, frame.program)
-        features = encode_observation(frame.observation, context)
-        verdict = encode_verdict(frame.verdict, frame.evaluation, session.arena_id)
-        self._publishers["features"].publish(features)
-        self._publishers["verdict"].publish(verdict)
+        if self._out.get_subscription_count() and self._arena.active:
+            self._out.publish(encode_step(self._arena.session.current))

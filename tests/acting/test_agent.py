@@ -22,11 +22,12 @@ from helpers.learners import (
     published,
     snapshot,
 )
-from pa_ros.acting.agent import Agent, Step
+from helpers.rejections import rejected
+from pa_ros.acting.agent import Agent
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.send_window import Wait
-from pa_ros.core.experience import Executed, PublishedPolicy
+from pa_ros.core.experience import Executed, PublishedPolicy, Step
 from pa_ros.language import PRODUCT, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
@@ -106,7 +107,8 @@ def test_commands_are_numbered_and_a_held_step_is_no_experience(arm) -> None:
     arm.run(3)
     assert arm.agent.last_command.command == (*ME, 4)
     observation, verdict = arm.task.step(arm.velocity)
-    arm.agent.observe(Step(observation, arm.task.program, verdict, False, arm.agent.last_command))
+    step = Step(observation, verdict, executed=arm.agent.last_command)
+    arm.agent.observe(step, arm.task.program)
     arm.velocity = arm.agent.hold()
     assert not arm.velocity.any() and arm.agent.last_command.command == (*ME, 5)
     arm.run(11)
@@ -194,6 +196,18 @@ def test_each_trajectory_acts_with_the_version_the_protocol_names() -> None:
     arm.run(10)
     assert agent.version == 2
     assert [one.policy_version for one in arm.sent] == [0, 0, 1]
+
+
+def test_a_learning_agent_makes_no_transition_of_a_step_that_nobody_judged(arm) -> None:
+    arm.reset(0)
+    arm.run(3)
+    observation, verdict = arm.task.step(arm.velocity)
+    judged = Step(observation, verdict, executed=arm.agent.last_command)
+    with rejected("learning.unjudged", match="since this agent learns, got one without a reward"):
+        arm.agent.observe(replace(judged, verdict=None), arm.task.program)
+    assert not arm.agent.waiting and arm.spans == []
+    arm.agent.observe(replace(judged, verdict=None, evaluation=True), arm.task.program)
+    assert arm.agent.waiting
 
 
 def test_no_action_follows_an_episodes_last_step(arm) -> None:

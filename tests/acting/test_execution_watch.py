@@ -1,24 +1,24 @@
-"""What counts as executing a program, from verdicts alone."""
+"""What counts as executing a program, from an arena's steps."""
+
+from dataclasses import replace
 
 import pytest
 
+from helpers.messages import judged
 from pa_ros.acting.execution import ExecutionWatch
-from pa_ros.core.experience import Verdict
 
 STEP_NS = 100_000_000
 
 
-def verdict(step, near, program_id="mine", episode=0, truncated=False):
-    distance = 0.1 if near else 0.5
-    reward = 1.0 if near else -1.0
-    return Verdict(episode, step, step * STEP_NS, program_id, reward, near, distance, truncated)
+def taken(step, near, program_id="mine", **fields):
+    return judged(step, near, step * STEP_NS, program_id=program_id, **fields)
 
 
 def run(near_by_step, **options):
     """The result, and the step at which it was known."""
     watch = ExecutionWatch("mine", **options)
     for step, near in enumerate(near_by_step):
-        result = watch.observe(verdict(step, near))
+        result = watch.observe(taken(step, near))
         if result is not None:
             return result, step
     return None, len(near_by_step)
@@ -39,32 +39,40 @@ def test_what_counts_as_executed(near_by_step, satisfied, ended, known_at, reach
     assert (result.reached_s, result.distance) == (reached_s, pytest.approx(distance))
 
 
+def test_steps_that_nobody_judged_end_the_watch_unsatisfied_at_the_time_limit():
+    watch = ExecutionWatch("mine", window_s=1.0)
+    results = [watch.observe(replace(taken(step, True), verdict=None)) for step in range(11)]
+    assert results[:-1] == [None] * 10
+    assert (results[-1].satisfied, results[-1].ended) == (False, "window")
+    assert results[-1].distance == float("inf")
+
+
 def test_the_end_of_the_episode_ends_the_watch():
     watch = ExecutionWatch("mine")
-    assert watch.observe(verdict(3, False)) is None
-    result = watch.observe(verdict(4, True, truncated=True))
+    assert watch.observe(taken(3, False)) is None
+    result = watch.observe(taken(4, True, truncated=True))
     assert (result.satisfied, result.ended, result.watched_s) == (True, "episode", 0.1)
 
 
 def test_steps_before_the_program_are_ignored_and_another_program_ends_it():
     watch = ExecutionWatch("mine")
-    assert watch.observe(verdict(0, True, "other")) is None and not watch.begun
-    assert watch.observe(verdict(1, True)) is None and watch.begun
-    result = watch.observe(verdict(2, True, "other"))
+    assert watch.observe(taken(0, True, "other")) is None and not watch.begun
+    assert watch.observe(taken(1, True)) is None and watch.begun
+    result = watch.observe(taken(2, True, "other"))
     assert (result.satisfied, result.ended) == (False, "replaced")
 
 
 def test_another_episode_under_the_same_id_ends_it():
     watch = ExecutionWatch("mine")
-    watch.observe(verdict(1, True))
-    assert watch.observe(verdict(0, True, episode=1)).ended == "replaced"
+    watch.observe(taken(1, True))
+    assert watch.observe(taken(0, True, episode=1)).ended == "replaced"
 
 
 def test_a_program_that_another_replaces_before_its_first_step_is_over():
     watch = ExecutionWatch("mine")
-    assert watch.observe(verdict(3, True, "other")) is None
+    assert watch.observe(taken(3, True, "other")) is None
     watch.accepted(3 * STEP_NS)
-    assert watch.observe(verdict(3, True, "other")) is None  # the step that stood, once more
-    result = watch.observe(verdict(4, True, "another"))
+    assert watch.observe(taken(3, True, "other")) is None  # the step that stood, once more
+    result = watch.observe(taken(4, True, "another"))
     assert (result.satisfied, result.ended, result.watched_s) == (False, "replaced", 0.0)
     assert result.distance == float("inf") and result.reached_s is None and not watch.begun

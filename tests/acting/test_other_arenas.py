@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pa_ros.acting.agent import Agent, Step
+from pa_ros.acting.agent import Agent
 from pa_ros.acting.errors import ActingError
 from pa_ros.arena import ReachTask, design_named, preset_named, world_of
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, PolicySnapshot, PublishedPolicy
+from pa_ros.core.experience import AgentKey, PolicySnapshot, PublishedPolicy, Step
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import FAMILIES
 from pa_ros.networks.parameters import initial_actor
@@ -40,7 +40,7 @@ def agent_of(family: str) -> Agent:
 def test_weights_act_in_other_arenas_or_reject_them_with_a_reason(family, place) -> None:
     agent, task = agent_of(family), task_of(place)
     observation, _ = task.reset(0)
-    agent.observe(Step(observation, task.program))
+    agent.observe(Step(observation), task.program)
     agent.prepare()
     if place == "usual":
         agent.check_program(task.program)

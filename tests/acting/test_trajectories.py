@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.worlds import POSE, PROGRAMS, WORLD
-from pa_ros.acting.errors import ActingError
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.experience import AgentKey, Observation, Verdict
 from pa_ros.language import Program
@@ -26,7 +25,7 @@ def step(episode: int, index: int, program: Program = P, truncated: bool = False
     observation = Observation(
         episode, index, stamp, objects, np.zeros(6), velocity, 0, program_id, POSE
     )
-    verdict = Verdict(episode, index, stamp, program_id, float(index), False, 0.0, truncated)
+    verdict = Verdict(float(index), False, 0.0, truncated)
     return observation, verdict, program
 
 
@@ -125,18 +124,9 @@ def test_nothing_joins_on_after_a_reset_to_a_lower_or_higher_episode(episode: in
     for at, index in ((7, 0), (7, 1), (7, 2), (episode, 3), (episode, 4), (episode, 5)):
         observation, verdict, program = step(at, index)
         observation = replace(observation, program_id="mine")
-        done = builder.observe(observation, replace(verdict, program_id="mine"), program)
+        done = builder.observe(observation, verdict, program)
         trajectories += [done] if done else []
         builder.acted(action(at, index), 0)
     trajectories += [builder.observe(*step(20, 0))]
     found = [(t.episode, t.first_step, len(t), t.ends_episode) for t in trajectories]
     assert found == [(7, 0, 2, True), (episode, 3, 2, True)]
-
-
-@pytest.mark.parametrize(
-    "change", [{"step": 2}, {"episode": 1}, {"stamp_ns": 0}, {"program_id": "?"}]
-)
-def test_a_verdict_of_another_step_is_rejected(change) -> None:
-    observation, verdict, program = step(0, 1)
-    with pytest.raises(ActingError, match="verdict"):
-        TrajectoryBuilder(*AGENT).observe(observation, replace(verdict, **change), program)

@@ -58,9 +58,8 @@ def test_time_limit_is_a_truncation_after_100_actions() -> None:
     _, verdict = task.reset(0)
     flags = [verdict.truncated]
     for _ in range(100):
-        observation, verdict = task.step(STILL)
+        _, verdict = task.step(STILL)
         flags.append(verdict.truncated)
-        assert (observation.step, observation.episode) == (verdict.step, verdict.episode)
     assert flags == [False] * 100 + [True]
     with pytest.raises(ArenaError, match="step 100"):
         task.step(STILL)
@@ -74,8 +73,7 @@ def test_stamps_never_go_back() -> None:
         stamps.append(observation.stamp_ns)
         while not verdict.truncated:
             observation, verdict = task.step(STILL)
-            stamps.append(verdict.stamp_ns)
-            assert observation.stamp_ns == verdict.stamp_ns
+            stamps.append(observation.stamp_ns)
     assert stamps == [100_000_000 * (i + 1) for i in range(18)]
 
 
@@ -177,7 +175,7 @@ def test_unstable_physics_is_an_error(tmp_path, monkeypatch) -> None:  # type: i
     with pytest.raises(ArenaError):
         task.step(STILL)
     assert issubclass(DivergedError, PaError)
-    assert task.reset(0)[1].step == 0
+    assert task.reset(0)[0].step == 0
 
 
 def test_an_unused_simulation_is_freed_with_its_models() -> None:

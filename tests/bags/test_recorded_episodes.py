@@ -81,15 +81,15 @@ def test_info_names_gaps(learned, stepped, tmp_path, capsys):
 
 def test_a_step_that_is_not_what_its_definition_promises_is_named(stepped, tmp_path, capsys):
     def damage(name, message):
-        if name == "/verdict":
+        if name == "/object_features":
             message.distance = -1.0
         return [message]
 
     bag = rewritten(stepped, tmp_path / "damaged", damage)
     assert main(["bag", "info", str(bag)]) == 1
-    assert "NOT READABLE: verdict.distance" in capsys.readouterr().out
+    assert "NOT READABLE: object_features.distance" in capsys.readouterr().out
     assert export(bag, "--out", tmp_path / "out") == 2
-    assert "verdict.distance" in capsys.readouterr().err
+    assert "object_features.distance" in capsys.readouterr().err
 
 
 def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from helpers.learners import LEARNER, again, published
+from helpers.messages import judged
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.console import markup
 from pa_ros.console.history import History
 from pa_ros.console.insight import Insight, Moment, agent_logic, explained
 from pa_ros.console.sources import AgentWeights
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Verdict
+from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Step
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import LearningSettings
@@ -138,8 +139,8 @@ def test_words_are_completed():
     assert not markup.completions("NEAR(HAND, ", VOCABULARY)
 
 
-def verdict(step: int, satisfied: bool) -> Verdict:
-    return Verdict(0, step, step * 10**8, "id", 1.0, satisfied, 0.1 if satisfied else 1.0, False)
+def taken(step: int, satisfied: bool) -> Step:
+    return judged(step, satisfied, step * 10**8, program_id="id")
 
 
 def test_a_program_is_followed_until_it_is_satisfied():
@@ -150,6 +151,6 @@ def test_a_program_is_followed_until_it_is_satisfied():
     history.add_status(ProgramStatus("id", "/sim_node", True))
     history.add_status(ProgramStatus("other", "/agent_node", True))
     assert "accepted by /sim_node" in history.html() and history.pending
-    history.observe([verdict(step, step >= 15) for step in range(40)])
+    history.observe([taken(step, step >= 15) for step in range(40)])
     assert "satisfied after 1.5 s" in history.html() and not history.pending
     assert "rejected: unknown word" in history.html()

@@ -1,32 +1,31 @@
-"""Episodes cut from a stream of verdicts, and when the target is reached."""
+"""Episodes cut from a stream of steps, and when the target is reached."""
 
 import math
 
 import pytest
 
-from pa_ros.core.experience import Verdict
+from helpers.messages import judged
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 
 
 class Stream:
-    """Verdicts of whole episodes, as an arena publishes them."""
+    """Steps of whole episodes, as an arena publishes them."""
 
     def __init__(self) -> None:
         self.tally = EpisodeTally()
         self._stamp_ns = 0
 
-    def verdict(self, step, near, truncated=False):
+    def step(self, step, near, truncated=False, held_out=False):
         self._stamp_ns += 100_000_000
-        reward = 1.0 if near else -1.0
-        return Verdict(0, step, self._stamp_ns, "p", reward, near, 0.1, truncated)
+        return judged(step, near, self._stamp_ns, truncated=truncated, evaluation=held_out)
 
     def episode(self, near_by_step, held_out=False):
-        self.tally.observe(self.verdict(0, False), held_out)
+        self.tally.observe(self.step(0, False, held_out=held_out))
         last = len(near_by_step)
         for step, near in enumerate(near_by_step, start=1):
-            verdict = self.verdict(step, near, step == last)
-            self.tally.observe(verdict, held_out)
-            self.tally.observe(verdict, held_out)  # repeated: ignored
+            taken = self.step(step, near, step == last, held_out)
+            self.tally.observe(taken)
+            self.tally.observe(taken)  # repeated: ignored
         return self.tally.episodes[-1]
 
 
@@ -47,9 +46,9 @@ def test_held_out_episodes_do_not_count_as_training_frames():
 def test_an_episode_without_its_start_or_end_is_left_out():
     stream = Stream()
     for step in (7, 8):
-        stream.tally.observe(stream.verdict(step, True, step == 8), False)
-    stream.tally.observe(stream.verdict(0, False), False)
-    stream.tally.observe(stream.verdict(1, True), False)
+        stream.tally.observe(stream.step(step, True, step == 8))
+    stream.tally.observe(stream.step(0, False))
+    stream.tally.observe(stream.step(1, True))
     stream.episode([False, False])
     assert [episode.reward_per_step for episode in stream.tally.episodes] == [-1.0]
 

@@ -50,25 +50,21 @@ from pa_ros.wire.program import (
 )
 from pa_ros.wire.services import decode_reset, decode_speed
 from pa_ros.wire.step import (
-    StepContext,
     decode_command,
-    decode_context,
     decode_joints,
-    decode_observation,
-    decode_verdict,
+    decode_step,
     encode_command,
     encode_joints,
-    encode_observation,
-    encode_verdict,
+    encode_step,
 )
 from pa_ros.world import reward_from
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
 MESSAGES = 100_000  # of all kinds together
-OBSERVATION, VERDICT, COMMAND = sample_step()
+STEP, COMMAND = sample_step()
 EXECUTED = Executed(COMMAND.key, COMMAND.action)
-FEATURES = encode_observation(OBSERVATION, StepContext("arena", False, EXECUTED, "NEAR(HAND, RED)"))
+FEATURES = encode_step(replace(STEP, executed=EXECUTED, program="NEAR(HAND, RED)"))
 SETTINGS = DPGConfig().changed(
     **{"replay.capacity_frames": 500, "replay.batch_size": 4, "replay.warmup_frames": 5}
 )
@@ -87,11 +83,11 @@ def arena(message: Any) -> None:
 
 
 def features(message: Any) -> None:
-    seen = decode_observation(message, 6)
-    assert np.isfinite(seen.objects).all()
-    assert np.isfinite(WORLD.arm(seen)).all()
-    context = decode_context(message)
-    assert context.executed is None or np.isfinite(context.executed.action).all()
+    step = decode_step(message, 6)
+    assert np.isfinite(step.observation.objects).all()
+    assert np.isfinite(WORLD.arm(step.observation)).all()
+    assert step.executed is None or np.isfinite(step.executed.action).all()
+    assert step.verdict is None or np.isfinite(step.verdict.reward) and step.verdict.distance >= 0
 
 
 def joints(message: Any) -> None:
@@ -146,8 +142,7 @@ def program(message: Any) -> None:
 RECEIVERS: dict[str, tuple[Any, Callable[[Any], object]]] = {
     "arena_info": (encode_arena_info(learners.ARENA), arena),
     "object_features": (FEATURES, features),
-    "joint_states": (encode_joints(OBSERVATION, JOINT_NAMES), joints),
-    "verdict": (encode_verdict(VERDICT), decode_verdict),
+    "joint_states": (encode_joints(STEP.observation, JOINT_NAMES), joints),
     "joint_command": (encode_command(COMMAND), command),
     "learner_info": (encode_learner_info(LEARNER), learner),
     "policy_weights": (

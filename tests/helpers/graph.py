@@ -21,7 +21,7 @@ from learner_node.worker import LearnerWorker, Sinks
 from pa_ros.arena import ReachTask, world_of
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.task import Verifier
-from pa_ros.core.experience import Observation, PolicySnapshot
+from pa_ros.core.experience import Observation, PolicySnapshot, Verdict
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.environment import prepare_environment
@@ -296,7 +296,7 @@ class Witness:
         self._kinds: dict[int, list[Kind]] = {}  # of the blocks, by episode
         advance, task = session.task.advance, session.task
 
-        def recording(joint_velocity: Any) -> Observation:
+        def recording(joint_velocity: Any) -> tuple[Observation, Verdict]:
             assert task.episode is not None
             self._moves.setdefault(task.episode.index, []).append(np.array(joint_velocity))
             self._kinds[task.episode.index] = [block.kind for block in task.episode.blocks]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.acting.agent import Agent, ArenaFacts, Step
+from pa_ros.acting.agent import Agent, ArenaFacts
 from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs, world_of
@@ -20,6 +20,7 @@ from pa_ros.core.experience import (
     Observation,
     PolicySnapshot,
     PublishedPolicy,
+    Step,
     Verdict,
 )
 from pa_ros.learning.config import TrainConfig
@@ -127,8 +128,8 @@ class Arm:
         executed: Executed | None,
         evaluation: bool = False,
     ) -> None:
-        step = Step(observation, self.task.program, verdict, evaluation, executed)
-        trajectory = self.agent.observe(step)
+        step = Step(observation, verdict, evaluation=evaluation, executed=executed)
+        trajectory = self.agent.observe(step, self.task.program)
         if trajectory is not None:
             self.sent.append(trajectory)
         self.velocity = np.zeros(6)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from pa_ros.core.experience import Observation
+from pa_ros.core.experience import Observation, Step, Verdict
 from pa_ros.wire.step import Command
 
 stamps = st.integers(0, 2**31 * 10**9 - 1)
@@ -34,6 +34,16 @@ def answer(to: Observation, share: float = 0.5, **fields: Any) -> Command:
     """A command of an agent "me" to an observation, with some fields changed."""
     action = np.full(6, share, np.float32)
     return replace(Command(to.episode, to.step, to.stamp_ns, "me", 0, action), **fields)
+
+
+def judged(step: int, near: bool, stamp_ns: int, **fields: Any) -> Step:
+    """A step whose verdict is +1 within 0.1 m, or -1 at 0.5 m; `fields` are of any of its parts."""
+    given = {"episode": 0, "step": step, "stamp_ns": stamp_ns, **fields}
+    verdict = Verdict(
+        1.0 if near else -1.0, near, 0.1 if near else 0.5, given.pop("truncated", False)
+    )
+    evaluation = given.pop("evaluation", False)
+    return Step(replace(observation(), **given), verdict, evaluation=evaluation)
 
 
 def same(a: Any, b: Any) -> bool:

@@ -18,7 +18,7 @@ from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.cli.main import main
-from pa_ros.core.experience import Body, Observation, Verdict
+from pa_ros.core.experience import Body, Observation, Step, Verdict
 from pa_ros.language import Program, parse
 from pa_ros.provenance import describe
 from pa_ros.ros.topics import Topic
@@ -27,11 +27,9 @@ from pa_ros.wire.definitions import installed_types, message_type, to_cdr
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program
 from pa_ros.wire.step import (
     Command,
-    StepContext,
     encode_command,
     encode_joints,
-    encode_observation,
-    encode_verdict,
+    encode_step,
 )
 
 STORE = installed_types()
@@ -69,14 +67,14 @@ def storage_file(folder: Path) -> Path:
 
 
 STEPS = 30
-Step = tuple[Observation, Verdict, Command | None, Program, bool]
+Acted = tuple[Observation, Verdict, Command | None, Program, bool]
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ARENA, DESIGN = preset_named("fast"), design_named("2-L")
 
 
-def rearranged() -> list[Step]:
+def rearranged() -> list[Acted]:
     """An episode in which the first block is removed and two others are added later."""
-    task, found = ReachTask(ARENA, DESIGN, 3), list[Step]()
+    task, found = ReachTask(ARENA, DESIGN, 3), list[Acted]()
     observation, verdict = task.reset(7)
     kinds = [block.kind for block in task.episode.blocks]
     for step in range(9):
@@ -91,7 +89,7 @@ def rearranged() -> list[Step]:
     return found
 
 
-def acted() -> list[Step]:
+def acted() -> list[Acted]:
     """Two short episodes, training 7 and evaluation 7, with the commands that were executed."""
     task, rng, found = ReachTask(ARENA, DESIGN, 3), np.random.default_rng(0), []
     for evaluation in (False, True):
@@ -106,7 +104,7 @@ def acted() -> list[Step]:
     return found
 
 
-def recorded(folder: Path, steps: list[Step]) -> Path:
+def recorded(folder: Path, steps: list[Acted]) -> Path:
     store = installed_types()
     with BagWriter(folder) as bag:
         clock = iter(range(10**18, 10**18 + 10**9, 1000))
@@ -122,12 +120,10 @@ def recorded(folder: Path, steps: list[Step]) -> Path:
         about = describe(ARENA, DESIGN, 3, [parse("NEAR(HAND, RED)", DESIGN.vocabulary)], "x")
         write("/arena_info", encode_arena_info(about))
         for i, (observation, verdict, command, program, evaluation) in enumerate(steps):
-            context = StepContext(evaluation=evaluation, program=str(program))
-            features = encode_observation(observation, context)
+            features = encode_step(Step(observation, verdict, str(program), evaluation))
             parts = [
                 ("/joint_states", encode_joints(observation, ARMS["jaco"].joint_names)),
                 ("/object_features", features),
-                ("/verdict", encode_verdict(verdict, evaluation)),
             ]
             if command is not None:
                 parts.append(("/joint_commands", encode_command(command)))

@@ -103,7 +103,7 @@ class PointWorld:
         program_id = f"{self.episode}.0"
         observation = Observation(*where, objects, joints, 0 * joints, 0, program_id, POSE)
         truncated = self._step >= self._steps
-        verdict = Verdict(*where, program_id, reward, bool(near), distance, truncated)
+        verdict = Verdict(reward, bool(near), distance, truncated)
         return observation, verdict
 
 

@@ -28,7 +28,8 @@ def probe(module_domain: str) -> Iterator[Probe]:
 
 
 def step_key(message: Any) -> tuple[int, int, int]:
-    return message.episode, message.step, header_stamp(message)
+    stamp_ns = read_stamp(message.stamp) if hasattr(message, "stamp") else header_stamp(message)
+    return message.episode, message.step, stamp_ns
 
 
 def test_all_messages_of_a_step_have_its_stamp(probe):
@@ -90,7 +91,7 @@ def test_programs_are_accepted_or_refused_with_a_reason_while_the_arena_runs(pro
 
     good = ask("good", "NEAR(HAND,OR( RED, NOT(RED)))")
     assert {s.canonical for s in good.values()} == {"NEAR(HAND, OR(RED, NOT(RED)))"}
-    assert probe.until(lambda: any(m.program_id == "good" for m in probe.heard["verdict"]))
+    assert probe.until(lambda: any(m.program_id == "good" for m in probe.heard["object_features"]))
     wrong = {
         "empty": "",
         "long": "A" * 1_000_000,

@@ -1,5 +1,6 @@
-"""A goal between its acceptance and its end, with invented verdicts."""
+"""A goal between its acceptance and its end, with invented steps."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -8,7 +9,7 @@ import pytest
 
 from agent_node.goals import ProgramGoals
 from helpers.learners import WORLD
-from pa_ros.core.experience import Verdict
+from helpers.messages import judged
 from pa_ros.ros.refusals import Refusals
 from pa_ros.wire.program import (
     GoalResult,
@@ -18,7 +19,6 @@ from pa_ros.wire.program import (
     encode_goal,
     encode_program_status,
 )
-from pa_ros.wire.step import encode_verdict
 
 TEXT = "NEAR(HAND, AND(RED, CUBE))"
 
@@ -45,7 +45,7 @@ class Executing:
 
         monkeypatch.setattr("agent_node.goals.GoalServer", serve)
         monkeypatch.setattr("agent_node.goals.steady_timer", every)
-        ProgramGoals(self.node)
+        self.goals = ProgramGoals(self.node)
 
     def execute(self) -> None:
         self.start(Mock(request=encode_goal(ProgramGoal(TEXT, 0.0, 1.0)),
@@ -59,9 +59,9 @@ class Executing:
         status = ProgramStatus(self.sent[-1].program_id, "/sim_node", True, TEXT, stamp_ns=0)
         self.callbacks["program_status"](encode_program_status(status))
 
-    def verdict(self, arena: str, stamp_s: float) -> None:
-        given = Verdict(0, 1, int(stamp_s * 1e9), "another's", -1.0, False, 0.1, False)
-        self.callbacks["verdict"](encode_verdict(given, arena_id=arena))
+    def step(self, arena: str, stamp_s: float) -> None:
+        given = judged(1, False, int(stamp_s * 1e9), program_id="another's")
+        self.goals.observe(replace(given, arena_id=arena))
 
 
 @pytest.fixture
@@ -72,8 +72,8 @@ def goals(monkeypatch: pytest.MonkeyPatch) -> Executing:
 def test_a_program_that_no_arena_answers_is_sent_again(goals, monkeypatch, clock):
     monkeypatch.setattr("agent_node.goals.time.monotonic", clock)
     goals.execute()
-    assert not goals.sent  # until verdicts arrive: the first one under it must not be missed
-    goals.verdict("one", 1.0)
+    assert not goals.sent  # until steps arrive: the first one under it must not be missed
+    goals.step("one", 1.0)
     clock.now += 2.0
     goals.tick()
     assert len(goals.sent) == 2
@@ -85,9 +85,9 @@ def test_a_program_that_no_arena_answers_is_sent_again(goals, monkeypatch, clock
 
 def test_a_goal_ends_with_its_arena(goals):
     goals.execute()
-    goals.verdict("one", 5.0)
+    goals.step("one", 5.0)
     goals.accept()
-    goals.verdict("other", 0.1)  # ignored, as long as the first is followed
+    goals.step("other", 0.1)  # ignored, as long as the first is followed
     assert not goals.results
     goals.node.arena = Mock(world=WORLD, arena_id="other")
     goals.tick()
@@ -95,7 +95,7 @@ def test_a_goal_ends_with_its_arena(goals):
     assert (result.success, result.code) == (False, "goal.arena_gone")
     assert goals.node.refusals.counts == {"goal.arena_gone": 1}
     goals.execute()  # the next goal is executed in the new arena
-    goals.verdict("other", 0.2)
+    goals.step("other", 0.2)
     goals.node.count_publishers.return_value = 0
     goals.tick()
     assert len(goals.sent) == 2 and goals.results[-1].code == "goal.arena_gone"

@@ -120,7 +120,7 @@ def test_a_goal_replaced_before_its_first_step_is_aborted(probe: Probe, client: 
     probe.destroy_subscription(replacing)
     assert probe.call(topics.SPEED, encode_speed(100.0)).success
     assert (status, result.code) == (ABORTED, "goal.replaced")
-    assert own[-1] not in {message.program_id for message in probe.heard["verdict"]}
+    assert own[-1] not in {message.program_id for message in probe.heard["object_features"]}
 
 
 def test_the_time_limit_ends_a_goal_and_holds_the_arm(probe: Probe, client: GoalSender) -> None:

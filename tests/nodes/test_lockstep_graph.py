@@ -42,7 +42,7 @@ def commands(running: Probe) -> Any:
 
 
 def current(probe: Probe) -> Observation:
-    return probe.nodes[0].session.frame.observation
+    return probe.nodes[0].session.current.observation
 
 
 def test_one_command_moves_one_control_period_and_no_command_moves_nothing(probe, commands):

@@ -73,10 +73,10 @@ def test_time_stops_in_an_inactive_arena_which_rejects_requests() -> None:
         assert probe.until(lambda: arena.refusals.counts["arena.inactive"] == 2)
         assert probe.until(lambda: probe.message("sim_node").startswith("inactive: waits to be"))
         assert probe.health["/sim_node"].level == WARN
-        stamp, arena_id = arena.session.frame.observation.stamp_ns, arena.session.arena_id
+        stamp, arena_id = arena.session.current.observation.stamp_ns, arena.session.arena_id
         assert user.ask(ACTIVATE) == (True, "active")
         assert resumes(probe, topics.CLOCK) and arena.session.arena_id == arena_id
-        assert arena.session.frame.observation.stamp_ns > stamp
+        assert arena.session.current.observation.stamp_ns > stamp
         stamps = [read_stamp(tick.clock) for tick in probe.heard["clock"]]
         assert stamps == sorted(stamps)
 

@@ -30,14 +30,14 @@ def commands(probe: Probe) -> Any:
 
 
 def speed(probe: Probe) -> float:
-    return float(np.abs(probe.nodes[0].session.frame.observation.joint_velocity).max())
+    return float(np.abs(probe.nodes[0].session.current.observation.joint_velocity).max())
 
 
 def test_the_arm_moves_while_commands_arrive_and_holds_when_they_stop(probe, commands):
     sim = probe.nodes[0]
 
     def moves() -> bool:
-        commands.publish(encode_command(answer(sim.session.frame.observation)))
+        commands.publish(encode_command(answer(sim.session.current.observation)))
         return speed(probe) > 0.3
 
     assert probe.until(moves)

@@ -10,7 +10,7 @@ from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import ArenaError, ReachTask, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import CommandKey, Executed
+from pa_ros.core.experience import CommandKey, Executed, Step
 from pa_ros.language import ProgramError
 from pa_ros.wire import WireError
 from pa_ros.wire.program import ProgramRequest
@@ -18,10 +18,10 @@ from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
 from sim_node.commands import check_answer
 from sim_node.config import SimConfig
-from sim_node.session import Frame, Session, SimError
+from sim_node.session import Session, SimError
 
 
-def step(session: Session) -> Frame:
+def step(session: Session) -> Step:
     """Run one control period while the arm holds still; the step it led to."""
     frame = session.advance(session.hold)
     session.finish_step()
@@ -33,7 +33,7 @@ def run_episodes(session: Session, count: int) -> list[tuple[bool, int, str]]:
     session.begin()
     found = []
     while len(found) < count:
-        frame = session.frame
+        frame = session.current
         found.append((frame.evaluation, frame.observation.episode, frame.observation.program_id))
         for _ in range(session.arena.episode_steps):
             step(session)
@@ -60,22 +60,22 @@ def test_training_episodes_are_those_of_the_task_itself():
     run_episodes(session, 2)
     task = ReachTask(preset_named("fast"), design_named("2-L"), 5)
     expected, _ = task.reset(1)
-    assert session.frame.observation.episode == 1 and not session.frame.evaluation
-    assert np.array_equal(session.frame.observation.objects, expected.objects)
+    assert session.current.observation.episode == 1 and not session.current.evaluation
+    assert np.array_equal(session.current.observation.objects, expected.objects)
     assert session.program.program == task.program
 
 
 def test_a_persons_program_lasts_until_the_generators_next_episode():
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
-    drawn = session.frame.program
+    drawn = session.current.program
     assert session.submit(ProgramRequest("mine", "NEAR(HAND,RED)")) == "NEAR(HAND, RED)"
-    assert session.frame.program == drawn  # if the current step is sent again
+    assert session.current.program == drawn  # if the current step is sent again
     frames = [step(session) for _ in range(3)]
     assert {(frame.observation.program_id, frame.program) for frame in frames} == {
         ("mine", "NEAR(HAND, RED)")
     }
-    assert session.frame.observation.program_id == "x/train/1"
+    assert session.current.observation.program_id == "x/train/1"
 
 
 def test_with_programs_by_topic_the_scene_and_the_program_stay():
@@ -84,8 +84,8 @@ def test_with_programs_by_topic_the_scene_and_the_program_stay():
     assert frame.observation.program_id == frame.program == "" and not frame.verdict.satisfied
     stamp = frame.observation.stamp_ns
     session.submit(ProgramRequest("mine", "NEAR(HAND, RED)"))
-    assert session.frame.observation.program_id == "mine"
-    assert session.frame.observation.stamp_ns == stamp  # the same step, now under a program
+    assert session.current.observation.program_id == "mine"
+    assert session.current.observation.stamp_ns == stamp  # the same step, now under a program
     with pytest.raises(ProgramError):
         session.submit(ProgramRequest("no", "NEAR(HAND, AND(RED, BLUE))"))
     for _ in range(150):
@@ -93,16 +93,16 @@ def test_with_programs_by_topic_the_scene_and_the_program_stay():
     assert (frame.observation.episode, frame.observation.step) == (0, 150)
     assert frame.observation.program_id == "mine"
     session.begin(ResetRequest(episode=8))
-    assert session.frame.observation.program_id == "mine"
+    assert session.current.observation.program_id == "mine"
 
 
 def test_a_rejected_reset_changes_nothing():
     session = Session(SimConfig(), "x")
     session.begin()
-    before = session.frame
+    before = session.current
     with pytest.raises(ProgramError):
         session.begin(ResetRequest(3, "NEAR(HAND, AND(RED, BLUE))"))
-    assert session.frame is before and session.task.episode.index == 0
+    assert session.current is before and session.task.episode.index == 0
     frame = step(session)
     assert (frame.observation.episode, frame.observation.step) == (0, 1)
 
@@ -149,7 +149,7 @@ def test_a_reset_to_an_episode_number_beyond_the_last_is_rejected():
 
 def answer_to(session: Session, share: float = 0.5, **fields: Any) -> Command:
     """A command of a share of the first joint's speed, to the step that stands."""
-    stands = session.frame.observation
+    stands = session.current.observation
     action = np.array([share, 0, 0, 0, 0, 0], np.float32)
     where = stands.episode, stands.step, stands.stamp_ns
     return replace(Command(*where, "me", 0, action, 3, 7), **fields)
@@ -184,20 +184,26 @@ def test_in_lockstep_a_command_must_answer_the_current_step(wrong):
 def test_a_step_is_judged_under_its_own_program():
     asked, later = Session(SimConfig(), "x"), Session(SimConfig(), "x")
     verdict, frame = asked.begin().verdict, later.begin()
+    named = later.task.verifier.targets
     blocks = later.task.episode.blocks
     for number, word in enumerate({word for block in blocks for word in block.kind.words}):
         later.submit(ProgramRequest(f"mine-{number}", f"NEAR(HAND, {word})"))
-        if later.task.verdict(frame.observation).distance != verdict.distance:
+        if later.task.verifier.targets != named:
             break  # by now another block is named
-    assert later.task.verdict(frame.observation).distance != verdict.distance
-    assert frame.verdict == verdict
+    assert later.task.verifier.targets != named
+    assert frame.verdict == verdict and later.current is frame
 
 
 def test_the_reward_of_a_reset_is_not_counted(monkeypatch):
     session = Session(SimConfig(episode_steps=3), "x")
     session.begin()
-    verdict = session.task.verdict
-    monkeypatch.setattr(session.task, "verdict", lambda seen: replace(verdict(seen), reward=1.0))
+    advance = session.task.advance
+
+    def rewarded(velocity):
+        observation, verdict = advance(velocity)
+        return observation, replace(verdict, reward=1.0)
+
+    monkeypatch.setattr(session.task, "advance", rewarded)
     for _ in range(3):
         step(session)
     assert list(session.rewards[False]) == [1.0]  # four rewards, one of them a reset's -1: 0.5

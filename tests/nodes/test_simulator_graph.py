@@ -85,14 +85,14 @@ def names(probe: Probe, service: tuple[str, Any] = topics.GET_ENTITIES, **fields
 
 def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
     with graph(SimNode, AgentNode, **ARENA, **TRAINED, sim_node__real_time_factor=20.0) as probe:
-        assert probe.until(lambda: probe.count(topics.VERDICT) > 0)
+        assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
         assert names(probe)[0] == "hand" and "red_cube" in names(probe) and len(names(probe)) == 5
         speaker = probe.speaker(topics.PROGRAM)
         program = topics.PROGRAM.type(program_id="mine", text="NEAR(HAND, AND(RED, CUBE))")
         speaker.publish(program)
 
         def near() -> bool:
-            return bool(probe.last(topics.VERDICT).satisfied)
+            return bool(probe.last(topics.OBJECT_FEATURES).satisfied)
 
         def reached(spot: list[float]) -> bool:
             hand = bodies(probe.nodes[0].session.task)[0].position
@@ -108,13 +108,13 @@ def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
             assert code(probe, topics.SET_ENTITY_STATE, **fields) == OK
             assert probe.until(partial(arrived, spot))
         assert code(probe, topics.DELETE_ENTITY, entity="red_cube") == OK
-        assert probe.until(lambda: probe.last(topics.VERDICT).distance == float("inf"))
+        assert probe.until(lambda: probe.last(topics.OBJECT_FEATURES).distance == float("inf"))
         assert probe.last(topics.OBJECT_FEATURES).object_count == 4 and not near()
         spawn = {"name": "mine", "entity_resource__uri": "block:red_cube"}
         at = {"initial_pose__pose__position__x": -0.4, "initial_pose__pose__position__y": -0.3}
         assert ask(probe, topics.SPAWN_ENTITY, **spawn, **at).entity_name == "mine"
         assert probe.until(lambda: near() and reached([-0.4, -0.3]))
-        assert probe.last(topics.VERDICT).program_id == "mine"
+        assert probe.last(topics.OBJECT_FEATURES).program_id == "mine"
 
 
 def test_an_arena_warns_if_another_node_publishes_its_clock():
@@ -141,7 +141,7 @@ def test_time_pauses_advances_step_by_step_and_never_goes_back(probe):
     assert step(steps=7) == OK and session.steps == steps + 7
     assert [step(steps=wrong) for wrong in (0, 10**9)] == [FAILED, FAILED]
     assert set_state(state__state=STOPPED) == OK
-    assert state() == STOPPED and session.frame.observation.step == 0
+    assert state() == STOPPED and session.current.observation.step == 0
     assert step() == OK and state() == PAUSED
     assert set_state(state__state=3) == UNSUPPORTED
     assert set_state(state__state=PLAYING) == OK

@@ -13,8 +13,9 @@ import pytest
 from agent_node.node import AgentNode
 from helpers.graph import SMALL_LEARNER, Probe, Witness, graph
 from helpers.learners import ARENA, WORLD, snapshot
+from helpers.messages import observation
 from learner_node.node import LearnerNode
-from pa_ros.core.experience import PublishedPolicy
+from pa_ros.core.experience import PublishedPolicy, Step, Verdict
 from pa_ros.ros import topics
 from pa_ros.ros.health import ERROR
 from pa_ros.wire.arena import decode_arena_info, encode_arena_info
@@ -25,7 +26,7 @@ from pa_ros.wire.learning import (
     encode_learner_info,
     encode_weights,
 )
-from pa_ros.wire.step import Command, encode_command
+from pa_ros.wire.step import Command, encode_command, encode_verdict
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -49,14 +50,15 @@ def probe(running: Probe) -> Probe:
 def test_commands_forged_in_the_agents_name_falsify_no_transition(probe: Probe) -> None:
     arena, node, _ = probe.nodes
     witness, rng = Witness(arena.session), np.random.default_rng(0)
-    begun, interrupted = arena.session.frame.observation.episode, node.agent.interrupted
+    begun, interrupted = arena.session.current.observation.episode, node.agent.interrupted
     stranger = topics.JOINT_COMMANDS.publisher(probe)
 
     def forge(features: Any) -> None:
         last = node.agent.last_command
         number = 1 if last is None else last.command.number + 1
         action = rng.uniform(-1, 1, 6).astype(np.float32)
-        where = features.episode, features.step, header_stamp(features)
+        # For the next step, so that it arrives before the agent's own.
+        where = features.episode, features.step + 1, header_stamp(features) + 10**8
         forged = Command(*where, "real", 0, action, node.agent.key.incarnation, number)
         if rng.random() < 0.1:
             stranger.publish(encode_command(forged))
@@ -68,6 +70,22 @@ def test_commands_forged_in_the_agents_name_falsify_no_transition(probe: Probe) 
     learned = [decode_trajectory(m, WORLD) for m in probe.heard["trajectories"]]
     assert not witness.false(one for one in learned if one.episode > begun)
     assert node.agent.interrupted > interrupted  # some forged commands were executed
+
+
+def test_a_strangers_verdicts_are_learned_by_nobody(probe: Probe) -> None:
+    stranger = topics.VERDICT.publisher(probe)
+
+    def judge_the_next(features: Any) -> None:
+        next_ns = header_stamp(features) + 10**8
+        seen = replace(observation(), stamp_ns=next_ns, step=features.step + 1)
+        stranger.publish(encode_verdict(Step(seen, Verdict(777.0, True, 0.0, False))))
+
+    judging = topics.OBJECT_FEATURES.subscribe(probe, judge_the_next)
+    probe.heard["trajectories"].clear()
+    assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > 5)
+    probe.destroy_subscription(judging)
+    learned = [decode_trajectory(m, WORLD) for m in probe.heard["trajectories"]]
+    assert {reward for one in learned for reward in one.rewards} <= {-1.0, 1.0}
 
 
 def strange_arena(probe: Probe) -> Any:

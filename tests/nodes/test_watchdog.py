@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pa_ros.core.experience import Step
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
 from sim_node.commands import Watchdog
 from sim_node.config import SimConfig
-from sim_node.session import Frame, Session, SimError
+from sim_node.session import Session, SimError
 
 PERIOD_NS = 100_000_000
 
@@ -31,20 +32,20 @@ def watchdog(session: Session) -> Watchdog:
 
 def command(session: Session, age: int = 0, **fields: Any) -> Command:
     """To turn the first joint at full speed; an answer to the step `age` periods ago."""
-    stands = session.frame.observation
+    stands = session.current.observation
     stamp_ns = stands.stamp_ns - age * PERIOD_NS
     action = np.array([1, 0, 0, 0, 0, 0], np.float32)
     answer = Command(stands.episode, stands.step, stamp_ns, "me", 0, action)
     return replace(answer, **fields)
 
 
-def tick(watchdog: Watchdog, session: Session) -> Frame:
+def tick(watchdog: Watchdog, session: Session) -> Step:
     frame = watchdog.tick()
     session.finish_step()
     return frame
 
 
-def speed(frame: Frame) -> float:
+def speed(frame: Step) -> float:
     return float(np.abs(frame.observation.joint_velocity).max())
 
 
@@ -89,7 +90,7 @@ def test_a_command_does_not_reach_into_the_next_episode(eval_every: int) -> None
     watchdog.offer(command(session))
     for _ in range(2):
         tick(watchdog, session)
-    assert session.frame.observation.step == 0 and session.frame.evaluation == bool(eval_every)
+    assert session.current.observation.step == 0 and session.current.evaluation == bool(eval_every)
     assert speed(tick(watchdog, session)) < 0.05
 
 

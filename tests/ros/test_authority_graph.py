@@ -16,13 +16,13 @@ from pa_ros.ros import topics
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights
 from pa_ros.wire.signing import Signer
-from pa_ros.wire.step import Command, StepContext, encode_command, encode_observation
+from pa_ros.wire.step import Command, encode_command, encode_step
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
 KEY = b"a key of thirty-two bytes, or so."
 COMMAND = Command(0, 0, 1, "x", 0, np.zeros(6, np.float32))
-FEATURES = encode_observation(sample_step()[0], StepContext("x"))
+FEATURES = encode_step(replace(sample_step()[0], arena_id="x"))
 STRANGERS = [
     (topics.OBJECT_FEATURES, lambda: deepcopy(FEATURES), "agent_node"),
     (topics.JOINT_COMMANDS, lambda: encode_command(COMMAND), "sim_node"),

@@ -20,7 +20,7 @@ from pa_ros.tools.client import client_node
 from pa_ros.tools.send import GoalClient
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramGoal
-from pa_ros.wire.step import decode_objects
+from pa_ros.wire.step import decode_step
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs/examples"
@@ -79,7 +79,7 @@ class Tracker:
     def on_features(self, name, heard, message) -> None:
         self.newest[name] = header_stamp(message)
         if not message.program:
-            heard[self.newest[name]] = decode_objects(message)[0]
+            heard[self.newest[name]] = decode_step(message).observation.objects
 
     def agrees(self) -> bool:
         """Whether features of a step of an arm at rest have come from both, and are the same."""

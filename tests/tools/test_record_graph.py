@@ -19,13 +19,14 @@ from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main
+from pa_ros.core.experience import Step
 from pa_ros.ros import topics
 from pa_ros.tools.client import client_node
 from pa_ros.tools.record import BAG_TOPICS, Recorder, SequenceGaps, topics_named
 from pa_ros.wire.definitions import installed_types, message_type
 from pa_ros.wire.diagnostics import Health, Origin, encode_diagnostics, encode_provenance
 from pa_ros.wire.program import ProgramRequest, encode_program
-from pa_ros.wire.step import encode_joints, encode_observation
+from pa_ros.wire.step import encode_joints, encode_step
 
 pytestmark = pytest.mark.graph
 REQUEST = encode_program(ProgramRequest("id", "NEAR(HAND, RED)"))
@@ -38,7 +39,7 @@ def information(bag: Path) -> dict:
 
 
 def test_decoded_messages_equal_the_published_ones(tmp_path):
-    features = encode_observation(observation())
+    features = encode_step(Step(observation()))
     joints = encode_joints(observation(), tuple("abcdef"))
     sent = [
         (topics.OBJECT_FEATURES, features),
@@ -66,19 +67,19 @@ def test_decoded_messages_equal_the_published_ones(tmp_path):
 
 def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(tmp_path):
     plain = topics.Topic("program", topics.PROGRAM.type, topics.STEP, topics.STEP)
-    recorded = [topics.PROGRAM, topics.TRAJECTORIES, topics.VERDICT]
+    recorded = [topics.PROGRAM, topics.TRAJECTORIES, topics.JOINT_COMMANDS]
     with client_node("test") as node, Recorder(tmp_path / "bag", node, recorded) as recorder:
         volatile = publisher_heard(node, plain)
         latched = publisher_heard(node, topics.PROGRAM)
-        verdicts = publisher_heard(node, topics.VERDICT)
+        commands = publisher_heard(node, topics.JOINT_COMMANDS)
         for _ in range(20):
             volatile.publish(REQUEST)
             latched.publish(REQUEST)
         for _ in range(2000):
-            verdicts.publish(topics.VERDICT.type())
-        wait_for(lambda: recorder.counts["/verdict"] == 2000, "every verdict")
+            commands.publish(topics.JOINT_COMMANDS.type())
+        wait_for(lambda: recorder.counts["/joint_commands"] == 2000, "every command")
         wait_for(lambda: recorder.counts["/program"] >= 40, "every program")
-    assert recorder.counts == {"/program": 40, "/trajectories": 0, "/verdict": 2000}
+    assert recorder.counts == {"/program": 40, "/trajectories": 0, "/joint_commands": 2000}
     assert sum(recorder.lost.values()) == 0
 
 
@@ -127,10 +128,10 @@ def test_an_existing_folder_and_a_topic_without_a_publisher_are_rejected(tmp_pat
         with pytest.raises(BagError, match="already exists"):
             Recorder(tmp_path, node)
         with pytest.raises(BagError, match="nobody publishes .*/nothing"):
-            topics_named(node, ["verdict", "nothing"])
+            topics_named(node, ["program", "nothing"])
         other = node.create_publisher(topics.JOINT_STATES.type, "elsewhere", 10)
-        chosen = topics_named(node, ["verdict", "elsewhere"])
-        assert [topic.type for topic in chosen] == [topics.VERDICT.type, other.msg_type]
+        chosen = topics_named(node, ["program", "elsewhere"])
+        assert [topic.type for topic in chosen] == [topics.PROGRAM.type, other.msg_type]
 
 
 @pytest.mark.parametrize(

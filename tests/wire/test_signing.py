@@ -13,15 +13,15 @@ from pa_ros.core.errors import PaError
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights
 from pa_ros.wire.signing import KEY_BYTES, SIGNED, WINDOW, Checker, Signer, read_key
-from pa_ros.wire.step import StepContext, encode_command, encode_observation
+from pa_ros.wire.step import encode_command
 
 KEY, OTHER_KEY = b"k" * KEY_BYTES, b"o" * KEY_BYTES
 TOPIC = "/arena1/topic"
 MESSAGES = {
     "ArenaInfo": lambda: encode_arena_info(learners.ARENA),
     "LearnerInfo": lambda: encode_learner_info(learners.LEARNER),
-    "ObjectFeatures": lambda: encode_observation(sample_step()[0], StepContext("arena")),
-    "JointCommand": lambda: encode_command(sample_step()[2]),
+    "ObjectFeatures": lambda: encode_step(sample_step()[0]),
+    "JointCommand": lambda: encode_command(sample_step()[1]),
     "Trajectory": lambda: encode_trajectory(learners.trajectory(0)),
     "PolicyWeights": lambda: encode_weights(learners.published(1, 1)),
 }

@@ -11,54 +11,53 @@ from sensor_msgs.msg import JointState
 
 from helpers.messages import observation, same, stamps, texts
 from helpers.rejections import rejected
-from pa_ros.core.experience import CommandKey, Executed, Verdict
-from pa_ros.wire.fields import header_stamp
+from pa_ros.core.experience import CommandKey, Executed, Step, Verdict
+from pa_ros.wire.fields import header_stamp, read_stamp
 from pa_ros.wire.step import (
     Command,
-    StepContext,
-    StepMark,
     arena_of,
     decode_command,
-    decode_context,
     decode_joints,
-    decode_observation,
-    decode_step_mark,
-    decode_verdict,
+    decode_step,
     encode_command,
     encode_joints,
-    encode_observation,
+    encode_step,
     encode_verdict,
-    is_evaluation,
 )
 
 NAMES = ("j1", "j2", "j3", "j4", "j5", "j6")
 EXECUTED = Executed(CommandKey("a", 1, 2), np.full(6, 0.25, np.float32))
-VERDICT = Verdict(0, 0, 0, "", -1.0, False, 1.0, False)
+VERDICT = Verdict(-1.0, False, 1.0, False)
 counters = st.integers(0, 2**63)
 steps = st.integers(0, 2**32 - 1)
 seeds = st.integers(0, 2**32)
+distances = st.floats(0, allow_nan=False)
 
 
-@given(seeds, st.integers(1, 9), counters, steps, stamps, texts, st.booleans())
-def test_an_observation_survives_the_wire(seed, count, episode, step, stamp, text, evaluation):
-    sent = observation(seed, count)
-    sent = replace(sent, episode=episode, step=step, stamp_ns=stamp, program_id=text)
-    context = StepContext(text, evaluation, EXECUTED if seed % 2 else None, text)
-    message = encode_observation(sent, context)
-    decoded = decode_observation(message)
-    assert same(decoded, sent)
-    assert decode_context(message) == context
-    assert decode_step_mark(message) == StepMark(episode, step, evaluation, text, text)
-    assert (arena_of(message), is_evaluation(message)) == (text, evaluation)
-    assert header_stamp(message) == stamp
+@given(seeds, st.integers(1, 9), counters, steps, stamps, texts, st.booleans(), distances)
+def test_a_step_survives_the_wire(seed, count, episode, step, stamp, text, evaluation, distance):
+    seen = observation(seed, count)
+    seen = replace(seen, episode=episode, step=step, stamp_ns=stamp, program_id=text)
+    verdict = Verdict(1.0, evaluation, distance, not evaluation) if seed % 3 else None
+    sent = Step(seen, verdict, text, evaluation, EXECUTED if seed % 2 else None, text)
+    message = encode_step(sent)
+    decoded = decode_step(message)
+    assert same(decoded.observation, sent.observation)
+    assert replace(decoded, observation=seen) == sent
+    assert arena_of(message) == text and header_stamp(message) == stamp
     message.features[0] = message.joint_position[0] = 99.0
-    assert same(decoded, sent)  # its arrays own their memory
+    assert same(decoded.observation, seen)  # its arrays own their memory
+    shown = encode_verdict(sent)
+    assert (shown.step, read_stamp(shown.stamp), shown.program_id) == (step, stamp, text)
+    if verdict is not None:
+        assert (shown.distance, shown.satisfied) == (distance, evaluation)
 
 
 def test_a_message_that_was_published_before_is_filled_again():
-    message = encode_observation(observation(1, 3), StepContext("a", True, EXECUTED, "text"))
-    again = encode_observation(observation(2), into=message)
-    assert again is message and message == encode_observation(observation(2))
+    judged = Verdict(1.0, True, 0.1, True)
+    message = encode_step(Step(observation(1, 3), judged, "text", True, EXECUTED, "a"))
+    again = encode_step(Step(observation(2)), into=message)
+    assert again is message and message == encode_step(Step(observation(2)))
 
 
 def _set(name, value):
@@ -85,22 +84,17 @@ def _poke(name, index, value):
         (_poke("features", 17, -3e38), "wire.range"),  # networks would add up to inf
         (_set("joint_position", [0.0] * 5), "wire.size"),
         (_poke("joint_velocity", 2, 1e300), "wire.range"),  # inf in float32
+        (_set("applied", [0.0] * 5), "wire.size"),
+        (_poke("applied", 5, math.nan), "wire.non_finite"),
+        (_set("reward", math.nan), "wire.non_finite"),
+        (_set("distance", -0.1), "wire.range"),
     ],
 )
-def test_malformed_observations_are_rejected(change, code):
-    message = encode_observation(observation())
+def test_malformed_steps_are_rejected(change, code):
+    message = encode_step(Step(observation(), VERDICT, executed=EXECUTED))
     change(message)
-    with rejected(code, match="expected .* received "):
-        decode_observation(message, joints=6, width=16)
-
-
-@pytest.mark.parametrize("applied", [[0.0] * 5, [0.0] * 5 + [math.nan]])
-def test_an_executed_command_without_its_action_is_rejected(applied):
-    message = encode_observation(observation(), StepContext(executed=EXECUTED))
-    message.applied = applied
-    code = "wire.non_finite" if len(applied) == 6 else "wire.size"
-    with rejected(code, match=r"object_features.applied"):
-        decode_context(message, joints=6)
+    with rejected(code, match="object_features.* expected .* received "):
+        decode_step(message, joints=6, width=16)
 
 
 def test_joints_may_arrive_in_any_order_with_others_between_them():
@@ -119,29 +113,6 @@ def test_joints_may_arrive_in_any_order_with_others_between_them():
         decode_joints(message, ("thumb",))
     with rejected("wire.size", match="joint_states.position"):
         decode_joints(JointState(), ())
-
-
-@given(counters, steps, stamps, texts, st.booleans(), st.booleans(), st.floats(0, allow_nan=False))
-def test_a_verdict_survives_the_wire(episode, step, stamp, program, satisfied, cut, distance):
-    sent = Verdict(episode, step, stamp, program, 1.0, satisfied, distance, cut)
-    message = encode_verdict(sent, cut, program)
-    assert same(decode_verdict(message), sent)
-    assert (arena_of(message), is_evaluation(message)) == (program, cut)
-    assert decode_step_mark(message) == StepMark(episode, step, cut, program)
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "code"),
-    [
-        ("reward", math.nan, "wire.non_finite"),
-        ("distance", -0.1, "wire.range"),
-    ],
-)
-def test_malformed_verdicts_are_rejected(field, value, code):
-    message = encode_verdict(VERDICT)
-    setattr(message, field, value)
-    with rejected(code):
-        decode_verdict(message)
 
 
 @given(seeds, counters, steps, stamps, texts, counters)

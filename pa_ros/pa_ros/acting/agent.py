@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple
 
@@ -21,7 +20,7 @@ from pa_ros.core.experience import (
     LearnerInfo,
     Observation,
     PublishedPolicy,
-    Verdict,
+    Step,
 )
 from pa_ros.language import MIN_MAX, Logic, Program
 from pa_ros.networks.config import NetworkConfig, actor_config
@@ -30,18 +29,6 @@ from pa_ros.world import Trajectory
 from pa_ros.world.world import World
 
 KEPT_POLICIES = 16  # of learners that may be followed later
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One control step."""
-
-    observation: Observation
-    program: Program  # the one that the observation's program id names
-    verdict: Verdict | None = None  # a greedy agent needs none
-    evaluation: bool = False  # act greedily, and make no experience of it
-    executed: Executed | None = None  # the command that led here, if exactly one did, unaltered
-    ends_episode: bool = False  # no action follows
 
 
 class ArenaFacts(NamedTuple):
@@ -70,7 +57,7 @@ class Agent:
         self._rule: NewestPolicy | SendWindow = NewestPolicy()
         self._actor: Actor | None = None
         self._loaded: PublishedPolicy | None = None
-        self._step: Step | None = None  # still to be acted on
+        self._step: tuple[Step, Program] | None = None  # still to be acted on
         self._ready = False  # `prepare` loaded the weights that must act on this step
 
     @property
@@ -166,9 +153,13 @@ class Agent:
 
     # One control step
 
-    def observe(self, step: Step) -> Trajectory | None:
-        """Take in a step. Returns the trajectory that it completed, to be sent, if any."""
-        self._step, self._ready = None if step.ends_episode else step, False
+    def observe(self, step: Step, program: Program) -> Trajectory | None:
+        """Take in a step, and the program that its text names.
+
+        Returns the trajectory that it completed, to be sent, if any.
+        """
+        ends = step.verdict is not None and step.verdict.truncated  # no action follows
+        self._step, self._ready = None if ends else (step, program), False
         return None
 
     def required(self) -> PublishedPolicy | Wait:
@@ -200,7 +191,7 @@ class Agent:
                 f"action: expected prepare() to return None before it, got {self.required()}",
                 code="learning.step",
             )
-        action = self._action(actor, step)
+        action = self._action(actor, *step)
         self._step = None
         return self._command(action)
 
@@ -213,7 +204,7 @@ class Agent:
             raise ActingError(
                 "action: expected an observation before it, got none", code="learning.step"
             )
-        joints = len(self._step.observation.joint_position)
+        joints = len(self._step[0].observation.joint_position)
         self._step = None
         return self._command(np.zeros(joints, np.float32))
 
@@ -229,8 +220,8 @@ class Agent:
     def _first_weights(self) -> PublishedPolicy | Wait:
         return self._loaded or self._rule.required(0)
 
-    def _action(self, actor: Actor, step: Step) -> Float32:
-        return actor.act(step.observation, step.program)
+    def _action(self, actor: Actor, step: Step, program: Program) -> Float32:
+        return actor.act(step.observation, program)
 
 
 def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:

@@ -1,11 +1,11 @@
-"""Whether a program was executed, according to the verdicts that an arena publishes."""
+"""Whether a program was executed, according to the verdicts on an arena's steps."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
 
-from pa_ros.core.experience import Verdict
+from pa_ros.core.experience import Step
 
 WINDOW_S = 10.0  # simulation time that a program is given: an episode of the paper
 HOLD_S = 1.0  # simulation time for which NEAR must hold
@@ -23,67 +23,65 @@ class Execution:
 
 
 class ExecutionWatch:
-    """Watches verdicts, in their order, until the result of one program is certain.
+    """Watches steps, in their order, until the result of one program is certain.
 
     Steps under other programs before the program's first step are ignored, unless they are later
     than its acceptance. A step of another program or episode after its first step ends the watch.
+    A step that nobody judged counts as not satisfied.
     """
 
     def __init__(self, program_id: str, window_s: float = WINDOW_S, hold_s: float = HOLD_S) -> None:
         self._program_id = program_id
         self._window_ns, self._hold_ns = round(window_s * 1e9), round(hold_s * 1e9)
-        self._first: Verdict | None = None
-        self._last: Verdict | None = None
+        self._first_ns: int | None = None
+        self._episode, self._last_ns = 0, 0  # of the step watched last
         self._near_since_ns: int | None = None
         self._accepted_ns: int | None = None
+        self.distance = inf  # at the step watched last
+        self.satisfied = False  # at the step watched last
 
     @property
     def begun(self) -> bool:
         """Whether a step under the program was seen."""
-        return self._first is not None
+        return self._first_ns is not None
 
     def accepted(self, stamp_ns: int) -> None:
         """The program was accepted while the step of this stamp was current."""
         self._accepted_ns = max(stamp_ns, self._accepted_ns or 0)
 
-    def observe(self, verdict: Verdict) -> Execution | None:
-        """Take in one verdict. Returns the result once it is certain."""
-        if verdict.program_id != self._program_id or self._other_episode(verdict):
-            over = self._last is not None or self._replaced_early(verdict)
-            return self._finish("replaced") if over else None
-        self._first = self._first or verdict
-        self._last = verdict
-        if not verdict.satisfied:
+    def observe(self, step: Step) -> Execution | None:
+        """Take in one step. Returns the result once it is certain."""
+        seen, verdict = step.observation, step.verdict
+        other_episode = self.begun and seen.episode != self._episode
+        if seen.program_id != self._program_id or other_episode:
+            # It may also be that another program replaced this one before its first step.
+            late = self._accepted_ns is not None and seen.stamp_ns > self._accepted_ns
+            return self._finish("replaced") if self.begun or late else None
+        if self._first_ns is None:
+            self._first_ns = seen.stamp_ns
+        self._episode, self._last_ns = seen.episode, seen.stamp_ns
+        self.distance = verdict.distance if verdict else inf
+        self.satisfied = verdict is not None and verdict.satisfied
+        if not self.satisfied:
             self._near_since_ns = None
         elif self._near_since_ns is None:
-            self._near_since_ns = verdict.stamp_ns
-        return self._result(verdict)
-
-    def _replaced_early(self, verdict: Verdict) -> bool:
-        """Whether another program replaced this one before its first step."""
-        return self._accepted_ns is not None and verdict.stamp_ns > self._accepted_ns
-
-    def _other_episode(self, verdict: Verdict) -> bool:
-        return self._last is not None and verdict.episode != self._last.episode
-
-    def _result(self, verdict: Verdict) -> Execution | None:
-        since, first = self._near_since_ns, self._first
-        assert first is not None
-        if since is not None and verdict.stamp_ns - since >= self._hold_ns:
+            self._near_since_ns = seen.stamp_ns
+        near_since_ns = self._near_since_ns
+        if near_since_ns is not None and seen.stamp_ns - near_since_ns >= self._hold_ns:
             return self._finish("held")
-        if verdict.truncated:
+        if verdict is not None and verdict.truncated:
             return self._finish("episode")
-        if verdict.stamp_ns - first.stamp_ns >= self._window_ns:
+        if seen.stamp_ns - self._first_ns >= self._window_ns:
             return self._finish("window")
         return None
 
     def _finish(self, ended: str) -> Execution:
-        first, last = self._first, self._last
-        if first is None or last is None:
+        first_ns = self._first_ns
+        if first_ns is None:
             return Execution(False, inf, None, 0.0, ended)
         satisfied = self._near_since_ns is not None and ended != "replaced"
         reached_s = None
         if satisfied and self._near_since_ns is not None:
-            reached_s = (self._near_since_ns - first.stamp_ns) / 1e9
-        watched_s = (last.stamp_ns - first.stamp_ns) / 1e9
-        return Execution(satisfied, last.distance, reached_s, watched_s, ended)
+            reached_s = (self._near_since_ns - first_ns) / 1e9
+        watched_s = (self._last_ns - first_ns) / 1e9
+        return Execution(satisfied, self.distance, reached_s, watched_s, ended)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.agent import Agent, ArenaFacts, Step, check_arena, network_of
+from pa_ros.acting.agent import Agent, ArenaFacts, check_arena, network_of
 from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.send_window import FreeSendWindow, SendWindow, Wait
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.experience import AgentKey, Float32, LearnerInfo, PublishedPolicy
-from pa_ros.language import PRODUCT
+from pa_ros.core.experience import AgentKey, Float32, LearnerInfo, PublishedPolicy, Step
+from pa_ros.language import PRODUCT, Program
 from pa_ros.world import Trajectory
 
 
@@ -83,21 +83,22 @@ class LearningAgent(Agent):
         else:
             self._receive(policy)
 
-    def observe(self, step: Step) -> Trajectory | None:
-        verdict = step.verdict
-        truncated = verdict is not None and verdict.truncated
-        super().observe(replace(step, ends_episode=step.ends_episode or truncated))
+    def observe(self, step: Step, program: Program) -> Trajectory | None:
+        if step.verdict is None and not step.evaluation:
+            raise ActingError(
+                "object_features: expected steps that a verifier judged, since this agent learns, "
+                "got one without a reward",
+                code="learning.unjudged",
+            )
+        super().observe(step, program)
         if self._builder is None or self._window is None or step.evaluation:
             return None
-        if verdict is None:
-            raise ActingError(
-                "step: expected a verdict, since this agent learns, got none", code="learning.step"
-            )
         # A transition is true only if the arm executed this agent's command unaltered.
         pending = step.observation.step > 0 and not self._builder.at_boundary
         if pending and (step.executed is None or step.executed != self.last_command):
             self._builder = self._new_builder(self._window.learner)
-        trajectory = self._builder.observe(step.observation, verdict, step.program)
+        assert step.verdict is not None
+        trajectory = self._builder.observe(step.observation, step.verdict, program)
         return None if trajectory is None else self._window.add(trajectory)
 
     def required(self) -> PublishedPolicy | Wait:
@@ -111,10 +112,10 @@ class LearningAgent(Agent):
             return self._loaded  # weights change only between trajectories
         return self._rule.required(self._builder.sequence)
 
-    def _action(self, actor: Actor, step: Step) -> Float32:
+    def _action(self, actor: Actor, step: Step, program: Program) -> Float32:
         if step.evaluation or self._builder is None:
-            return super()._action(actor, step)
-        action = actor.explore(step.observation, step.program)
+            return super()._action(actor, step, program)
+        action = actor.explore(step.observation, program)
         self._builder.acted(action, actor.version)
         return action
 
@@ -125,11 +126,13 @@ class LearningAgent(Agent):
             _exploration_of(learner), period, self._seed, network.world.actions
         )
         self._actor, self._loaded = Actor(network, learner.inference, noise, self.logic), None
-        builder, step = self._new_builder(learner), self._step
+        builder = self._new_builder(learner)
         window = FreeSendWindow if learner.free else SendWindow
         self._window = self._rule = window(self.key, builder.sequence, learner)
-        if step is not None and step.verdict is not None and not step.evaluation:
-            builder.observe(step.observation, step.verdict, step.program)
+        if self._step is not None:
+            step, program = self._step
+            if step.verdict is not None and not step.evaluation:
+                builder.observe(step.observation, step.verdict, program)
 
     def _new_builder(self, learner: LearnerInfo) -> TrajectoryBuilder:
         """Begin a trajectory at the next step and drop what was collected."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pa_ros.acting.errors import ActingError
 from pa_ros.core.experience import AgentKey, Float32, Observation, Verdict
 from pa_ros.language import Program
 from pa_ros.world import Trajectory
@@ -65,10 +64,8 @@ class TrajectoryBuilder:
     ) -> Trajectory | None:
         """Take in a step. Returns the trajectory that it completed, if any.
 
-        `program` is the one that the observation's program id names. Raises ActingError if the
-        verdict is of another step than the observation.
+        `verdict` is of that observation, `program` the one that its program id names.
         """
-        _check_same_step(observation, verdict)
         pending = self._pending
         if pending is None or not self._continues(pending, observation, program):
             other_episode = pending is not None and observation.episode != pending.last.episode
@@ -140,14 +137,4 @@ class TrajectoryBuilder:
             ends_episode=ends_episode,
             terminated=False,
             world_digest=self._world.digest,
-        )
-
-
-def _check_same_step(observation: Observation, verdict: Verdict) -> None:
-    ours = (observation.episode, observation.step, observation.stamp_ns, observation.program_id)
-    theirs = (verdict.episode, verdict.step, verdict.stamp_ns, verdict.program_id)
-    if ours != theirs:
-        raise ActingError(
-            f"verdict: expected (episode, step, stamp, program) {ours}, got {theirs}",
-            code="learning.step",
         )

@@ -63,6 +63,11 @@ class Verifier:
         relation = self.program.relation
         return self._scoring.of_targets(self.targets, objects, relation, hand_pose, moved)
 
+    def verdict(self, objects: Float32, hand_pose: Float64, truncated: bool = False) -> Verdict:
+        """The score as it is published, and whether the episode's time limit is reached."""
+        measure, satisfied, reward = self.score(objects, hand_pose)
+        return Verdict(float(reward), bool(satisfied), float(measure), truncated)
+
 
 class ReachTask:
     """Reach for the object that the program names (paper, "Programmable reaching environment").
@@ -165,32 +170,14 @@ class ReachTask:
                 f"got {command.tolist()}",
                 code="arena.command",
             )
-        observation = self.advance(np.minimum(np.maximum(command, -self._limits), self._limits))
-        return observation, self.verdict(observation)
+        return self.advance(np.minimum(np.maximum(command, -self._limits), self._limits))
 
-    def advance(self, joint_velocity: Float64) -> Observation:
-        """Act with joint velocities that are finite and within the limits, without a verdict.
-
-        Call `verdict` before anything else happens in the arena.
-        """
+    def advance(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
+        """Act like `step`, with joint velocities that are known to be finite and within limits."""
         self.simulation.advance(joint_velocity)
         self._step += 1
         self._stamp_ns += self._period_ns
-        return self._observation()
-
-    def verdict(self, observation: Observation) -> Verdict:
-        """The verifier's answer for the current step, under the current program."""
-        score = self.verifier.score(observation.objects, observation.hand_pose)
-        return Verdict(
-            episode=observation.episode,
-            step=observation.step,
-            stamp_ns=observation.stamp_ns,
-            program_id=observation.program_id,
-            reward=float(score.reward),
-            satisfied=bool(score.satisfied),
-            distance=float(score.measure),
-            truncated=observation.step >= self.config.episode_steps,
-        )
+        return self._observe()
 
     def _verifier(
         self, episode: Episode, program: Program, may_name_nothing: bool = False
@@ -207,11 +194,7 @@ class ReachTask:
         return self._episode
 
     def _observe(self) -> tuple[Observation, Verdict]:
-        observation = self._observation()
-        return observation, self.verdict(observation)
-
-    def _observation(self) -> Observation:
-        return Observation(
+        observation = Observation(
             episode=self.episode.index,
             step=self._step,
             stamp_ns=self._stamp_ns,
@@ -222,3 +205,6 @@ class ReachTask:
             program_id=self.program_id,
             hand_pose=self.simulation.hand_pose,
         )
+        truncated = self._step >= self.config.episode_steps
+        verdict = self.verifier.verdict(observation.objects, observation.hand_pose, truncated)
+        return observation, verdict

@@ -13,23 +13,14 @@ from numpy.typing import NDArray
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.experience import TRAJECTORIES, recorded_world
 from pa_ros.bags.reader import Bag
-from pa_ros.core.experience import Float32, Float64
-from pa_ros.wire import Message
-from pa_ros.wire.fields import header_stamp
+from pa_ros.core.experience import Float32, Float64, Step
 from pa_ros.wire.learning import decode_trajectory
-from pa_ros.wire.step import (
-    decode_command,
-    decode_observation,
-    decode_step_mark,
-    decode_verdict,
-)
+from pa_ros.wire.step import Command, decode_command, decode_step
 from pa_ros.world import Trajectory
 from pa_ros.world.schema import POSE
 
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
-VERDICT: Final = "msgs_schema/msg/Verdict"
 COMMAND: Final = "msgs_schema/msg/JointCommand"
-STEP_TYPES: Final = (FEATURES, VERDICT, COMMAND)
 _COMPLETE_AFTER: Final = 20  # rows of the next episode: by then all of the one before has arrived
 
 
@@ -164,33 +155,62 @@ def _row(trajectory: Trajectory, t: int) -> Row:
 
 def _from_steps(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     builder = _Builder()
-    topics = [bag.topic_of(t, namespace) for t in STEP_TYPES if t in bag.types.values()]
-    for recorded in bag.messages(topics):
-        builder.take(recorded.type_name, bag.deserialize(recorded))
+    recorded_types = [t for t in (FEATURES, COMMAND) if t in bag.types.values()]
+    for recorded in bag.messages([bag.topic_of(t, namespace) for t in recorded_types]):
+        message = bag.deserialize(recorded)
+        if recorded.type_name == FEATURES:
+            builder.add_step(decode_step(message))
+        else:
+            builder.add_command(decode_command(message))
         yield from builder.finished(_COMPLETE_AFTER)
     yield from builder.finished(0)
 
 
 class _Builder:
-    """Joins the messages of each control step by their stamp; they may arrive in any order."""
+    """Collects the steps of episodes, and the commands that answer them, in any order."""
 
     def __init__(self) -> None:
         self._open: list[RecordedEpisode] = []  # the newest last
         self._rows: dict[int, Row] = {}  # of the open episodes, by stamp
-        self._early: dict[int, list[tuple[str, Message]]] = {}  # arrived before their features
+        self._early: dict[int, Command] = {}  # arrived before the step that they answer
 
-    def take(self, type_name: str, message: Message) -> None:
-        stamp_ns = header_stamp(message)
-        if type_name == FEATURES:
-            self._begin_row(stamp_ns, message)
-            for kind, part in self._early.pop(stamp_ns, ()):
-                self._fill(self._rows[stamp_ns], kind, part)
-        elif stamp_ns in self._rows:
-            self._fill(self._rows[stamp_ns], type_name, message)
-        else:
-            self._early.setdefault(stamp_ns, []).append((type_name, message))
-            while len(self._early) > 10 * _COMPLETE_AFTER:  # their features are not recorded
-                self._early.pop(next(iter(self._early)))
+    def add_step(self, step: Step) -> None:
+        seen = step.observation
+        if seen.stamp_ns in self._rows:
+            return  # the arena repeated an observation that nobody answered
+        newest = self._open[-1] if self._open else None
+        same = newest is not None and (newest.number, newest.evaluation) == (
+            seen.episode,
+            step.evaluation,
+        )
+        if newest is None or not same or seen.step <= newest.rows[-1].step:
+            newest = RecordedEpisode(seen.episode, step.evaluation)
+            self._open.append(newest)
+        row = Row(
+            seen.step,
+            seen.stamp_ns,
+            seen.objects,
+            seen.hand_index,
+            step.program,
+            seen.joint_position,
+            seen.joint_velocity,
+            hand_pose=seen.hand_pose,
+        )
+        if step.verdict is not None:
+            row.reward, row.distance = step.verdict.reward, step.verdict.distance
+        newest.rows.append(row)
+        self._rows[seen.stamp_ns] = row
+        if seen.stamp_ns in self._early:
+            self.add_command(self._early.pop(seen.stamp_ns))
+
+    def add_command(self, command: Command) -> None:
+        row = self._rows.get(command.stamp_ns)
+        if row is not None:
+            row.action, row.policy_version = command.action, command.policy_version
+            return
+        self._early[command.stamp_ns] = command
+        while len(self._early) > 10 * _COMPLETE_AFTER:  # their steps are not recorded
+            self._early.pop(next(iter(self._early)))
 
     def finished(self, rows_after: int) -> Iterator[RecordedEpisode]:
         """Yield the episodes whose successor has so many rows; with 0, all that are left."""
@@ -201,37 +221,3 @@ class _Builder:
             for row in episode.rows:
                 self._rows.pop(row.stamp_ns, None)
             yield episode
-
-    def _begin_row(self, stamp_ns: int, message: Message) -> None:
-        if stamp_ns in self._rows:
-            return  # the arena repeated an observation that nobody answered
-        mark = decode_step_mark(message)
-        newest = self._open[-1] if self._open else None
-        same = newest is not None and (newest.number, newest.evaluation) == (
-            mark.episode,
-            mark.evaluation,
-        )
-        if newest is None or not same or mark.step <= newest.rows[-1].step:
-            newest = RecordedEpisode(mark.episode, mark.evaluation)
-            self._open.append(newest)
-        seen = decode_observation(message)
-        row = Row(
-            mark.step,
-            stamp_ns,
-            seen.objects,
-            seen.hand_index,
-            mark.program,
-            seen.joint_position,
-            seen.joint_velocity,
-            hand_pose=seen.hand_pose,
-        )
-        newest.rows.append(row)
-        self._rows[stamp_ns] = row
-
-    def _fill(self, row: Row, type_name: str, message: Message) -> None:
-        if type_name == VERDICT:
-            verdict = decode_verdict(message)
-            row.reward, row.distance = verdict.reward, verdict.distance
-        else:
-            command = decode_command(message)
-            row.action, row.policy_version = command.action, command.policy_version

@@ -24,7 +24,7 @@ from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 from pa_ros.learning.folder import checkpoint_of
-from pa_ros.ros.topics import VERDICT
+from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.client import ArenaClient, client_node
 from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.film import FEWER, FULL, demo_programs, find_scene
@@ -35,7 +35,7 @@ from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record import Recorder
 from pa_ros.tools.send import ProgramSender
 from pa_ros.wire.services import ResetRequest
-from pa_ros.wire.step import decode_verdict, is_evaluation
+from pa_ros.wire.step import decode_step
 
 SHIPPED, LEARNED, PRESET = "3-D", "2-L", "fast"  # designs, and the arm
 SCENE_SEED = 1_000_000  # added to the seed: no scene of the executions was trained in
@@ -181,7 +181,7 @@ def _learn(folder: Path, seed: int, minutes: float) -> bool:
     started, log = time.monotonic(), folder / "log" / "learn"
     with client_node("demo") as node, Supervisor(log) as supervisor:
         watch_diagnostics(node, figures)
-        VERDICT.subscribe(node, lambda m: tally.observe(decode_verdict(m), is_evaluation(m)))
+        OBJECT_FEATURES.subscribe(node, lambda m: tally.observe(decode_step(m)))
         start_nodes(supervisor, parameters, log)
 
         def rows() -> list[tuple[str, str]]:

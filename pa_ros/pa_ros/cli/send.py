@@ -34,7 +34,6 @@ from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
 from pa_ros.wire.services import ResetRequest
 
 SUGGEST_S = 2.0  # wait so long for a sample of the table
-VERDICT_S = 0.5  # wait so long for the verdict that belongs to a sample
 OFFER_S = 5.0  # wait so long for an agent's action
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 
@@ -102,8 +101,6 @@ def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
         raise NoAnswerError(
             f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
         )
-    # The verdict is a message of its own, just after the features; a robot may publish none.
-    spin_until(node, lambda: scene.verdict is not None, VERDICT_S)
     for label, text in scene.rows():
         print(f"{label}: {text}")
     print(_suggested(scene))
@@ -146,7 +143,7 @@ class _Feedback:
 
 
 def _send(node: Node, text: str, how: SendOptions) -> int:
-    """Publish the program; with `wait`, follow its verdicts until the outcome is clear."""
+    """Publish the program; with `wait`, follow the steps until the outcome is clear."""
     sender = ProgramSender(node, partial(spin_with_notice, node))
     try:
         answers = sender.send(text, how.timeout_s)

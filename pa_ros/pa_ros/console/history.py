@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.console import markup
-from pa_ros.core.experience import Verdict
+from pa_ros.core.experience import Step
 from pa_ros.wire.program import ProgramStatus
 
 KEPT = 10
@@ -69,12 +69,12 @@ class History:
             if entry.program_id == status.program_id:
                 entry.statuses[status.node] = status
 
-    def observe(self, verdicts: Iterable[Verdict]) -> None:
-        """Follow the executions by the arena's verdicts, in the order of their steps."""
-        for verdict in verdicts:
+    def observe(self, steps: Iterable[Step]) -> None:
+        """Follow the executions by the arena's steps, in their order."""
+        for step in steps:
             for entry in self.entries:
                 if entry.execution is None:
-                    entry.execution = entry.watch.observe(verdict)
+                    entry.execution = entry.watch.observe(step)
 
     def html(self) -> str:
         """Return a table with a row for each program."""

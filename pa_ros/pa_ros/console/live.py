@@ -7,6 +7,7 @@ import queue
 import time
 from collections.abc import Callable
 from itertools import count
+from math import nan
 from typing import Any
 
 from rclpy.node import Node
@@ -17,18 +18,18 @@ from pa_ros.console.insight import Moment, explained
 from pa_ros.console.page import Page
 from pa_ros.console.server import ConsoleError, attempt
 from pa_ros.console.services import ArenaServices
-from pa_ros.console.sources import DEPTH, PARTS, AgentWeights, Sampler, in_namespace
+from pa_ros.console.sources import DEPTH, AgentWeights, Sampler, in_namespace
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import ARENA_INFO, PROGRAM, PROGRAM_STATUS, SAMPLES
+from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, PROGRAM, PROGRAM_STATUS, SAMPLES
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import suggested_programs
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
-from pa_ros.wire.step import decode_context, decode_observation, decode_verdict
+from pa_ros.wire.step import decode_step
 
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0  # how often curves and alarms are updated
@@ -108,10 +109,10 @@ class LiveConsole:
 
     def _subscribe(self, lockstep: bool) -> Sampler:
         """Subscribe to steps; in lockstep to the few that the arena samples, if it does."""
-        samples = in_namespace(SAMPLES["features"], self._namespace).name
+        samples = in_namespace(SAMPLES, self._namespace).name
         sampled = lockstep and self._node.count_publishers(samples) > 0
-        parts = (LOCKSTEP_DEPTH, SAMPLES) if sampled else (DEPTH, PARTS)
-        self._sampler = Sampler(self._sampled, self._namespace, *parts)
+        steps = (LOCKSTEP_DEPTH, SAMPLES) if sampled else (DEPTH, OBJECT_FEATURES)
+        self._sampler = Sampler(self._sampled, self._namespace, *steps)
         return self._sampler
 
     def _rest(self) -> None:
@@ -171,28 +172,28 @@ class LiveConsole:
         self._history.add(program_id, request.text)
         self._publisher.publish(encode_program(request))
 
-    def _draw(self, steps: list[dict[str, Message]]) -> None:
+    def _draw(self, messages: list[Message]) -> None:
         """Follow executions through all steps, and draw the newest."""
         arena, vocabulary = self._arena, self.vocabulary
         if arena is None or vocabulary is None:
             where = self._namespace or "/"
             self._page.set_panel("State", markup.quiet(f"no arena in the namespace {where} yet"))
             return
-        if not steps:
+        if not messages:
             return
         try:
-            verdicts = [decode_verdict(step["verdict"]) for step in steps]
-            newest, verdict = steps[-1], verdicts[-1]
-            seen = decode_observation(newest["features"], len(arena.joint_names))
-            context = decode_context(newest["features"])
+            steps = [decode_step(message, len(arena.joint_names)) for message in messages]
         except PaError as error:
             self._refusals.refuse("step", error)
             return
-        self._history.observe(verdicts)
-        explanation, why = explained(self._weights.insight, seen, context.program, vocabulary)
+        self._history.observe(steps)
+        newest = steps[-1]
+        seen, judged = newest.observation, newest.verdict
+        explanation, why = explained(self._weights.insight, seen, newest.program, vocabulary)
         moment = Moment(
-            arena, seen, context.evaluation, context.program, verdict.reward,
-            verdict.distance, verdict.satisfied, explanation, self._weights.why or why,
+            arena, seen, newest.evaluation, newest.program,
+            judged.reward if judged else nan, judged.distance if judged else nan,
+            judged.satisfied if judged else None, explanation, self._weights.why or why,
         )  # fmt: skip
         factor = self._figures.value("sim_node", "real_time_factor")
         self._page.show(moment, "" if factor is None else f", {factor:.1f} times real time")

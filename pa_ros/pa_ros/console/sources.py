@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,12 @@ from pa_ros.core.errors import PaError
 from pa_ros.language import PRODUCT
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import OBJECT_FEATURES, POLICY_WEIGHTS, PROVENANCE, VERDICT, Topic
+from pa_ros.ros.topics import OBJECT_FEATURES, POLICY_WEIGHTS, PROVENANCE, Topic
 from pa_ros.wire import Message
 from pa_ros.wire.diagnostics import decode_provenance
-from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.learning import decode_weights
 
 DEPTH = 20  # steps kept between two looks: none is lost in real time at up to 20 times the speed
-PARTS = {"features": OBJECT_FEATURES, "verdict": VERDICT}
 PERIOD_S = 5.0  # between two subscriptions to a learner's weights, which are large
 LISTEN_S = 1.0  # how long such a subscription lasts
 
@@ -36,43 +34,28 @@ def in_namespace(topic: Topic, namespace: str) -> Topic:
 class Sampler:
     """Takes the newest control steps of an arena now and then, at no cost in between.
 
-    Its subscriptions are best effort, so no arena waits for them, and no executor serves their
-    node, so messages that are not taken cost no Python.
+    Its subscription is best effort, so no arena waits for it, and no executor serves its node, so
+    messages that are not taken cost no Python.
     """
 
     def __init__(
-        self, node: Node, namespace: str, depth: int = DEPTH, parts: Mapping[str, Topic] = PARTS
+        self, node: Node, namespace: str, depth: int = DEPTH, steps: Topic = OBJECT_FEATURES
     ) -> None:
-        """`node` must not be spun. `depth`: steps kept between two looks. `parts`: of a step."""
+        """`node` must not be spun. `depth`: steps kept between two looks."""
         self._node, self._depth = node, depth
         profile = QoSProfile(
             reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth
         )
-        self._readers = {
-            part: replace(in_namespace(topic, namespace), reader=profile).subscribe(
-                node, lambda _: None
-            )
-            for part, topic in parts.items()
-        }
-        self._open: dict[int, dict[str, Message]] = {}  # incomplete steps, by stamp
+        steps = replace(in_namespace(steps, namespace), reader=profile)
+        self._reader = steps.subscribe(node, lambda _: None)
 
-    def take(self) -> list[dict[str, Message]]:
-        """Return the complete steps since the last call, in order, as messages by part."""
-        for part, reader in self._readers.items():
-            for message in _waiting(reader, self._depth):
-                self._open.setdefault(header_stamp(message), {})[part] = message
-        stamps = sorted(stamp for stamp, parts in self._open.items() if len(parts) == len(PARTS))
-        steps = [self._open[stamp] for stamp in stamps]
-        if stamps:
-            self._open = {s: parts for s, parts in self._open.items() if s > stamps[-1]}
-        while len(self._open) > DEPTH:
-            del self._open[min(self._open)]
-        return steps
+    def take(self) -> list[Message]:
+        """Return the steps since the last call, in order."""
+        return list(_waiting(self._reader, self._depth))
 
     def close(self) -> None:
         """Unsubscribe."""
-        for reader in self._readers.values():
-            self._node.destroy_subscription(reader)
+        self._node.destroy_subscription(self._reader)
 
 
 def _waiting(reader: Any, depth: int) -> Iterator[Message]:

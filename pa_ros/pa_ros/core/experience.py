@@ -30,12 +30,8 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The verifier's answer for the state in the Observation of the same step."""
+    """The verifier's answer for the state in an observation, under the program in force."""
 
-    episode: int
-    step: int
-    stamp_ns: int
-    program_id: str
     reward: float  # pa_ros.world.Scoring's; in the paper +1 satisfied, -1 not
     satisfied: bool
     distance: float  # least measure of the relation among what the program names; inf if it is none
@@ -85,6 +81,18 @@ class Executed:
             and self.command == other.command
             and np.array_equal(self.action, other.action)
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One control step, as the arena that made it tells everyone."""
+
+    observation: Observation
+    verdict: Verdict | None = None  # None: nobody judged it, so nothing can be learned from it
+    program: str = ""  # canonical text of the program in force; empty: none
+    evaluation: bool = False  # act greedily, and leave no trace in training
+    executed: Executed | None = None  # the command that led here, if exactly one did, unaltered
+    arena_id: str = ""
 
 
 class TrajectoryKey(NamedTuple):

@@ -1,4 +1,4 @@
-"""Scores of episodes from a stream of verdicts, and the target that ends a demonstration."""
+"""Scores of episodes from a stream of steps, and the target that ends a demonstration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pa_ros.core.experience import Verdict
+from pa_ros.core.experience import Step
 from pa_ros.evaluation.scores import normalized
 
 
@@ -20,7 +20,7 @@ class StreamedEpisode:
 
 
 class EpisodeTally:
-    """Cuts a stream of verdicts into whole episodes; repeated and late verdicts are ignored."""
+    """Cuts a stream of steps into whole episodes. Ignores repeated, late and unjudged ones."""
 
     def __init__(self) -> None:
         self.frames = 0  # control steps of training episodes
@@ -28,22 +28,23 @@ class EpisodeTally:
         self._latest_ns = -1
         self._rewards: list[float] | None = None  # None: this episode's start was not observed
 
-    def observe(self, verdict: Verdict, evaluation: bool) -> None:
-        """Add one verdict."""
+    def observe(self, step: Step) -> None:
+        """Add one step."""
+        observation, verdict = step.observation, step.verdict
         # An arena repeats its last step until it is answered.
-        if verdict.stamp_ns <= self._latest_ns:
+        if verdict is None or observation.stamp_ns <= self._latest_ns:
             return
-        self._latest_ns = verdict.stamp_ns
-        if verdict.step == 0:
+        self._latest_ns = observation.stamp_ns
+        if observation.step == 0:
             self._rewards = []
             return
-        self.frames += not evaluation
+        self.frames += not step.evaluation
         if self._rewards is None:
             return
         self._rewards.append(verdict.reward)
         if verdict.truncated:
             mean, self._rewards = float(np.mean(self._rewards)), None
-            self.episodes.append(StreamedEpisode(evaluation, mean, verdict.satisfied))
+            self.episodes.append(StreamedEpisode(step.evaluation, mean, verdict.satisfied))
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pa_ros.acting.actor import Actor
-from pa_ros.acting.agent import Step
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float64, PublishedPolicy
+from pa_ros.core.experience import Float64, PublishedPolicy, Step
 from pa_ros.language import PRODUCT, Program
 from pa_ros.learning.config import LearnerConfig, TrainConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError
@@ -122,8 +121,8 @@ def _episode(
     observation, verdict = environment.reset(index, config.condition)
     while True:
         # As the arena executes every command unaltered, the last one led to this step.
-        step = Step(observation, environment.program, verdict, executed=agent.last_command)
-        trajectory = agent.observe(step)
+        step = Step(observation, verdict, executed=agent.last_command)
+        trajectory = agent.observe(step, environment.program)
         if trajectory is not None:
             learner.send(trajectory)
         if verdict.truncated:

@@ -106,11 +106,8 @@ RELEVANCE_MARKERS = Topic("relevance_markers", MarkerArray, STEP, STEP)
 CAMERA_IMAGE = Topic("camera/image_raw", Image, PICTURE, STEP)
 CAMERA_INFO = Topic("camera/camera_info", CameraInfo, PICTURE, STEP)
 
-# A complete step from time to time, at any speed of the arena.
-SAMPLES = {
-    "features": OBJECT_FEATURES.within("samples"),
-    "verdict": VERDICT.within("samples"),
-}
+# A step from time to time, at any speed of the arena.
+SAMPLES = OBJECT_FEATURES.within("samples")
 
 RESET = ("reset", srv.Reset)
 SPEED = ("speed", srv.SetSpeed)

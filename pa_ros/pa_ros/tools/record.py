@@ -45,7 +45,6 @@ BAG_TOPICS = (
     topics.OBJECT_FEATURES,
     topics.JOINT_STATES,
     topics.JOINT_COMMANDS,
-    topics.VERDICT,
     topics.TRAJECTORIES,
     topics.POLICY_WEIGHTS,
     topics.CLOCK,

@@ -16,11 +16,11 @@ from pa_ros.core.experience import Verdict
 from pa_ros.core.text import printable
 from pa_ros.language import Vocabulary, parse, require_target
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES, VERDICT
+from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES
 from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
-from pa_ros.wire.step import decode_objects, decode_step_mark, decode_verdict
+from pa_ros.wire.step import decode_step
 
 MAX_SUGGESTIONS = 12
 POLL_S = 0.5  # between two checks whether an arena publishes samples
@@ -45,18 +45,12 @@ class Scene:
         self.episode, self.program = -1, ""
         self.verdict: Verdict | None = None
         self._node = node
-        self._step_readers: list[Any] = []
-        features, verdict = (
-            partial(_ignoring_errors, receive) for receive in (self._on_features, self._on_verdict)
-        )
-        self._samples, shown = (SAMPLES[part].within(namespace) for part in ("features", "verdict"))
+        self._step_reader: Any = None
+        self._receive = partial(_ignoring_errors, self._on_step)
+        self._samples = SAMPLES.within(namespace)
         ARENA_INFO.within(namespace).subscribe(node, partial(_ignoring_errors, self._on_arena))
-        self._samples.subscribe(node, features)
-        shown.subscribe(node, verdict)
-        self._steps = tuple(
-            (replace(topic.within(namespace), reader=qos_profile_sensor_data), receive)
-            for topic, receive in ((OBJECT_FEATURES, features), (VERDICT, verdict))
-        )
+        self._samples.subscribe(node, self._receive)
+        self._steps = replace(OBJECT_FEATURES.within(namespace), reader=qos_profile_sensor_data)
         steady_timer(node, POLL_S, self._choose_source)
 
     @property
@@ -96,28 +90,26 @@ class Scene:
 
     def _choose_source(self) -> None:
         """Read whole steps only where an arena publishes no samples."""
-        if self.arena is None or self._node.count_publishers(self._samples.name):
-            while self._step_readers:
-                self._node.destroy_subscription(self._step_readers.pop())
-        elif not self._step_readers:
-            self._step_readers = [topic.subscribe(self._node, on) for topic, on in self._steps]
+        wanted = self.arena is not None and not self._node.count_publishers(self._samples.name)
+        if wanted and self._step_reader is None:
+            self._step_reader = self._steps.subscribe(self._node, self._receive)
+        elif not wanted and self._step_reader is not None:
+            self._node.destroy_subscription(self._step_reader)
+            self._step_reader = None
 
     def _on_arena(self, message: Message) -> None:
         self.arena = decode_arena_info(message)
 
-    def _on_features(self, message: Message) -> None:
+    def _on_step(self, message: Message) -> None:
         if self.arena is None:
             return
         world = self.arena.world
-        objects, hand = decode_objects(message, world.object_features)
-        mark = decode_step_mark(message)
-        names = world.schema.labels(objects, hand)
+        step = decode_step(message, world.joints, world.object_features)
+        seen, self.verdict = step.observation, step.verdict
+        hand, names = seen.hand_index, world.schema.labels(seen.objects, seen.hand_index)
         self._names = (*names[:hand], *names[hand + 1 :])
         self.blocks = tuple(frozenset(name.split()) for name in self._names)
-        self.program, self.episode = printable(mark.program), mark.episode
-
-    def _on_verdict(self, message: Message) -> None:
-        self.verdict = decode_verdict(message)
+        self.program, self.episode = printable(step.program), seen.episode
 
 
 class SceneFigures:

@@ -18,7 +18,14 @@ from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import ARENA_INFO, JOINT_COMMANDS, PROGRAM, PROGRAM_STATUS, VERDICT, Topic
+from pa_ros.ros.topics import (
+    ARENA_INFO,
+    JOINT_COMMANDS,
+    OBJECT_FEATURES,
+    PROGRAM,
+    PROGRAM_STATUS,
+    Topic,
+)
 from pa_ros.tools.client import NoAnswerError, Spin
 from pa_ros.wire import Message
 from pa_ros.wire.program import (
@@ -33,7 +40,7 @@ from pa_ros.wire.program import (
     encode_goal,
     encode_program,
 )
-from pa_ros.wire.step import decode_verdict
+from pa_ros.wire.step import decode_step
 
 RESEND_S = 1.0
 SETTLE_S = 1.0  # until nodes on one machine have found each other
@@ -87,7 +94,10 @@ class ProgramSender:
         self._message: Message | None = None  # the program sent last
         self._sent_at = self._since
         self.refusals = Refusals(node.get_logger().warning)
-        for topic, callback in ((PROGRAM_STATUS, self._on_status), (VERDICT, self._on_verdict)):
+        for topic, callback in (
+            (PROGRAM_STATUS, self._on_status),
+            (OBJECT_FEATURES, self._on_step),
+        ):
             topic.subscribe(node, self.refusals.guard(topic.name, callback))
 
     def send(self, text: str, timeout_s: float) -> Answers:
@@ -110,7 +120,7 @@ class ProgramSender:
     def wait(self, timeout_s: float) -> Execution:
         """Wait for the outcome of the program sent last. Raises NoAnswerError."""
         if not self._spin(lambda: self._execution is not None, timeout_s):
-            begun = "it is still being executed" if self._watch.begun else "no verdict on it came"
+            begun = "it is still being executed" if self._watch.begun else "no step of it arrived"
             raise NoAnswerError(f"{begun} after {timeout_s:g} s")
         assert self._execution is not None
         return self._execution
@@ -145,9 +155,9 @@ class ProgramSender:
         if status.program_id == self._program_id:
             self.answers.statuses[status.node] = status
 
-    def _on_verdict(self, message: Message) -> None:
+    def _on_step(self, message: Message) -> None:
         if self._execution is None:
-            self._execution = self._watch.observe(decode_verdict(message))
+            self._execution = self._watch.observe(decode_step(message))
 
 
 class GoalClient:

@@ -22,7 +22,7 @@ from pa_ros.world.relation import RELATIONS
 from pa_ros.world.world import World
 
 # Edition of msgs_schema. Raise it when a receiver of one edition could misread the other.
-WIRE_VERSION = "4"
+WIRE_VERSION = "5"
 NO_STAMP = 0
 SPARSE = Sparse().to_json()  # the paper's reward
 ENDLESS = 2**31 - 1  # steps of an episode without a time limit

@@ -1,4 +1,4 @@
-"""One control step: observation (object_features), verdict, joint command; joint_states, clock.
+"""One control step, the command that answers it, and views of it: joint_states, verdict, clock.
 
 Messages sent at every step can be written `into` messages that were published before, because
 making a message object takes longer than filling it.
@@ -7,14 +7,22 @@ making a message object takes longer than filling it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from msgs_schema import msg
-from pa_ros.core.experience import CommandKey, Executed, Float32, Float64, Observation, Verdict
+from pa_ros.core.experience import (
+    CommandKey,
+    Executed,
+    Float32,
+    Float64,
+    Observation,
+    Step,
+    Verdict,
+)
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import (
     float32_field,
@@ -22,6 +30,7 @@ from pa_ros.wire.fields import (
     header_stamp,
     read_float32,
     read_float64,
+    read_stamp,
     write_stamp,
 )
 
@@ -50,136 +59,98 @@ class Command:
         return CommandKey(self.agent_id, self.incarnation, self.number)
 
 
-@dataclass(frozen=True, slots=True)
-class StepContext:
-    """What an observation's messages say beside the observation itself."""
-
-    arena_id: str = ""
-    evaluation: bool = False  # true: must leave no trace in training
-    executed: Executed | None = None  # the command that, unaltered, led here; None: no command did
-    program: str = ""  # canonical text of the program in force; empty: none
-
-
-@dataclass(frozen=True, slots=True)
-class StepMark:
-    """The control step that a message belongs to."""
-
-    episode: int
-    step: int
-    evaluation: bool  # evaluation and training episodes are numbered apart
-    program_id: str  # in force; empty: none
-    program: str = ""  # its text, if the message has it
-
-
-@dataclass
-class StepMessages:
-    """The messages of one control step, to be filled again at each step."""
-
-    features: msg.ObjectFeatures = field(default_factory=msg.ObjectFeatures)
-    joints: JointState = field(default_factory=JointState)
-    verdict: msg.Verdict = field(default_factory=msg.Verdict)
-    clock: Clock = field(default_factory=Clock)
-    command: msg.JointCommand = field(default_factory=msg.JointCommand)
-
-
-NO_CONTEXT = StepContext()
 NO_COMMAND = Executed(CommandKey("", 0, 0), np.empty(0, np.float32))
+NOT_JUDGED = Verdict(0.0, False, math.inf, False)
 
 
-def encode_observation(
-    observation: Observation,
-    context: StepContext = NO_CONTEXT,
-    into: msg.ObjectFeatures | None = None,
-) -> msg.ObjectFeatures:
-    """Return one observation with its context."""
+def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.ObjectFeatures:
+    """Return one control step."""
     message = into or msg.ObjectFeatures()
+    observation, executed = step.observation, step.executed or NO_COMMAND
     write_stamp(message.header.stamp, observation.stamp_ns)
     message.header.frame_id = HAND_FRAME
-    message.episode = observation.episode
-    message.step = observation.step
-    message.arena_id, message.evaluation = context.arena_id, context.evaluation
-    executed = context.executed or NO_COMMAND
+    message.arena_id, message.evaluation = step.arena_id, step.evaluation
+    message.episode, message.step = observation.episode, observation.step
     message.commanded_by, message.commanded_incarnation, message.command_id = executed.command
     message.applied = float32_field(executed.action)
-    message.program_id, message.program = observation.program_id, context.program
+    message.program_id, message.program = observation.program_id, step.program
     message.hand_index = observation.hand_index
     message.object_count = len(observation.objects)
     message.features = float32_field(observation.objects)
     message.joint_position = float64_field(observation.joint_position)
     message.joint_velocity = float64_field(observation.joint_velocity)
     message.hand_pose = float64_field(observation.hand_pose)
+    message.judged = step.verdict is not None
+    _write_verdict(message, step.verdict or NOT_JUDGED)
     return message
 
 
-def encode_joints(
-    observation: Observation, joint_names: tuple[str, ...], into: JointState | None = None
-) -> JointState:
-    """Return the joint states of one observation, for tools that know no other message of ours."""
-    message = into or JointState()
-    write_stamp(message.header.stamp, observation.stamp_ns)
-    message.name = list(joint_names)
-    message.position = float64_field(observation.joint_position)
-    message.velocity = float64_field(observation.joint_velocity)
-    return message
-
-
-def is_evaluation(message: msg.ObjectFeatures | msg.Verdict) -> bool:
-    """Return whether the step belongs to an episode that must leave no trace in training."""
-    return bool(message.evaluation)
-
-
-def arena_of(message: msg.ObjectFeatures | msg.Verdict) -> str:
-    """Return the id of the arena that sent a part of a step."""
-    return str(message.arena_id)
-
-
-def decode_context(message: msg.ObjectFeatures, joints: int | None = None) -> StepContext:
-    """Return what the features say beside the observation. Raises WireError.
-
-    :param joints: number of joints of the arena's arm; None: any.
-    """
-    executed = None
-    if message.commanded_by:
-        agent = message.commanded_by, message.commanded_incarnation
-        shape = (len(message.applied) if joints is None else joints,)
-        action = read_float32("object_features.applied", message.applied, shape)
-        executed = Executed(CommandKey(*agent, message.command_id), action)
-    return StepContext(message.arena_id, bool(message.evaluation), executed, message.program)
-
-
-def decode_observation(
+def decode_step(
     message: msg.ObjectFeatures, joints: int | None = None, width: int | None = None
-) -> Observation:
-    """Return one observation. Raises WireError.
+) -> Step:
+    """Return one control step. Raises WireError.
 
     :param joints: J, joints of the arena's arm; None: any.
     :param width: F, features of an object in the receiver's world; None: any.
     """
-    objects, hand_index = decode_objects(message, width)
-    shape = (len(message.joint_position) if joints is None else joints,)
+    objects, hand_index = _read_objects(message, width)
+    arm = (len(message.joint_position) if joints is None else joints,)
     position, velocity = message.joint_position, message.joint_velocity
-    return Observation(
+    observation = Observation(
         episode=message.episode,
         step=message.step,
         stamp_ns=header_stamp(message),
         objects=objects,
-        joint_position=read_float64("object_features.joint_position", position, shape, LARGEST),
-        joint_velocity=read_float64("object_features.joint_velocity", velocity, shape, LARGEST),
+        joint_position=read_float64("object_features.joint_position", position, arm, LARGEST),
+        joint_velocity=read_float64("object_features.joint_velocity", velocity, arm, LARGEST),
         hand_index=hand_index,
         program_id=message.program_id,
         hand_pose=read_float64("object_features.hand_pose", message.hand_pose, (7,), LARGEST),
     )
+    executed = None
+    if message.commanded_by:
+        command = message.commanded_by, message.commanded_incarnation, message.command_id
+        action = read_float32("object_features.applied", message.applied, arm)
+        executed = Executed(CommandKey(*command), action)
+    verdict = _read_verdict(message) if message.judged else None
+    known = message.program, message.evaluation, executed, message.arena_id
+    return Step(observation, verdict, *known)
 
 
-def decode_step_mark(message: msg.ObjectFeatures | msg.Verdict) -> StepMark:
-    """Return the control step that a message belongs to."""
-    text = getattr(message, "program", "")  # a verdict has no program
-    evaluation = bool(message.evaluation)
-    return StepMark(message.episode, message.step, evaluation, message.program_id, text)
+def arena_of(message: msg.ObjectFeatures) -> str:
+    """Return the id of the arena that sent a step."""
+    return str(message.arena_id)
 
 
-def decode_objects(message: msg.ObjectFeatures, width: int | None = None) -> tuple[Float32, int]:
-    """Return features [N, F] and the hand's row; `width` is F, None: any. Raises WireError."""
+def encode_verdict(step: Step, into: msg.Verdict | None = None) -> msg.Verdict:
+    """Return the verdict on a step that was judged, for people."""
+    message = into or msg.Verdict()
+    observation = step.observation
+    write_stamp(message.stamp, observation.stamp_ns)
+    message.episode, message.step = observation.episode, observation.step
+    message.evaluation, message.program_id = step.evaluation, observation.program_id
+    _write_verdict(message, step.verdict or NOT_JUDGED)
+    return message
+
+
+def _write_verdict(message: msg.ObjectFeatures | msg.Verdict, verdict: Verdict) -> None:
+    message.reward, message.satisfied = verdict.reward, verdict.satisfied
+    message.distance, message.truncated = verdict.distance, verdict.truncated
+
+
+def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
+    reward, distance = message.reward, message.distance
+    if not math.isfinite(reward):
+        name, expected = "object_features.reward", "a finite number"
+        raise WireError(name, expected, reward, code="wire.non_finite")
+    if not distance >= 0.0:
+        expected = "at least 0, or inf"
+        raise WireError("object_features.distance", expected, distance, code="wire.range")
+    return Verdict(reward, message.satisfied, distance, message.truncated)
+
+
+def _read_objects(message: msg.ObjectFeatures, width: int | None) -> tuple[Float32, int]:
+    """Return features [N, F] and the hand's row."""
     count, hand_index = objects_and_hand("object_features", message)
     received, rest = divmod(len(message.features), count)
     if width not in (None, received) and not rest:
@@ -200,6 +171,18 @@ def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -
     return count, hand_index
 
 
+def encode_joints(
+    observation: Observation, joint_names: tuple[str, ...], into: JointState | None = None
+) -> JointState:
+    """Return the joint states of one observation, for tools that know no other message of ours."""
+    message = into or JointState()
+    write_stamp(message.header.stamp, observation.stamp_ns)
+    message.name = list(joint_names)
+    message.position = float64_field(observation.joint_position)
+    message.velocity = float64_field(observation.joint_velocity)
+    return message
+
+
 def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
     """Return positions (rad) and velocities (rad/s) of the named joints, in that order.
 
@@ -217,51 +200,10 @@ def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, 
     return position[order], velocity[order]
 
 
-def encode_verdict(
-    verdict: Verdict,
-    evaluation: bool = False,
-    arena_id: str = "",
-    into: msg.Verdict | None = None,
-) -> msg.Verdict:
-    """Return the verifier's verdict on one step."""
-    message = into or msg.Verdict()
-    write_stamp(message.header.stamp, verdict.stamp_ns)
-    message.arena_id = arena_id
-    message.episode = verdict.episode
-    message.step = verdict.step
-    message.evaluation = evaluation
-    message.program_id = verdict.program_id
-    message.reward = verdict.reward
-    message.satisfied = verdict.satisfied
-    message.distance = verdict.distance
-    message.truncated = verdict.truncated
-    return message
-
-
-def decode_verdict(message: msg.Verdict) -> Verdict:
-    """Return the verdict on one step. Raises WireError for a reward or distance that is NaN."""
-    if not math.isfinite(message.reward):
-        received = message.reward
-        raise WireError("verdict.reward", "a finite number", received, code="wire.non_finite")
-    if not message.distance >= 0.0:
-        expected = "at least 0 m, or inf"
-        raise WireError("verdict.distance", expected, message.distance, code="wire.range")
-    return Verdict(
-        episode=message.episode,
-        step=message.step,
-        stamp_ns=header_stamp(message),
-        program_id=message.program_id,
-        reward=message.reward,
-        satisfied=message.satisfied,
-        distance=message.distance,
-        truncated=message.truncated,
-    )
-
-
 def encode_command(command: Command, into: msg.JointCommand | None = None) -> msg.JointCommand:
     """Return an agent's answer to one observation."""
     message = into or msg.JointCommand()
-    write_stamp(message.header.stamp, command.stamp_ns)
+    write_stamp(message.stamp, command.stamp_ns)
     message.episode = command.episode
     message.step = command.step
     message.agent_id, message.incarnation = command.agent_id, command.incarnation
@@ -280,7 +222,7 @@ def decode_command(message: msg.JointCommand, joints: int | None = None) -> Comm
     return Command(
         episode=message.episode,
         step=message.step,
-        stamp_ns=header_stamp(message),
+        stamp_ns=read_stamp(message.stamp),
         agent_id=message.agent_id,
         policy_version=message.policy_version,
         action=read_float32("joint_commands.action", message.action, shape),
