@@ -31,7 +31,7 @@ from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.wire import Message
 from pa_ros.wire.program import ProgramRequest, encode_program
-from pa_ros.wire.step import decode_command, decode_step
+from pa_ros.wire.step import decode_step, step_answered
 
 DESIGN = "3-D"
 RATES = {"": "real_time", "fast.": "lockstep"}  # 10 Hz, and as fast as possible
@@ -156,7 +156,7 @@ class Prober:
         if not is_command:
             seen = decode_step(message).observation
             self.latencies.observed(seen.stamp_ns, seen.program_id, written_s)
-        elif self.latencies.commanded(decode_command(message).stamp_ns, written_s):
+        elif self.latencies.commanded(step_answered(message), written_s):
             pause_s = self._random.uniform(0.5, 1.5) * self._pause_s
             self._due_s = time.monotonic() + pause_s
 

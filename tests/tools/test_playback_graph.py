@@ -204,7 +204,7 @@ def test_commands_for_another_arena_are_not_played(tmp_path, monkeypatch):
     """Another arena does not reach the step that the command answers."""
     store = installed_types()
     command = topics.JOINT_COMMANDS.type(agent_id="a")
-    command.header.stamp.sec = 10**6
+    command.stamp.sec = 10**6
     with BagWriter(tmp_path / "bag") as bag:
         qos = [reliable_qos(100)]
         bag.add(topic(store, "/joint_commands", "msgs_schema/msg/JointCommand", qos))

@@ -21,7 +21,7 @@ from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire import WireError
 from pa_ros.wire.definitions import message_class, message_type
 from pa_ros.wire.fields import header_stamp
-from pa_ros.wire.step import encode_clock
+from pa_ros.wire.step import encode_clock, step_answered
 
 WINDOW: Final = 20  # messages of a topic that may be unacknowledged when playing at rate 0
 ACK_S: Final = 5.0  # time-out for acknowledgements, and for an arena to reach a step
@@ -167,7 +167,7 @@ class Player:
                 return
             self._publish_clock(recorded.stamp_ns)
             if wait := self._waits.get(recorded.topic):
-                wait.until(header_stamp(self._bag.deserialize(recorded)), stopped)
+                wait.until(step_answered(self._bag.deserialize(recorded)), stopped)
             self._publish(recorded)
 
     def _sleep_until(self, due: float, stamp_ns: int, stopped: Callable[[], bool]) -> None:

@@ -231,6 +231,11 @@ def decode_command(message: msg.JointCommand, joints: int | None = None) -> Comm
     )
 
 
+def step_answered(message: msg.JointCommand) -> int:
+    """Return the stamp of the step that a command answers, ns."""
+    return read_stamp(message.stamp)
+
+
 def encode_clock(stamp_ns: int, into: Clock | None = None) -> Clock:
     """Return simulation time for /clock."""
     message = into or Clock()
