@@ -71,7 +71,7 @@ def test_foxglove_names_existing_topics_and_fields(foxglove):
     text = json.dumps(foxglove["configById"])
     paths = set(re.findall(r'"/([a-z_]+)((?:\.[a-z_]+)?)(?:\[:\])?"', text))
     assert {name for name, _ in paths} == {
-        *("markers", "relevance_markers", "robot_description", "joint_states"),
+        *("markers", "relevance_markers", "robot_description", "object_features", "joint_states"),
         *("program_status", "program", "diagnostics"),
     }
     for name, field in paths:

@@ -13,7 +13,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights
 from pa_ros.wire.signing import KEY_BYTES, SIGNED, WINDOW, Checker, Signer, read_key
-from pa_ros.wire.step import encode_command
+from pa_ros.wire.step import encode_command, encode_step
 
 KEY, OTHER_KEY = b"k" * KEY_BYTES, b"o" * KEY_BYTES
 TOPIC = "/arena1/topic"
