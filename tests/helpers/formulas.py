@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pa_ros.core.update import HAND_INDEX, Batch
-from pa_ros.language import PRODUCT, Logic, Program, degree
+from pa_ros.language import HAND, PRODUCT, Expression, Logic, Program, degree
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
@@ -93,20 +93,40 @@ def relevance(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
     return p[torch.arange(len(p))[:, None], seen.row]
 
 
+def roles(network: NetworkConfig, named: Named, seen: Scenes) -> tuple[Tensor, Tensor]:
+    """p twice; where programs move objects, the shares of what is moved and of the target."""
+    if not network.vocabulary.moves_objects:
+        p = relevance(network, named, seen)
+        return p, p
+    phi = properties(network, named, seen)
+    hand = torch.zeros_like(seen.objects[..., 0])
+    hand[:, seen.hand_index] = 1.0
+    body = torch.stack([1.0 - phi[word] for word in network.vocabulary.bodiless]).prod(0)
+
+    def share(e: Expression, of: Tensor | float = 1.0) -> Tensor:
+        degrees = hand if e == HAND else degree(e, phi.__getitem__, seen.logic) * of * (1.0 - hand)
+        return degrees / (degrees.sum(-1, keepdim=True) + 1e-4)
+
+    rows = torch.arange(len(hand))[:, None], seen.row
+    moved = torch.stack([share(program.moved, body) for program in seen.programs], 1)
+    return moved[rows], torch.stack([share(one.target) for one in seen.programs], 1)[rows]
+
+
 def trunk(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
     """h = Σ p_i ω'_i, ω'_i = f(ω_i) + Σ_j α_ij r(ω_i, ω_j) (eq. message-passing), [B, K, H].
 
     exp α̃_ii is multiplied by `self_weight`; of an r that hears nothing, its last bias remains.
+    Where programs move objects, p of α is that of the target, the other p of what is moved.
     """
-    p, n = relevance(network, named, seen), seen.objects.shape[1]
+    (p, targets), n = roles(network, named, seen), seen.objects.shape[1]
     w = columns(network, seen)
     if not network.relations_see_properties:
-        w = w.index_fill(-1, torch.arange(7, 16), 0.0)
+        w = w.index_fill(-1, torch.arange(7, network.world.object_features), 0.0)
     receivers, senders = w[:, :, None].expand(-1, -1, n, -1), w[:, None].expand(-1, n, -1, -1)
     queries, contexts = linear(named, "query", w)[:, :, None], linear(named, "context", w)[:, None]
     scores = torch.tanh(queries + contexts)  # [B, N, N, A]
     own = 1.0 - (1.0 - network.self_weight) * torch.eye(n, dtype=w.dtype)
-    heard = p[:, :, None] * (torch.exp(scores @ named["attention.weight"]) * own)[:, None]
+    heard = targets[:, :, None] * (torch.exp(scores @ named["attention.weight"]) * own)[:, None]
     total = heard.sum(-1, keepdim=True)  # [B, K, N, 1]
     alpha = torch.where(total > 0, heard / total.clamp_min(1e-30), 0.0)
     first = linear(named, "message.0", torch.cat([receivers, senders], -1))[:, None]
@@ -127,13 +147,20 @@ def added(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
 
 def actor(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
     """a = tanh(Linear(tanh h)), [B, K, 6]."""
-    return torch.tanh(linear(named, "output", torch.tanh(trunk(network, named, seen))))
+    h = torch.tanh(trunk(network, named, seen))
+    return torch.tanh(linear(named, "output", upper(network, named, h)))
+
+
+def upper(network: NetworkConfig, named: Named, z: Tensor) -> Tensor:
+    for layer in range(network.upper_layers):
+        z = torch.tanh(linear(named, f"upper.{layer}", z))
+    return z
 
 
 def critic(network: NetworkConfig, named: Named, seen: Scenes, action: Tensor) -> Tensor:
     """Q = Linear(tanh(h + Linear(a))), [B, K], for actions [B, K or 1, 6]."""
     hidden = torch.tanh(trunk(network, named, seen) + linear(named, "action", action))
-    return linear(named, "output", hidden)[..., 0]
+    return linear(named, "output", upper(network, named, hidden))[..., 0]
 
 
 class StraightforwardEngine:

@@ -40,6 +40,7 @@ def test_architecture_tells_actors_apart_and_nothing_else() -> None:
     other = [
         config.changed(hidden=151),
         config.changed(attention=65),
+        config.changed(upper_layers=1),
         config.changed(position_scale=1.0),
         config.changed(family="canonical"),
         config.changed(family="true-properties"),

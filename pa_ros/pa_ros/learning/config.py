@@ -56,11 +56,28 @@ class DetectorsConfig(Settings):
     free_from: float = Field(1.0, gt=0, description="size of a weight that is no longer drawn")
 
 
+class HindsightConfig(Settings):
+    """Places moved in stored transitions, where programs move objects."""
+
+    moved: float = Field(
+        0.5, ge=0, le=1, description="share of transitions drawn for a block that moved"
+    )
+    future: float = Field(
+        0.8, ge=0, le=1, description="share with the place where what the program moves later was"
+    )
+    cross: float = Field(
+        0.2, ge=0, le=1, description="share of those with the place where another block later was"
+    )
+    spread: ClassVar[float] = 0.03  # m, deviation of a moved place
+
+
 class RelabelingConfig(Settings):
     """Programs and scenes other than those that acted."""
 
     rule: Literal["none", "all-goals"] = Field(
-        "none", description="none is the paper's; all-goals draws other training programs"
+        "none",
+        description="none is the paper's; all-goals draws other training programs, and moves "
+        "places where programs move objects",
     )
     programs_per_transition: int = Field(
         1, ge=1, le=64, description="K programs for each sampled transition"
@@ -101,6 +118,7 @@ class LearnerConfig(Settings):
     optimizer: OptimizerConfig = OptimizerConfig()
     detectors: DetectorsConfig = DetectorsConfig()
     relabeling: RelabelingConfig = RelabelingConfig()
+    hindsight: HindsightConfig = HindsightConfig()
     engine: EngineConfig = EngineConfig()
 
     @property

@@ -17,6 +17,7 @@ from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import DivergedError
+from pa_ros.learning.hindsight import Hindsight
 from pa_ros.learning.relabeling.all_goals import GoalMasks, Int32, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.learning.replay_buffer.buffer import NO_GOALS, Int64, ReplayBuffer
@@ -84,9 +85,13 @@ class Learner:
         self.table = ProgramTable(network.vocabulary)
         for program in training_programs:
             self._row(program)
-        self._relabeler = None
+        self._relabeler, self._hindsight = None, None
         if config.relabeling.rule == "all-goals":
-            self._relabeler = Relabeler(training_programs, network.world, self.scoring)
+            asked = training_programs, network.world, self.scoring
+            if network.vocabulary.moves_objects:
+                self._hindsight = Hindsight(*asked, config.hindsight)
+            else:
+                self._relabeler = Relabeler(*asked)
         self._dropout = None
         if config.relabeling.property_dropout and family_of(network).evaluates_programs:
             self._dropout = PropertyDropout(
@@ -174,9 +179,14 @@ class Learner:
         size = self.config.replay.batch_size
         if updates == 0:
             return
-        index = self.replay.sample(self.rng, updates * size)
+        drawn = None
+        if self._hindsight is not None:
+            drawn = self._hindsight.draw(self.rng, self.replay, updates * size)
+            index, program, reward = drawn.index, drawn.program[:, None], drawn.reward[:, None]
+        else:
+            index = self.replay.sample(self.rng, updates * size)
+            program, reward = self._programs(index, self.replay.following(index))
         following = self.replay.following(index)
-        program, reward = self._programs(index, following)
         terminal = self.replay.arrays["terminal"][index]
         discount = np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
         # These numbers decide which properties of which block are hidden, [rows, 2].
@@ -186,6 +196,9 @@ class Learner:
             batch = self._batch(
                 index[part], following[part], program[part], reward[part], discount[part]
             )
+            if drawn is not None:
+                moved = {k: getattr(drawn, k)[part] for k in ("objects", "next_objects")}
+                batch = replace(batch, **moved)
             if self._dropout and hidden is not None:
                 scene = batch.objects, batch.next_objects, batch.program
                 self._dropout.hide(hidden[part], *scene)

@@ -55,6 +55,9 @@ class NetworkSettings(Settings):
     )
     hidden: int = Field(150, ge=1, le=4096, description="units of each layer (paper)")
     attention: int = Field(64, ge=1, le=4096, description="units of query and context (paper)")
+    upper_layers: int = Field(
+        0, ge=0, le=4, description="hidden layers after h, in actor and critic (paper: none)"
+    )
     canonical_hidden: int = Field(
         400, ge=1, le=4096, description="units of the canonical MLPs (paper)"
     )
@@ -110,6 +113,8 @@ class NetworkConfig(NetworkSettings):
         sizes: dict[str, Any] = {"hidden": self.hidden, "attention": self.attention}
         if self.self_weight != 1.0:  # absent where it is the paper's
             sizes["self_weight"] = float(self.self_weight)
+        if self.upper_layers:  # likewise
+            sizes["upper_layers"] = self.upper_layers
         return sizes
 
     def to_json(self) -> str:

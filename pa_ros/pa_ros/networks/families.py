@@ -81,6 +81,8 @@ class Programmable(Family):
         shapes |= linear("message.1", hidden, hidden)
         if several := config.vocabulary.relation_inputs:
             shapes["relation.weight"] = (hidden, several)
+        for layer in range(config.upper_layers):
+            shapes |= linear(f"upper.{layer}", hidden, hidden)
         if not critic:
             return shapes | linear("output", actions, hidden)
         return shapes | linear("action", hidden, actions) | linear("output", 1, hidden)
@@ -89,8 +91,10 @@ class Programmable(Family):
         return None if critic else config.actor_output_scale
 
     def codes(self, table: ProgramTable) -> Codes:
-        several = table.vocabulary.relation_inputs
-        return (*table.arrays(), table.relations()) if several else table.arrays()
+        codes: Codes = table.arrays()
+        if table.vocabulary.relation_inputs:
+            codes = (*codes, table.relations())
+        return (*codes, table.roles()) if table.vocabulary.moves_objects else codes
 
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
         compile_program(program, vocabulary)

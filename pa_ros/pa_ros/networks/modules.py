@@ -21,4 +21,8 @@ def modules_of(network: NetworkConfig) -> tuple[type[Any], type[Any]]:
 
 def goals_of(network: NetworkConfig, *codes: Tensor) -> Any:
     """What the modules take as programs, for `Family.codes` gathered as tensors [B, K, …]."""
-    return codes[0] if isinstance(family_of(network), Canonical) else Programs(*codes)
+    if isinstance(family_of(network), Canonical):
+        return codes[0]
+    op, a, b, *more = codes
+    roles = more.pop() if network.vocabulary.moves_objects else None
+    return Programs(op, a, b, more[0] if more else None, roles)

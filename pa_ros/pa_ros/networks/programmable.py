@@ -19,22 +19,38 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import NOTHING
 from pa_ros.networks.properties import TrueProperties, input_scales
-from pa_ros.networks.relevance import relevant_objects
+from pa_ros.networks.relevance import relevant_objects, relevant_roles
+
+LITTLE = 1e-4  # added to the sum of degrees before they are divided by it
 
 
 @dataclass(frozen=True)
 class Programs:
     """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L], `relation` is
-    [B, K], the number of each one's relation where a world has several."""
+    [B, K], the number of each one's relation where a world has several, and `roles` [B, K, 2] the
+    registers of what is moved and of the target, where programs move objects."""
 
     op: Tensor
     a: Tensor
     b: Tensor
     relation: Tensor | None = None
+    roles: Tensor | None = None
 
     def relevant_objects(self, phi: Tensor, hand_index: int, logic: Logic = PRODUCT) -> Tensor:
         """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.world.programs`."""
         return relevant_objects(phi, hand_index, self.op, self.a, self.b, logic)
+
+    def receivers_and_senders(
+        self, phi: Tensor, hand_index: int, logic: Logic
+    ) -> tuple[Tensor, Tensor]:
+        """How much each object receives and sends messages, [B, K, N] each: p and p, or, where
+        programs move objects, what is moved and the target, each summing to one."""
+        if self.roles is None:
+            p = self.relevant_objects(phi, hand_index, logic)
+            return p, p
+        sets = relevant_roles(phi, hand_index, self.op, self.a, self.b, self.roles, logic)
+        moved, target = sets[..., 1:, :].unbind(-2)
+        return _shares(moved), _shares(target)
 
 
 class Weight(nn.Module):
@@ -77,6 +93,8 @@ class Trunk(nn.Module):
             # What each relation adds to the first layer of r: "parameterizing the message passing
             # operation based on the relation to be achieved" (paper, appendix).
             self.relation = Weight(hidden, several)
+        upper = [nn.Linear(hidden, hidden) for _ in range(config.upper_layers)]
+        self.upper = nn.ModuleList(upper)  # between h and the output
         self.true = TrueProperties(config.world)
         self.register_buffer("scales", input_scales(config), persistent=False)
         seen = torch.ones(columns)
@@ -100,9 +118,9 @@ class Trunk(nn.Module):
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
         """Compute h, [B, K, H], of objects [B, N, F] and arm [B, A] under K programs each."""
         phi = self.phi(objects, arm)
-        p = programs.relevant_objects(phi, hand_index, self.logic)  # [B, K, N]
+        p, senders = programs.receivers_and_senders(phi, hand_index, self.logic)  # [B, K, N]
         columns = self._columns(objects, arm) * self.seen
-        alpha = self._attention(columns, p)  # [B, K, N, N]
+        alpha = self._attention(columns, senders)  # [B, K, N, N]
         first, local_last = _layers(self.local)
         message_last = _layers(self.message)[1]
         local = torch.tanh(first(columns))  # [B, N, H]
@@ -111,6 +129,13 @@ class Trunk(nn.Module):
         # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
         bias = p.sum(-1, keepdim=True) * (local_last.bias + message_last.bias)
         return f @ local_last.weight.T + r @ message_last.weight.T + bias
+
+    def raised(self, hidden: Tensor) -> Tensor:
+        """tanh of the pre-activations [..., H], through the upper layers."""
+        z = torch.tanh(hidden)
+        for layer in self.upper:
+            z = torch.tanh(layer(z))
+        return z
 
     def _attention(self, columns: Tensor, p: Tensor) -> Tensor:
         """α, [B, K, N, N]: α_ij ∝ p_j exp(w·tanh(q_i + c_j)), each row summing to one.
@@ -149,7 +174,7 @@ class Trunk(nn.Module):
 
 
 class ProgrammableActor(Trunk):
-    """a = tanh(Linear(tanh h)) (paper, appendix)."""
+    """a = tanh(Linear(tanh h)) (paper, appendix), with `upper_layers` before the last."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config, learned_detectors=family_of(config).detects(critic=False))
@@ -160,11 +185,11 @@ class ProgrammableActor(Trunk):
     ) -> Tensor:
         """Actions in [-1, 1], [B, K, J]; see `Trunk.trunk` for the inputs."""
         h = self.trunk(objects, arm, programs, hand_index)
-        return torch.tanh(self.output(torch.tanh(h)))
+        return torch.tanh(self.output(self.raised(h)))
 
 
 class ProgrammableCritic(Trunk):
-    """Q = Linear(tanh(h + Linear(a))) (paper, appendix)."""
+    """Q = Linear(tanh(h + Linear(a))) (paper, appendix), with `upper_layers` before the last."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config, learned_detectors=family_of(config).detects(critic=True))
@@ -176,7 +201,7 @@ class ProgrammableCritic(Trunk):
         embedded = self.action(action)
         if embedded.dim() == 2:
             embedded = embedded[:, None]  # [B, 1, H]
-        q: Tensor = self.output(torch.tanh(h + embedded))
+        q: Tensor = self.output(self.raised(h + embedded))
         return q.squeeze(-1)  # [B, K]
 
     def forward(
@@ -184,6 +209,11 @@ class ProgrammableCritic(Trunk):
     ) -> Tensor:
         """Q, [B, K]; see `Trunk.trunk` and `head` for the inputs."""
         return self.head(self.trunk(objects, arm, programs, hand_index), action)
+
+
+def _shares(degrees: Tensor) -> Tensor:
+    """Degrees [..., N] as shares of their sum."""
+    return degrees / (degrees.sum(-1, keepdim=True) + LITTLE)
 
 
 def _layers(mlp: nn.ModuleList) -> tuple[nn.Linear, nn.Linear]:

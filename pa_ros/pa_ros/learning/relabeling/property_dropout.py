@@ -8,14 +8,13 @@ whatever they are.
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
 from pa_ros.core.update import HAND_INDEX
-from pa_ros.world.programs import ProgramTable, crisp
+from pa_ros.learning.relabeling.kinds import Kinds
+from pa_ros.world.programs import ProgramTable
 from pa_ros.world.world import World
 
 
@@ -28,15 +27,10 @@ class PropertyDropout:
     def __init__(self, table: ProgramTable, world: World, probability: float) -> None:
         self._table, self._schema, self._probability = table, world.schema, probability
         self._named: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
-        values = {group.name: group.features.values for group in world.schema}
-        rows = [world.schema.features(dict(zip(values, k, strict=True)))
-                for k in product(*values.values())]  # fmt: skip
-        hand = np.zeros(world.object_features, np.float32)
-        self._truth = world.truth(np.stack([*rows, hand])).T  # [V, kinds + 1]
-        self._sizes = [len(names) for names in values.values()]
-        sets = np.arange(1, 2 ** len(values))
+        self._kinds, groups = Kinds(world), len(world.schema.groups)
+        sets = np.arange(1, 2**groups)
         gray = np.append(sets ^ sets >> 1, 0)  # neighbours differ in one group; the last is empty
-        self._hidden = (gray[:, None] >> np.arange(len(values)) & 1).astype(np.bool_)
+        self._hidden = (gray[:, None] >> np.arange(groups) & 1).astype(np.bool_)
         self._ends = (sets / len(sets)).astype(np.float32)
 
     def hide(
@@ -61,8 +55,7 @@ class PropertyDropout:
     def _names(self, objects: Float32, program: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Blocks that one of a transition's programs names, [B, N]."""
         if len(self._named) != len(self._table):
-            self._named = crisp(self._table.arrays(), self._truth, self._truth.shape[1] - 1)
-        values = [has.argmax(-1) for has in self._schema.has(objects)]  # of each group [B, N]
-        kind = np.ravel_multi_index(values, self._sizes)
-        named: NDArray[np.bool_] = self._named[program[:, :, None], kind[:, None]].any(1)
-        return named
+            self._named = self._kinds.named(self._table)
+        kind = self._kinds.of(objects)
+        named = self._named[program[:, :, None], kind[:, None]]  # [B, K, N]
+        return np.asarray(named.any(1))

@@ -11,15 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_ros.core.update import HAND_INDEX
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.relabeling.all_goals import GoalMasks
 from pa_ros.learning.replay_buffer.ledger import Ledger
 from pa_ros.world import Trajectory
+from pa_ros.world.poses import POSE_WIDTH, in_base
 from pa_ros.world.world import World
 
 # Bounds of absolute values. Metres, rad/s and one-hots of any arena are far below, and an update
 # with such numbers stays finite.
 LARGEST = {"objects": 1e4, "arm": 1e4, "actions": 1.0, "rewards": 1e6}
+MOVED_M = 0.02  # a block that went farther than this in a trajectory has moved
 Int64 = NDArray[np.int64]
 NO_GOALS = GoalMasks(np.zeros((), np.uint64), 0)
 
@@ -45,6 +48,7 @@ class ReplayBuffer:
         self.rows = 0  # filled
         self.head = 0  # next row to be written
         self.arrays: dict[str, NDArray[Any]] = {}
+        self._moved_rows: Int64 | None = None  # until the next insertion
         if n_objects is not None:
             self._allocate(n_objects)
 
@@ -115,6 +119,10 @@ class ReplayBuffer:
         arrays["satisfied"][index], arrays["present"][index] = goals.satisfied, goals.present
         if goals.rewards is not None:
             arrays["goal_reward"][index] = goals.rewards
+        if self.world.vocabulary.moves_objects:
+            arrays["left"][index] = np.arange(len(trajectory), -1, -1)
+            arrays["moved"][index] = moved_objects(arrays["objects"][index], trajectory.arm)
+            self._moved_rows = None
         self.head = int(last + 1) % self.capacity
         self.rows = max(self.rows, min(self.capacity, int(index.max()) + 1))
 
@@ -133,6 +141,14 @@ class ReplayBuffer:
     def following(self, index: Int64) -> Int64:
         """Row that the transition of each row leads to."""
         return (index + 1) % self.capacity
+
+    @property
+    def moved_rows(self) -> Int64:
+        """Rows of transitions from trajectories in which a block moved."""
+        if self._moved_rows is None:
+            moved = self.arrays["moved"][: self.rows].any(-1)
+            self._moved_rows = np.flatnonzero(moved & ~self.arrays["last"][: self.rows])
+        return self._moved_rows
 
     def filled(self) -> dict[str, NDArray[Any]]:
         """Views of the rows in use; with `to_metadata`, everything to save."""
@@ -163,6 +179,9 @@ class ReplayBuffer:
             "satisfied": ((), np.uint64),  # bit j: relabeling program j is satisfied at this row
             "present": ((), np.uint64),  # bit j: program j names an object of the scene
         }
+        if self.world.vocabulary.moves_objects:
+            shapes["left"] = (), np.int32  # transitions from this row to the trajectory's end
+            shapes["moved"] = (n_objects,), np.bool_  # which blocks moved in its trajectory
         if self._goals:
             shapes["goal_reward"] = (self._goals,), np.float32  # of program j, at this row
         try:
@@ -174,6 +193,15 @@ class ReplayBuffer:
                 code="learning.size",
             ) from error
         self.arrays = arrays
+
+
+def moved_objects(objects: NDArray[np.float32], arm: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which objects [T + 1, N, F] are elsewhere at the end, the hand not counted: [N]."""
+    hand, poses = arm[[0, -1], None, -POSE_WIDTH:], objects[[0, -1], :, :POSE_WIDTH]
+    first, last = in_base(hand.astype(np.float64), poses.astype(np.float64))[..., :3]
+    moved: NDArray[np.bool_] = np.linalg.norm(last - first, axis=-1) > MOVED_M
+    moved[HAND_INDEX] = False
+    return moved
 
 
 def hand_first(objects: NDArray[np.float32], hand_index: int) -> NDArray[np.float32]:

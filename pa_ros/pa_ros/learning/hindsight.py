@@ -1,0 +1,159 @@
+"""Hindsight: stored transitions under other programs, with places moved to where a block later was.
+
+Not in the paper. Places influence nothing, so a stored transition is exactly valid with a place
+moved anywhere (Andrychowicz et al. 2017). Before a block moves, every such program is satisfied
+already, so half of what is drawn is about blocks that moved. A place at times goes to where another
+block went: places near the named block would not tell which block a program names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.core.update import HAND_INDEX
+from pa_ros.language import Program
+from pa_ros.learning.config import HindsightConfig
+from pa_ros.learning.relabeling.kinds import Kinds
+from pa_ros.learning.replay_buffer.buffer import Int64, ReplayBuffer
+from pa_ros.world import Scoring
+from pa_ros.world.poses import POSE_WIDTH, in_base, in_hand
+from pa_ros.world.programs import ProgramTable
+from pa_ros.world.world import World
+
+Bools = NDArray[np.bool_]
+
+
+class Transitions:
+    """Drawn transitions [B] as the engine takes them, each under one program."""
+
+    def __init__(self, replay: ReplayBuffer, index: Int64) -> None:
+        arrays, following = replay.arrays, replay.following(index)
+        self.index = index
+        self.objects, self.next_objects = arrays["objects"][index], arrays["objects"][following]
+        self.arm, self.next_arm = arrays["arm"][index], arrays["arm"][following]
+        self.program: NDArray[np.int32] = arrays["program"][index]
+        self.reward: Float32 = arrays["reward"][index]
+
+    @property
+    def hand(self) -> Float64:
+        """The hand's poses before, [B, 7]."""
+        return _hand(self.arm)
+
+    @property
+    def next_hand(self) -> Float64:
+        """The hand's poses after, [B, 7]."""
+        return _hand(self.next_arm)
+
+
+class Hindsight:
+    """Draws transitions with one of the P training programs each."""
+
+    def __init__(
+        self,
+        programs: Sequence[Program],
+        world: World,
+        scoring: Scoring,
+        config: HindsightConfig,
+    ) -> None:
+        self._table = ProgramTable(world.vocabulary)
+        for program in programs:
+            self._table.add(program)
+        self._world, self._scoring, self._config = world, scoring, config
+        self._kinds = Kinds(world)
+        self._sets = self._kinds.sets(self._table)  # [P, 2, kinds]
+        self._relations = self._table.relations()
+        self._hand_moves = np.array([p.moves_hand for p in self._table.programs])
+
+    def draw(self, rng: np.random.Generator, replay: ReplayBuffer, size: int) -> Transitions:
+        """Draw transitions, programs and places. A transition whose scene none of the programs fits
+        keeps its own program and reward."""
+        index, block = self._rows(rng, replay, size)
+        drawn = Transitions(replay, index)
+        sets = self._sets_of(drawn.objects)  # [B, P, 2, N]
+        fits = sets.any(-1).all(-1)  # [B, P]
+        about = np.take_along_axis(sets, block[:, None, None, None], -1)[..., 0].any(-1)
+        wanted = fits & (about | (block == HAND_INDEX)[:, None])
+        wanted = np.where(wanted.any(-1, keepdims=True), wanted, fits)
+        keys = np.where(wanted, rng.random(wanted.shape), -1.0)
+        program = keys.argmax(-1).astype(np.int32)
+        chosen = sets[np.arange(size), program]  # [B, 2, N]
+        self._move_places(rng, replay, drawn, chosen)
+        known = fits.any(-1)
+        reward = self._reward(drawn, program, chosen)
+        drawn.program = np.where(known, program, drawn.program)
+        drawn.reward = np.where(known, reward, drawn.reward)
+        return drawn
+
+    def _rows(
+        self, rng: np.random.Generator, replay: ReplayBuffer, size: int
+    ) -> tuple[Int64, Int64]:
+        """Rows [B], and for each the block that moved which its program must be about, or the hand
+        if any program will do."""
+        index, block = replay.sample(rng, size), np.full(size, HAND_INDEX)
+        moved = replay.moved_rows
+        if len(moved):
+            about_moved = np.flatnonzero(rng.random(size) < self._config.moved)
+            index[about_moved] = moved[rng.integers(len(moved), size=len(about_moved))]
+            which = replay.arrays["moved"][index[about_moved]]  # [M, N]
+            block[about_moved] = (which * rng.random(which.shape)).argmax(-1)
+        return index, block
+
+    def _sets_of(self, objects: Float32) -> Bools:
+        """The two sets of every program in every scene, [B, P, 2, N]."""
+        sets = self._sets[..., self._kinds.of(objects)]  # [P, 2, B, N]
+        sets[..., HAND_INDEX] = False
+        sets[self._hand_moves, 0] = False
+        sets[self._hand_moves, 0, :, HAND_INDEX] = True
+        return sets.transpose(2, 0, 1, 3)
+
+    def _move_places(
+        self, rng: np.random.Generator, replay: ReplayBuffer, drawn: Transitions, sets: Bools
+    ) -> None:
+        """Move the place that a program names to where what it moves later was, or another block.
+
+        `sets` are the program's, [B, 2, N].
+        """
+        config, every = self._config, np.arange(len(sets))
+        bodies = self._world.schema.bodies(drawn.objects)  # [B, N]
+        places = sets[:, 1] & ~bodies
+        rows = np.flatnonzero(places.any(-1) & (rng.random(len(sets)) < config.future))
+        if not len(rows):
+            return
+        place, who = places[rows].argmax(-1), sets[rows, 0].argmax(-1)
+        others = bodies[rows]
+        others[:, HAND_INDEX] = False
+        others[every[: len(rows)], who] = False
+        another = (others * rng.random(others.shape)).argmax(-1)
+        cross = (rng.random(len(rows)) < config.cross) & others.any(-1)
+        who = np.where(cross, another, who)
+        left = replay.arrays["left"][drawn.index[rows]]
+        later = drawn.index[rows] + 1 + (rng.random(len(rows)) * left).astype(np.int64)
+        later %= replay.capacity
+        there = replay.arrays["objects"][later, who, :POSE_WIDTH].astype(np.float64)
+        there = in_base(_hand(replay.arrays["arm"][later]), there)[:, :2]
+        hand = drawn.hand[rows]
+        pose = in_base(hand, drawn.objects[rows, place, :POSE_WIDTH].astype(np.float64))
+        pose[:, :2] = there + rng.normal(0.0, config.spread, there.shape)
+        drawn.objects[rows, place, :POSE_WIDTH] = in_hand(hand, pose)
+        drawn.next_objects[rows, place, :POSE_WIDTH] = in_hand(drawn.next_hand[rows], pose)
+
+    def _reward(self, drawn: Transitions, program: NDArray[np.int32], sets: Bools) -> Float32:
+        """Rewards [B] by the verifier's rule, of programs with their sets [B, 2, N]."""
+        reward = np.zeros(len(program), np.float32)
+        hand_moves, relation = self._hand_moves[program], self._relations[program]
+        for row, name in enumerate(self._world.relations):
+            for of_hand in (True, False):
+                rows = np.flatnonzero((relation == row) & (hand_moves == of_hand))
+                moved = None if of_hand else sets[rows, 0]
+                objects, hand = drawn.next_objects[rows], drawn.next_hand[rows]
+                score = self._scoring(sets[rows, 1], objects, name, hand, moved)
+                reward[rows] = score.reward
+        return reward
+
+
+def _hand(arm: Float32) -> Float64:
+    return arm[..., -POSE_WIDTH:].astype(np.float64)

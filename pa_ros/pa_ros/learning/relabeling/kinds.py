@@ -1,0 +1,39 @@
+"""What programs name, by kind of object: one gather instead of evaluating programs anew."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.core.experience import Float32
+from pa_ros.world.programs import ProgramTable, crisp, crisp_roles
+from pa_ros.world.world import World
+
+
+class Kinds:
+    """All combinations of values that an object of a world can have, numbered."""
+
+    def __init__(self, world: World) -> None:
+        self._schema = world.schema
+        values = {group.name: group.features.values for group in world.schema}
+        rows = [world.schema.features(dict(zip(values, k, strict=True)))
+                for k in product(*values.values())]  # fmt: skip
+        hand = np.zeros(world.object_features, np.float32)
+        self._truth = world.truth(np.stack([*rows, hand])).T  # [V, kinds + 1]
+        self._sizes = [len(names) for names in values.values()]
+
+    def of(self, objects: Float32) -> NDArray[np.intp]:
+        """Kind of each object [..., F]; without meaning for the hand: [...]."""
+        values = [has.argmax(-1) for has in self._schema.has(objects)]
+        return np.asarray(np.ravel_multi_index(values, self._sizes))
+
+    def named(self, table: ProgramTable) -> NDArray[np.bool_]:
+        """Which kinds each program names, [P, kinds + 1]."""
+        return crisp(table.arrays(), self._truth, self._truth.shape[1] - 1)
+
+    def sets(self, table: ProgramTable) -> NDArray[np.bool_]:
+        """Which kinds are in each program's two sets, [P, 2, kinds + 1]."""
+        arrays = table.arrays()
+        return crisp_roles(arrays, table.roles(), self._truth, self._truth.shape[1] - 1)

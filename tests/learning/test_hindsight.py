@@ -1,0 +1,107 @@
+"""Hindsight: places move to where a block later was, and rewards follow by the verifier's rule."""
+
+import numpy as np
+import pytest
+
+from helpers.worlds import random_trajectory
+from pa_ros.core.update import HAND_INDEX
+from pa_ros.language import Vocabulary, parse
+from pa_ros.learning.config import HindsightConfig
+from pa_ros.learning.hindsight import Hindsight, Transitions
+from pa_ros.learning.replay_buffer.buffer import ReplayBuffer
+from pa_ros.world import Scoring, Trajectory
+from pa_ros.world.poses import in_base, in_hand
+from pa_ros.world.programs import ProgramTable, crisp_roles
+from pa_ros.world.schema import PUSHING
+from pa_ros.world.world import World
+
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "PLACE"), color=("RED", "BLUE")).moving("PLACE")
+PUSH = World(PUSHING, WORDS, joints=6)
+TEXTS = ("NEAR(CUBE, RED)", "NEAR(AND(RED, SPHERE), PLACE)", "NEAR(CUBE, PLACE)",
+         "NEAR(HAND, CUBE)", "NEAR(HAND, PLACE)", "NEAR(CUBE, SPHERE)")  # fmt: skip
+PROGRAMS = [parse(text, WORDS) for text in TEXTS]
+CUBE, SPHERE, PLACE = 1, 2, 3
+STEPS = 20
+
+
+def pushed(rng: np.random.Generator, sequence: int, moves: bool) -> Trajectory:
+    """A trajectory in which the hand goes anywhere and the cube along x, if it moves."""
+    base = np.zeros((STEPS + 1, 4, 7))
+    base[..., 6] = 1.0
+    base[:, HAND_INDEX] = rng.normal(size=(STEPS + 1, 7))
+    base[:, HAND_INDEX, 3:] /= np.linalg.norm(base[:, HAND_INDEX, 3:], axis=-1, keepdims=True)
+    base[:, 1:, :3] = rng.uniform(-0.5, 0.5, (3, 3))
+    base[:, 1:, 2] = 0.03
+    if moves:
+        base[:, CUBE, 0] += np.linspace(0, 2, STEPS + 1)
+    kinds = [{"shape": s, "color": "RED"} for s in ("CUBE", "SPHERE", "PLACE")]
+    objects = np.zeros((STEPS + 1, 4, PUSH.object_features), np.float32)
+    objects[:, 1:] = [PUSHING.features(kind) for kind in kinds]
+    objects[..., :7] = in_hand(base[:, :1], base)
+    arm = np.zeros((STEPS + 1, PUSH.arm_features), np.float32)
+    arm[:, -7:] = base[:, HAND_INDEX]
+    fields = {"objects": objects, "arm": arm, "world_digest": PUSH.digest, "program": PROGRAMS[0]}
+    return random_trajectory(rng, STEPS, sequence=sequence, **fields)
+
+
+@pytest.fixture
+def replay() -> ReplayBuffer:
+    rng, replay = np.random.default_rng(0), ReplayBuffer(1000, PUSH)
+    for sequence in range(8):
+        replay.insert(pushed(rng, sequence, moves=sequence == 3), program=0)
+    return replay
+
+
+def hindsight(**shares: float) -> Hindsight:
+    return Hindsight(PROGRAMS, PUSH, Scoring(), HindsightConfig(**shares))
+
+
+def places(drawn: Transitions) -> tuple[np.ndarray, np.ndarray]:
+    """The place's positions in the base's frame, before and after, [B, 3] each."""
+    before, after = (
+        in_base(hand, objects[:, PLACE, :7].astype(float))[:, :3]
+        for hand, objects in ((drawn.hand, drawn.objects), (drawn.next_hand, drawn.next_objects))
+    )
+    return before, after
+
+
+def test_rewards_are_the_verifiers_of_the_moved_places(replay: ReplayBuffer) -> None:
+    drawn = hindsight().draw(np.random.default_rng(1), replay, 500)
+    table = ProgramTable(WORDS)
+    for program in PROGRAMS:
+        table.add(program)
+    truth = PUSH.truth(drawn.next_objects[0]).T
+    moved, named = crisp_roles(table.arrays(), table.roles(), truth, HAND_INDEX).swapaxes(0, 1)
+    for row, program in enumerate(drawn.program):
+        of_hand = PROGRAMS[program].moves_hand
+        score = Scoring()(named[program], drawn.next_objects[row], "NEAR",
+                          moved=None if of_hand else moved[program])  # fmt: skip
+        assert drawn.reward[row] == score.reward
+    assert set(drawn.program) == set(range(len(PROGRAMS)))
+    assert {-1.0, 1.0} == set(drawn.reward)
+
+
+def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) -> None:
+    drawn = hindsight(moved=1, future=1, cross=0).draw(np.random.default_rng(1), replay, 300)
+    about_cube = [i for i, text in enumerate(TEXTS) if "CUBE" in text]
+    assert set(drawn.program) == set(about_cube)  # nothing else moved
+    before, after = places(drawn)
+    np.testing.assert_allclose(before, after, atol=1e-5)  # in the base's frame it rests
+    rows = np.flatnonzero(drawn.program == TEXTS.index("NEAR(CUBE, PLACE)"))
+    cube = in_base(drawn.next_hand, drawn.next_objects[:, CUBE, :7].astype(float))[:, :3]
+    ahead = (before - cube)[rows]  # the cube goes along x
+    assert (ahead[:, 0] > -0.15).all() and (np.abs(ahead[:, 1]) < 0.15).all()
+    assert ahead[:, 0].mean() > 0.3
+
+
+def test_a_place_may_move_to_where_another_block_was(replay: ReplayBuffer) -> None:
+    drawn = hindsight(moved=1, future=1, cross=1).draw(np.random.default_rng(1), replay, 300)
+    sphere = in_base(drawn.hand, drawn.objects[:, SPHERE, :7].astype(float))[:, :3]
+    rows = np.flatnonzero(drawn.program == TEXTS.index("NEAR(CUBE, PLACE)"))
+    assert (np.linalg.norm(places(drawn)[0] - sphere, axis=-1)[rows] < 0.15).all()
+
+
+def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuffer) -> None:
+    drawn = hindsight(moved=0, future=0).draw(np.random.default_rng(1), replay, 300)
+    np.testing.assert_array_equal(drawn.objects, replay.arrays["objects"][drawn.index])
+    assert len(set(drawn.index // (STEPS + 1))) == 8
