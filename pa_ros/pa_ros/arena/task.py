@@ -88,6 +88,7 @@ class ReachTask:
 
         Raises ConfigError for a value of the design that has no look.
         """
+        # A value without a look must not surface at the first episode that happens to draw it.
         for kind in design.extended_pool:
             look_of(kind)
         self.config = config

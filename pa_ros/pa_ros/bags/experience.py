@@ -128,6 +128,8 @@ class Experience:
         decode = partial(decode_trajectory, world=world)
         trajectories = self._bag.decoded([self._topic], decode)
         for key, version in self._order():
+            # The recording has trajectories as they arrived; those that come before their turn wait
+            # here.
             while key in there and key not in read:
                 trajectory = next(trajectories, None)
                 if trajectory is None:
@@ -229,6 +231,8 @@ def learn(
             elif order_is_known and one.version is None:
                 found.left_out += 1
             else:
+                # Each incarnation and run gets a name of its own, or its numbers would pass for
+                # duplicates.
                 agent = f"{one.key.agent_id}@{(one.key.incarnation, run)}"
                 trajectory = replace(one.trajectory, agent_id=agent, held_from=0)
                 found.accepted += learner.consume(trajectory)

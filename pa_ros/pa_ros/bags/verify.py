@@ -101,9 +101,11 @@ def verify(
         if one.version is not None and not found.difference:
             try:
                 learner.consume(one.trajectory)
+            # What the recorded learner accepted must be accepted again.
             except PaError as error:
                 found.difference = f"version {one.version}: {error}"
             _compare(experience, learner, found)
+        # The weights differ already, so only transitions are left to compare.
         elif not arena:
             break
         if progress is not None:

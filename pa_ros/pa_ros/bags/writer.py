@@ -64,6 +64,8 @@ class BagWriter:
             raise BagFullError(f"bag: {folder}: {error}") from error
         try:
             with self._reserve.open("xb") as file:
+                # This space is freed when the disk is full, so that index and metadata can still be
+                # written.
                 os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
             self._storage = self._next_file()
         except DISK_ERRORS as error:

@@ -80,6 +80,7 @@ def add_results(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Train the missing seeds and write tables, or do a study of trained seeds."""
+    # Seeds run side by side: more threads for each would only slow the others down.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     if options.name == "variants":
         return _compare(options.results)

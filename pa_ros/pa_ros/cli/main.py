@@ -107,6 +107,7 @@ def _run(arguments: Sequence[str], chosen: str | None) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns its exit status (2: the input was refused)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    # The command is looked for before parsing, because the parser imports only its module.
     chosen = next((a for a in arguments if a in COMMANDS), None)
     command = f"pa_ros {chosen}" if chosen else "pa_ros"
     if isinstance(sys.stdout, io.TextIOWrapper):

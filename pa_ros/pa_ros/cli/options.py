@@ -145,6 +145,7 @@ def folder_to_write(text: str) -> Path:
 
 
 def _check_folder(folder: Path, asked: Path) -> None:
+    # Hours of work must not end with a folder that cannot be made.
     there = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not there.is_dir():
         raise ConfigError(f"{asked}: expected a folder at {there}, got a file")

@@ -84,6 +84,7 @@ class LiveConsole:
         if now - self._surveyed > SURVEY_S:
             self._surveyed = now
             self._survey()
+        # Nobody looks, so the arena need not send its steps to this process.
         if not pages and not self._history.pending:
             self._rest()
             return

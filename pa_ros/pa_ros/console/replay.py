@@ -46,6 +46,7 @@ class Replay:
             for recorded in bag.messages([bag.topic_of(WEIGHTS, namespace)]):
                 version = decode_weights(bag.deserialize(recorded)).snapshot.version
                 self._stamps[version] = recorded.stamp_ns
+        # Dragging the slider stays within a few versions, and loading one takes long.
         self._insight = lru_cache(maxsize=8)(self._load)
 
     def moment(self, episode: int, step: int) -> Moment:

@@ -75,6 +75,7 @@ class ArenaScene:
         episode = RecordedEpisode(moment.observation.episode, moment.evaluation, [moment.row])
         self._stage = Stage(episode, moment.arena)
         model = self._stage.task.simulation.model
+        # The arm is large to send and stays the same in an arena; only the blocks are made anew.
         if self._of is None or self._of[0] != of[0]:
             self._server.scene.reset()
             self._server.scene.set_up_direction("+z")

@@ -110,6 +110,7 @@ def _load(extension: str) -> ModuleType:
 
 
 def _load_file(path: Path) -> ModuleType:
+    # The path is part of the name, so that two files called x.py are two modules.
     name = f"pa_ros_extension_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
@@ -117,6 +118,7 @@ def _load_file(path: Path) -> ModuleType:
         module = sys.modules[name] = importlib.util.module_from_spec(spec)
         try:
             spec.loader.exec_module(module)
+        # A module that failed half-way must not pass for a loaded one at the next attempt.
         except BaseException:
             del sys.modules[name]
             raise

@@ -20,6 +20,7 @@ def written_beside(path: Path) -> Iterator[Path]:
     if path.exists() and not path.is_file():
         yield path
         return
+    # In the same folder, because only a rename within one file system is atomic.
     beside = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         yield beside

@@ -138,6 +138,8 @@ class Leaf:
 
     @property
     def _adapter(self) -> TypeAdapter[Any]:
+        # The bounds belong to the field and not to its type, so a bare type would accept any
+        # number.
         checked: Any = Annotated[self.field.annotation, self.field]
         return TypeAdapter(checked, config=ConfigDict(allow_inf_nan=False))
 
@@ -156,6 +158,8 @@ class Settings(BaseModel):
     raise ValueError("NAME: expected …, got …").
     """
 
+    # Frozen, because agent, learner and checkpoint share one object and compare it. Strict, so that
+    # neither true nor "3" passes for a number.
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, arbitrary_types_allowed=True
     )
@@ -237,6 +241,7 @@ class Settings(BaseModel):
     def _explain(cls, error: ValidationError | CoreError, values: Mapping[str, Any]) -> str:
         """One line for the first error that pydantic found."""
         leaves = {leaf.path: leaf for leaf in cls.leaves()}
+        # People correct one setting at a time, and a log shows one line.
         found: ErrorDetails = error.errors()[0]
         path = ".".join(name for name in found["loc"] if isinstance(name, str))
         where = ".".join(filter(None, (cls.SECTION, path)))

@@ -103,6 +103,7 @@ def signals_interrupt() -> Iterator[None]:
     raised: list[int] = []
 
     def handle(number: int, frame: FrameType | None) -> None:
+        # A closing terminal sends SIGHUP after the signal that already ends this process.
         if raised and number == signal.SIGHUP:
             return
         if _may_raise(number, frame):

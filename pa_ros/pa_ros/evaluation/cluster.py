@@ -132,6 +132,7 @@ class Cluster:
                     failures[job.name] = error
                     log(f"{job.name} failed: {error}")
                     continue
+                # A job that has begun goes first, so that jobs end one after the other.
                 waiting.appendleft(job)
             progress()
         check_failures(failures)
@@ -179,6 +180,7 @@ def write_files(root: Path, files: Files) -> None:
     for name, content in files.items():
         path = root / name
         path.parent.mkdir(parents=True, exist_ok=True)
+        # This process may be killed at any moment, and a later one continues from these files.
         unfinished = path.with_name(f".{path.name}.unfinished")
         unfinished.write_bytes(content)
         unfinished.replace(path)

@@ -144,11 +144,13 @@ def summarize(rows: Sequence[Row]) -> list[Summary]:
 
 def _summary(condition: str, rows: Sequence[Row]) -> Summary:
     seeds = list(dict.fromkeys(row.seed for row in rows))
+    # All seeds faced the same episodes, so the references of one seed are those of all.
     one = [row for row in rows if row.seed == seeds[0]]
     scores = np.array([row.reward for row in rows]).reshape(len(seeds), len(one))  # [S, E]
     random, scripted, *blind = (
         np.array([getattr(row, name) for row in one]) for name in ("random", "scripted", *BLIND)
     )
+    # The strongest blind reference, so that an agent does not shine beside a weak one.
     best = int(np.argmax([reference.mean() for reference in blind]))
     mean = normalized_interval(scores, random, scripted)
     gain = gain_over(scores, blind[best], random, scripted)

@@ -34,6 +34,7 @@ class Benchmark:
 
         The code of an extension (an arm, a relation) is not part of it.
         """
+        # The version is part of it, because a release may change physics or scoring.
         content = repr((self, scoring_of(self.arena, self.design).thresholds, __version__))
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 

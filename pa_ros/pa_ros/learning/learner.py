@@ -187,6 +187,8 @@ class Learner:
             index = self.replay.sample(self.rng, updates * size)
             program, reward = self._programs(index, self.replay.following(index))
         following = self.replay.following(index)
+        # An episode that was cut off by its time limit is not terminal: what would have followed
+        # still has a value.
         terminal = self.replay.arrays["terminal"][index]
         discount = np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
         # These numbers decide which properties of which block are hidden, [rows, 2].
@@ -242,6 +244,8 @@ class Learner:
         """Updates due for `frames` more transitions; fractions are carried over."""
         if self.counters.frames > self.config.replay.warmup_frames:
             self.counters.frames_due += frames
+        # Counted from the beginning, so that fractions carry over. 1e-9 keeps a product such as
+        # 0.29 × 100, which is 28.999…, from costing an update.
         total = self.counters.frames_due * self.config.updates.per_frame
         return math.floor(total + 1e-9) - self.counters.updates
 
@@ -253,6 +257,7 @@ class Learner:
             program, reward = program[:, None], reward[:, None]
         else:
             rewards = arrays["goal_reward"][following] if self._relabeler.rewards_kept else None
+            # A transition is rewarded for the state that it leads to.
             masks = GoalMasks(arrays["satisfied"][following], arrays["present"][index], rewards)
             k = self.config.relabeling.programs_per_transition
             program, reward = self._relabeler.draw(self.rng, program, reward, masks, k)

@@ -98,9 +98,13 @@ class FusedEngine:
 
     def update(self, batch: Batch) -> None:
         """One DPG update of critic and actor, both gradients at the parameters before it."""
+        # Programs join the table as trajectories arrive; the library gets the table only when it
+        # grew.
         if self._known != len(self._table):
             self._family.set_programs(self._engine, self._network, self._table)
             self._known = len(self._table)
+        # Adam corrects its moments for having started at zero; the powers are taken here in
+        # float64.
         step = self._trained["actor"].step + 1
         correction1, correction2 = (1.0 - beta**step for beta in self._betas)
         self._metrics = self._engine.update(
@@ -197,6 +201,7 @@ class FusedActor:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
         objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
         action = np.empty(self._config.world.actions, np.float32)
+        # Compiling takes longer than acting, and an agent acts on one program for many steps.
         if self._newest is None or self._newest[0] is not program:
             self._newest = program, self._family.codes(program, self._config)
         self._family.act(self._actor, (objects, arm, hand_index), self._newest[1], action)

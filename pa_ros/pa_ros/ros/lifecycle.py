@@ -57,6 +57,7 @@ class ManagedNode(LifecycleNode, ABC):
         self._health = HealthReporter(self, self.refusals, self._report, self._progress)
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
+        # What exists now belongs to every state: parameter and lifecycle services, diagnostics.
         self._permanent = {id(entity) for _, entity in self._entities()}
         if self.get_parameter("autostart").value is not False:
             for trigger in (self.trigger_configure, self.trigger_activate):

@@ -111,6 +111,7 @@ class Supervisor:
         chosen = [child for child in self._children if only is None or child.name in only]
         patience = self._patience
         try:
+            # Each signal is harder than the one before: SIGINT lets a learner write its checkpoint.
             self._signal(chosen, signal.SIGINT, patience.interrupt_s)
             self._signal(chosen, signal.SIGTERM, patience.terminate_s)
         finally:

@@ -132,6 +132,8 @@ class Player:
         self._unacknowledged[name] = self.played.counts[name] = 0
 
     def _wait_for_subscribers(self, stopped: Callable[[], bool]) -> None:
+        # A publisher is discovered some time after it was made, and what it publishes before is
+        # lost.
         deadline = time.monotonic() + self._options.wait_s
         waiting = list(self._publishers)
         while waiting and time.monotonic() < deadline and not stopped():
@@ -210,6 +212,8 @@ class _StepWait:
     def __init__(self, node: Node, commands: str) -> None:
         self._node = node
         self._name = f"{commands.rpartition('/')[0]}/{topics.OBJECT_FEATURES.name}"
+        # No executor serves this subscription: `_newest` takes its messages itself, without a
+        # callback, so that waiting for a step costs little.
         self._subscription = replace(topics.OBJECT_FEATURES, name=self._name).subscribe(node, id)
         self._reached_ns = -1  # stamp of the arena's newest step
         self._active = False
@@ -253,6 +257,7 @@ def _profile(bag: Bag, name: str, keep_all: bool = False) -> QoSProfile:
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        # A latched publisher that kept all of its messages would hold the whole bag in memory.
         history=HistoryPolicy.KEEP_ALL if every and reliable and not latched
         else HistoryPolicy.KEEP_LAST,
         depth=max([1, *(one.depth for one in offered)]),

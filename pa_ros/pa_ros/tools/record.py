@@ -182,6 +182,7 @@ class Recorder:
         for reader in self._readers:
             for payload, info in reader.take():
                 sent_ns, number = info["source_timestamp"], info["publication_sequence_number"]
+                # Some middlewares do not say when a message arrived.
                 log_ns = info["received_timestamp"] or time.time_ns()
                 self._writer.write(reader.name, payload, log_ns, sent_ns, number or 0)
                 taken += 1
@@ -294,6 +295,7 @@ def topics_named(node: Node, names: Iterable[str], arenas: Sequence[str] = ()) -
     def unpublished() -> list[str]:
         return [name for name in others if not node.get_publishers_info_by_topic(name)]
 
+    # Our own topics have known types; those of others are known from their publishers only.
     spin_until(node, lambda: not unpublished(), DISCOVERY_S if others else 0.0)
     if unpublished():
         known = ", ".join(sorted(name.rpartition("/")[2] for name in ours))

@@ -104,6 +104,8 @@ class ReplayBuffer:
         self.ledger.record(trajectory.key, trajectory.held_from, trajectory.first_of_run)
         if not self.arrays:
             self._allocate(trajectory.objects.shape[1])
+        # The ring overwrites the oldest rows. What stays of an older trajectory is still valid,
+        # since a transition needs only the next row.
         index = (self.head + np.arange(len(trajectory) + 1)) % self.capacity
         arrays, last = self.arrays, index[-1]
         arrays["objects"][index] = hand_first(trajectory.objects, trajectory.hand_index)
@@ -134,6 +136,7 @@ class ReplayBuffer:
             )
         index = rng.integers(self.rows, size=size)
         last = self.arrays["last"]
+        # Drawing again keeps the draw uniform, and few rows are the last of their trajectory.
         while (again := np.flatnonzero(last[index])).size:
             index[again] = rng.integers(self.rows, size=again.size)
         return index
