@@ -11,7 +11,7 @@ import time
 import uuid
 from collections.abc import Callable
 
-from pa_ros.arena import DivergedError
+from pa_ros.arena import PhysicsError
 from pa_ros.core.experience import AgentKey, Step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
@@ -143,7 +143,7 @@ class SimNode(ManagedNode):
         started = time.perf_counter()
         try:
             step = advance()
-        except DivergedError as error:
+        except PhysicsError as error:
             self.refusals.refuse("physics", error)
             self._publish(self.session.begin())
             return

@@ -102,7 +102,7 @@ class Session:
     def advance(self, velocity: Float64, executed: Executed | None = None) -> Step:
         """Act for one control period with joint velocities in rad/s, [J]; the step it led to.
 
-        Call `finish_step` after it. Raises DivergedError; the episode is then void.
+        Call `finish_step` after it. Raises PhysicsError; the episode is then void.
         """
         observation, verdict = self.task.advance(velocity)
         if self.disturbed:

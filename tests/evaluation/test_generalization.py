@@ -15,7 +15,7 @@ from pa_ros.evaluation.blind import BLIND, blind_policy
 from pa_ros.evaluation.evaluate import run_episodes
 from pa_ros.evaluation.generalization import (
     CONDITIONS,
-    Row,
+    ConditionRow,
     Summary,
     conditions_of,
     generalize,
@@ -94,9 +94,9 @@ def test_agents_of_different_settings_are_rejected(novice: TrainedAgent, tmp_pat
     assert described["preset"] == "fast" and described["words"]["color"][-2:] == ("A", "B")
 
 
-def row(seed: int, episode: int, reward: float, **fields: float) -> Row:
+def row(seed: int, episode: int, reward: float, **fields: float) -> ConditionRow:
     values = {"scripted": 0.8, "random": -1.0, "nearest": -0.4, "any": -0.1, "most": -0.2}
-    return Row(seed, "eval", episode, "P", reward, reward > 0, 0.1, **(values | fields))
+    return ConditionRow(seed, "eval", episode, "P", reward, reward > 0, 0.1, **(values | fields))
 
 
 def test_summary_of_two_seeds():
@@ -164,7 +164,10 @@ def test_the_study_writes_tables_and_a_picture_that_can_be_redrawn(novice, tmp_p
     summaries = results.generalization(
         agents, out, tmp_path / "cache", 2, ".x", lines.append, chosen
     )
-    assert len(read_rows(out / "generalization.x.csv", Row)) == 2 * 2 * 2 and len(lines) == 2 * 2
+    assert (
+        len(read_rows(out / "generalization.x.csv", ConditionRow)) == 2 * 2 * 2
+        and len(lines) == 2 * 2
+    )
     assert [s.condition for s in summaries] == list(chosen)
     assert len(read_rows(out / "generalization-summary.x.csv", Summary)) == 2
     facts = json.loads((out / "generalization.x.json").read_text())

@@ -5,7 +5,7 @@ from pa_ros.arena.conditions import Condition, condition_named, conditions_for, 
 from pa_ros.arena.config import PRESETS, ArenaChoice, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
 from pa_ros.arena.episodes import Block, Episode, generate
-from pa_ros.arena.errors import ArenaError, DivergedError, RenderError
+from pa_ros.arena.errors import ArenaError, PhysicsError, RenderError
 from pa_ros.arena.gym_env import ENV_ID, ReachEnv, register
 from pa_ros.arena.references import mean_reward, random_policy, scripted_action
 from pa_ros.arena.task import ReachTask, scoring_of, world_of
@@ -22,7 +22,7 @@ __all__ = [
     "Block",
     "Condition",
     "Design",
-    "DivergedError",
+    "PhysicsError",
     "Episode",
     "Joint",
     "Kind",

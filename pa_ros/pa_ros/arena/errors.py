@@ -14,7 +14,7 @@ class ArenaError(PaError):
     code = "arena"
 
 
-class DivergedError(ArenaError):
+class PhysicsError(ArenaError):
     """The physics became unstable; the episode is void."""
 
     code = "arena.diverged"

@@ -15,7 +15,7 @@ from pa_ros.arena.appearance import Look, look_of
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.episodes import Episode
-from pa_ros.arena.errors import ArenaError, DivergedError
+from pa_ros.arena.errors import ArenaError, PhysicsError
 from pa_ros.arena.model import build
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.world.schema import PAPER, ObjectSchema
@@ -106,7 +106,7 @@ class Simulation:
         """Command joint velocities, rad/s [J], for one control period.
 
         They must be finite and within the limits; the caller checks that. Raises ArenaError
-        (arena.episode) without an episode, DivergedError if the physics fails.
+        (arena.episode) without an episode, PhysicsError if the physics fails.
         """
         if not self._placed:
             raise ArenaError("expected a reset before the first command", code="arena.episode")
@@ -116,7 +116,7 @@ class Simulation:
         if self._warnings.any():
             self._placed = False
             kind = mujoco.mjtWarning(int(self._warnings.argmax())).name
-            raise DivergedError(f"the physics of this episode is void: MuJoCo warns of {kind}")
+            raise PhysicsError(f"the physics of this episode is void: MuJoCo warns of {kind}")
         mujoco.mj_kinematics(self.model, self.data)  # mj_step leaves the poses before the step
 
     def objects(self) -> Float32:

@@ -45,7 +45,7 @@ EXIT_PIPE = 141  # the status that a shell gives for SIGPIPE
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of standard output
 
 
-class _Parser(argparse.ArgumentParser):
+class _CommandParser(argparse.ArgumentParser):
     """A parser whose errors are one line, and suggest a name for a misspelled one."""
 
     def error(self, message: str) -> NoReturn:
@@ -70,7 +70,7 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
     """The parser; only the chosen command's module is imported, since torch and rclpy are slow."""
     from pa_ros.cli.options import add_extension
 
-    parser = _Parser(prog="pa_ros", description=ABOUT, allow_abbrev=False)
+    parser = _CommandParser(prog="pa_ros", description=ABOUT, allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"pa_ros {__version__}")
     add_extension(parser)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -29,7 +29,7 @@ EVERY = 20  # control steps between the observations that are judged
 
 
 @dataclass(frozen=True)
-class Look:
+class DetectorLook:
     """Φ and p at one step of one episode under its program."""
 
     episode: Episode
@@ -64,7 +64,7 @@ class DetectorView:
         self._inference = TorchActor(network, agent.snapshot.tensors, agent.logic)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
-    def looks(self, condition: str, episodes: int) -> Iterator[Look]:
+    def looks(self, condition: str, episodes: int) -> Iterator[DetectorLook]:
         """Yield a look every EVERY steps of episodes 0 … `episodes` − 1 of a condition."""
         act, task = self._agent.policy, self._task
         for index in range(episodes):
@@ -76,7 +76,7 @@ class DetectorView:
                     break
                 observation, verdict = task.step(act(observation, task.program))
 
-    def show(self, look: Look) -> ReachTask:
+    def show(self, look: DetectorLook) -> ReachTask:
         """The arena at the step of a look, for a picture; valid until the next call."""
         act, task = self._agent.policy, self._task
         observation, _ = task.reset_to(look.episode)
@@ -84,13 +84,13 @@ class DetectorView:
             observation, _ = task.step(act(observation, task.program))
         return task
 
-    def _look(self, observation: Observation) -> Look:
+    def _look(self, observation: Observation) -> DetectorLook:
         task, vocabulary = self._task, self._vocabulary
         phi = self._inference.properties(observation.objects, self._world.arm(observation))
         hand, logic = observation.hand_index, self._agent.logic
         p = relevance(task.program, phi.tolist(), vocabulary.row, hand, logic)
         targets, words = task.verifier.targets, vocabulary.words
-        return Look(
+        return DetectorLook(
             task.episode, observation.step, targets, words, phi, logic, np.array(p), observation
         )
 
@@ -115,7 +115,9 @@ class Accuracy:
     separated: float
 
 
-def accuracies(seed: int, design: Design, condition: str, looks: Sequence[Look]) -> list[Accuracy]:
+def accuracies(
+    seed: int, design: Design, condition: str, looks: Sequence[DetectorLook]
+) -> list[Accuracy]:
     """A row for each word of the design, and for "new shape" and "new color" if they occur.
 
     A new property is judged by the program that names it (appendix, exclusion or inclusion).
@@ -145,7 +147,7 @@ def _properties(design: Design) -> list[tuple[str, str, frozenset[str]]]:
     return found
 
 
-def _degrees(look: Look, expression: str, design: Design) -> NDArray[np.float64]:
+def _degrees(look: DetectorLook, expression: str, design: Design) -> NDArray[np.float64]:
     """Degree of an expression for each block, [N - 1], by the logic that the agent acts by.
 
     The hand is object 0.
@@ -167,7 +169,7 @@ def _judged(
     return on_mean, rival_mean, right_share, separated
 
 
-def extremes(looks: Sequence[Look]) -> tuple[Look, Look]:
+def extremes(looks: Sequence[DetectorLook]) -> tuple[DetectorLook, DetectorLook]:
     """The looks with the greatest and the least margin; the earliest of equals."""
     return max(looks, key=lambda look: look.margin), min(looks, key=lambda look: look.margin)
 
@@ -190,7 +192,7 @@ def detector_table(agents: Mapping[int, TrainedAgent], episodes: int) -> list[Ac
     ]
 
 
-def named(look: Look) -> str:
+def named(look: DetectorLook) -> str:
     """The blocks that a look's program names, for a caption."""
     kinds = [block.kind for block in look.episode.blocks]
     flags = satisfying(look.episode.program, [kind.words for kind in kinds], None)

@@ -35,7 +35,7 @@ CONDITIONS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ConditionRow:
     """One episode of one seed: rewards per step of the agent and of all references."""
 
     seed: int
@@ -69,7 +69,7 @@ def generalize(
     episodes: int = 100,
     conditions: Sequence[str] = (),
     report: Callable[[str], None] = print,
-) -> list[Row]:
+) -> list[ConditionRow]:
     """Score agents (by seed) under `conditions` (default: all of their design), seed by seed.
 
     `report` receives a line for each seed and condition. Raises ConfigError for agents of different
@@ -79,7 +79,7 @@ def generalize(
     benchmark = Benchmark(design=design, arena=arena, episodes=episodes)
     scorer = Scorer(benchmark, cache)
     names = tuple(conditions) or conditions_of(benchmark.design)
-    rows: list[Row] = []
+    rows: list[ConditionRow] = []
     for condition, (seed, agent) in product(names, agents.items()):
         found = condition_rows(scorer, seed, agent, condition)
         mean = np.mean([row.reward for row in found])
@@ -103,14 +103,16 @@ def acting_under(condition: str, agent: TrainedAgent, seed: int) -> tuple[Traine
     return agent, condition
 
 
-def condition_rows(scorer: Scorer, seed: int, agent: TrainedAgent, condition: str) -> list[Row]:
+def condition_rows(
+    scorer: Scorer, seed: int, agent: TrainedAgent, condition: str
+) -> list[ConditionRow]:
     """Score one agent under one condition, RANDOM_WEIGHTS included."""
     agent, drawn_from = acting_under(condition, agent, seed)
     scores = scorer.agent(agent, drawn_from)
     references = [rewards(scorer.reference(name, drawn_from)) for name in (*REFERENCES, *BLIND)]
     return [
-        Row(seed, condition, score.episode, score.program, score.reward_per_step, score.success,
-            score.distance, *map(float, column))
+        ConditionRow(seed, condition, score.episode, score.program, score.reward_per_step,
+                     score.success, score.distance, *map(float, column))
         for score, column in zip(scores, np.transpose(references), strict=True)
     ]  # fmt: skip
 
@@ -136,13 +138,13 @@ class Summary:
     gain_high: float
 
 
-def summarize(rows: Sequence[Row]) -> list[Summary]:
+def summarize(rows: Sequence[ConditionRow]) -> list[Summary]:
     """A summary of each condition, in the order of the rows."""
     names = dict.fromkeys(row.condition for row in rows)
     return [_summary(name, [row for row in rows if row.condition == name]) for name in names]
 
 
-def _summary(condition: str, rows: Sequence[Row]) -> Summary:
+def _summary(condition: str, rows: Sequence[ConditionRow]) -> Summary:
     seeds = list(dict.fromkeys(row.seed for row in rows))
     # All seeds faced the same episodes, so the references of one seed are those of all.
     one = [row for row in rows if row.seed == seeds[0]]

@@ -17,14 +17,14 @@ from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.render import top_view
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.detectors import (
+    DetectorLook,
     DetectorView,
-    Look,
     detector_conditions,
     extremes,
     named,
 )
 from pa_ros.evaluation.drawing import heat_map, save
-from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, Row, Summary, summarize
+from pa_ros.evaluation.generalization import RANDOM_WEIGHTS, ConditionRow, Summary, summarize
 
 BOX, SEEDS, SCRIPT, BLIND_MARK = "#8fb8de", "#1f4e79", "#555555", "#c0392b"
 WORDS = {
@@ -42,7 +42,7 @@ WORDS = {
 }
 
 
-def generalization_figure(path: Path, rows: Sequence[Row], title: str) -> None:
+def generalization_figure(path: Path, rows: Sequence[ConditionRow], title: str) -> None:
     """Draw the reward per step under each condition: boxes over all episodes, a dot for each seed.
 
     Lines show the means of the scripted reference and of the best blind one on the same episodes.
@@ -72,7 +72,7 @@ def in_words(condition: str) -> str:
     return WORDS.get(condition) or counted.get(kind, condition)
 
 
-def _column(axes: Axes, x: int, rows: Sequence[Row], summary: Summary) -> None:
+def _column(axes: Axes, x: int, rows: Sequence[ConditionRow], summary: Summary) -> None:
     box = axes.boxplot(
         [row.reward for row in rows],
         positions=[x],
@@ -98,7 +98,7 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
     """Draw the arena, Φ transposed and p, for known and unseen properties, a good and a bad case.
 
     The good case is the look with the largest margin of the condition's episodes, the bad one that
-    with the smallest (`detectors.Look.margin`).
+    with the smallest (`detectors.DetectorLook.margin`).
     """
     conditions = detector_conditions(agent.design)
     count = 2 * len(conditions)
@@ -122,7 +122,7 @@ def detector_figure(path: Path, agent: TrainedAgent, episodes: int, title: str) 
     save(figure, path)
 
 
-def _case(axes: Sequence[Axes], task: ReachTask, look: Look) -> None:
+def _case(axes: Sequence[Axes], task: ReachTask, look: DetectorLook) -> None:
     picture, table = axes
     half = TABLE_SIDE_M / 2
     picture.imshow(top_view(task, 300), extent=(-half, half, -half, half))

@@ -10,7 +10,7 @@ from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.detectors import Accuracy, detector_table
 from pa_ros.evaluation.equalities import Difference, difference_table
 from pa_ros.evaluation.generalization import (
-    Row,
+    ConditionRow,
     Summary,
     generalize,
     setting,
@@ -57,7 +57,7 @@ def generalization(
 
 def redraw_generalization(table: Path) -> Path:
     """Draw the picture of a table that `generalization` wrote; returns its path."""
-    rows = read_rows(table, Row)
+    rows = read_rows(table, ConditionRow)
     facts = read_setting(table, "design", "preset", "agents", "episodes")
     picture = table.with_suffix(".png")
     generalization_figure(

@@ -43,7 +43,7 @@ def _world(network: NetworkConfig) -> dict[str, Any]:
     }
 
 
-class Trunk:
+class FusedTrunk:
     """Programmable networks, which take flat programs."""
 
     def describe(
@@ -122,7 +122,7 @@ class Mlp:
         actor.act_on_target(*seen, target, action)
 
 
-FUSED: dict[type[Family], Trunk | Mlp] = {Programmable: Trunk(), Canonical: Mlp()}
+FUSED: dict[type[Family], FusedTrunk | Mlp] = {Programmable: FusedTrunk(), Canonical: Mlp()}
 
 
 def _with_relation(codes: Codes) -> tuple[Int32, Int32, Int32, Int32]:

@@ -35,7 +35,7 @@ class DemoProgram:
 
 
 @dataclass(frozen=True)
-class Scene:
+class DemoScene:
     """An episode in which a program can show something."""
 
     condition: str  # FULL or FEWER
@@ -66,7 +66,7 @@ def demo_programs(design: Design) -> list[DemoProgram]:
     ]
 
 
-def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProgram) -> Scene:
+def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProgram) -> DemoScene:
     """The first scene of a seed in which a program can show something.
 
     It names exactly as many blocks as it should, none of them nearer than FARTHER. Scenes as in
@@ -86,7 +86,7 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
             task.reset_to(episode)
             _, verdict = task.set_program(parsed)
             if verdict.distance >= farther:
-                return Scene(condition, episode, verdict.distance)
+                return DemoScene(condition, episode, verdict.distance)
     raise ConfigError(
         f"demo: no scene of design {design.name} in which {program.text} names "
         f"{program.targets} block(s) at least {farther:g} {RELATIONS[parsed.relation].unit} away"
