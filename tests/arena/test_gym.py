@@ -66,6 +66,14 @@ def test_each_kind_has_a_fixed_place_in_the_flat_observation() -> None:
         }
 
 
+def test_eval_has_the_flat_observation_of_train_so_that_one_policy_fits_both() -> None:
+    train, other, wider = (
+        ReachEnv(design="3-D", condition=name).observation_space.shape[0]
+        for name in ("train", "eval", "ignore-new")
+    )
+    assert train == other == 18 + 16 * len(design_named("3-D").pool) + 9 < wider
+
+
 @pytest.mark.parametrize("condition", conditions_for(design_named("3-D")))
 def test_every_condition_runs_within_its_spaces(condition: str) -> None:
     env = ReachEnv(design="3-D", condition=condition)

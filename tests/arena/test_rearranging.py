@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.appearance import look_of
@@ -66,6 +67,15 @@ def test_poses_and_velocities_are_reported_as_given():
     reported = bodies(task)[1]
     for name in ("position", "quaternion", "linear", "angular"):
         assert getattr(reported, name) == pytest.approx(getattr(given, name), abs=1e-6), name
+
+
+@pytest.mark.parametrize("yaw", [-2.5, -0.4, 0.9, 3.0])
+def test_a_tilted_block_keeps_the_yaw_of_its_x_axis(yaw: float):
+    task = begun(0)
+    tilted, placed = Rotation.from_euler("ZYX", [yaw, -0.6, 0.3]), bodies(task)[1:]
+    placed[0] = Body.at_rest(FAR + [0, 0, 0.3], tilted.as_quat())
+    rearrange(task, kinds_of(task), placed)
+    assert task.episode.blocks[0].yaw == pytest.approx(yaw)
 
 
 def test_the_program_stays_while_its_target_is_removed_and_added_again():

@@ -1,6 +1,7 @@
 """The scripted and random reference policies."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
-from pa_ros.arena.references import reward_per_step
+from pa_ros.arena.references import reward_per_step, toward
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast"])
@@ -25,6 +26,27 @@ def test_the_script_reaches_the_target_under_every_condition(preset: str, condit
         assert reward_per_step(task, scripted_action, episode, condition) > -0.2
         observation = task.simulation.objects()
         assert task.verifier.score(observation, task.simulation.hand_pose).measure < 0.20
+
+
+@pytest.mark.parametrize(
+    ("base", "goal", "turns"),
+    [
+        (140, -140, "back"),  # 80° forward would pass the limit: the other way round
+        (-140, 140, "forward"),
+        (140, 80, "back"),
+        (10, 80, "forward"),
+        (-100, -20, "forward"),
+    ],
+)
+def test_a_base_with_limits_turns_the_way_that_it_can(base: int, goal: int, turns: str) -> None:
+    """Angles in degrees; the Panda's base turns from -149° to 149°."""
+    task = ReachTask(preset_named("fast", "panda"), design_named("2-L"), seed=0)
+    task.reset(0)
+    start = math.radians(base), *task.episode.arm_start[1:]
+    task.reset_to(replace(task.episode, arm_start=start))
+    place = [0.4 * math.cos(math.radians(goal)), 0.4 * math.sin(math.radians(goal)), 0.2]
+    speed = toward(task, np.array(place))[0]
+    assert speed == (1.0 if turns == "forward" else -1.0) * task.config.joint_speed_limits[0]
 
 
 def test_random_policy_is_uniform_seeded_and_poor() -> None:

@@ -100,6 +100,7 @@ def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
     steps = acted()
     rewards = [verdict.reward for _, verdict, *_ in steps[1 : STEPS + 1]]
     assert float(table[0]["reward_per_step"]) == pytest.approx(np.mean(rewards))
+    assert [(row["steps"], row["missing_steps"]) for row in table] == [(str(STEPS), "0")] * 2
     with np.load(tmp_path / "out" / "eval-000007.npz") as arrays:  # without pickles
         assert arrays["objects"].shape == (STEPS + 1, 5, 16)
         assert arrays["program"][0] == str(steps[-1][3])

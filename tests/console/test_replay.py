@@ -39,8 +39,19 @@ def test_moments_have_the_weights_that_acted(recorded):
             assert moment.observation.step == 3 and moment.program == episode.rows[3].program
             assert moment.explanation is not None and moment.explanation.tree, moment.unexplained
             versions.append(moment.explanation.version)
-            assert moment.explanation.version <= episode.rows[3].policy_version
+        assert versions == [episode.rows[3].policy_version for episode in replay.episodes]
         assert versions == sorted(versions) and versions[-1] > versions[0]
+
+
+def test_of_weights_that_were_not_recorded_the_version_before_is_shown(recorded, tmp_path):
+    def lose(name, message):
+        return [] if name.endswith("policy_weights") and message.version in (2, 3) else [message]
+
+    with Bag(rewritten(recorded, tmp_path / "bag", lose)) as bag:
+        replay = Replay(bag)
+        acted = [episode.rows[3].policy_version for episode in replay.episodes]
+        shown = [replay.moment(i, 3).explanation.version for i in range(len(acted))]
+    assert 2 in acted and shown == [1 if version in (2, 3) else version for version in acted]
 
 
 def test_p_is_what_the_agent_acted_on(recorded):

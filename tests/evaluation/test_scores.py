@@ -22,6 +22,12 @@ def test_an_interval_contains_the_mean_and_shrinks_with_episodes():
     assert (point.low, point.mean, point.high) == (-1.0, -1.0, -1.0)
 
 
+def test_an_interval_is_of_95_percent():
+    """1.96 standard errors of the mean to either side; 90 % would be 1.64."""
+    interval = mean_interval(np.tile([-1.0, 1.0], 500))
+    assert [interval.low, interval.high] == pytest.approx([-0.062, 0.062], rel=0.08)
+
+
 def test_normalized_is_zero_at_random_and_one_at_scripted():
     random, scripted = np.full(8, -0.9), np.linspace(0.7, 0.9, 8)
     assert normalized_interval(random[None], random, scripted).mean == pytest.approx(0.0)

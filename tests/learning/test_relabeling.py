@@ -95,6 +95,8 @@ def test_draws(k) -> None:
         for b in range(3):
             assert set(program[b]) <= present[b]
             assert len(set(program[b])) == min(k, len(present[b]))
+            times = Counter(program[b].tolist()).values()  # over again: no program is favored
+            assert max(times) - min(times) <= 1
             expected = [1.0 if j in satisfied[b] else -1.0 for j in program[b]]
             np.testing.assert_array_equal(rewards[b], expected)
         assert (program[3] == 9).all() and (rewards[3] == 1.0).all()

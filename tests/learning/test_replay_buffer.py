@@ -73,6 +73,15 @@ def test_samples_are_the_newest_whole_transitions(lengths, capacity) -> None:
     assert replay.transitions == len(starts)
 
 
+def test_the_rings_last_row_is_drawn() -> None:
+    replay = ReplayBuffer(8, WORLD)
+    for sequence in range(2):  # rows 0 to 5, and 6, 7, 0 to 3: row 7 begins a transition
+        replay.insert(random_trajectory(np.random.default_rng(0), 5, sequence=sequence), 0)
+    drawn = replay.sample(np.random.default_rng(0), 500)
+    assert sorted(set(drawn.tolist())) == [0, 1, 2, 4, 6, 7]
+    assert replay.following(np.array([7])).tolist() == [0]
+
+
 def test_an_overwritten_row_leaves_nothing_behind() -> None:
     rng = np.random.default_rng(0)
     replay = ReplayBuffer(7, WORLD)

@@ -207,3 +207,19 @@ def test_the_reward_of_a_reset_is_not_counted(monkeypatch):
     for _ in range(3):
         step(session)
     assert list(session.rewards[False]) == [1.0]  # four rewards, one of them a reset's -1: 0.5
+
+
+def test_mean_rewards_are_of_the_newest_20_episodes_of_a_kind(monkeypatch):
+    session = Session(SimConfig(episode_steps=1, eval_every_episodes=2), "x")
+    session.begin()
+    judged = session.task.verdict
+
+    def numbered(seen):
+        kind = 1000.0 if session.frame.evaluation else 0.0
+        return replace(judged(seen), reward=kind + seen.episode)
+
+    monkeypatch.setattr(session.task, "verdict", numbered)
+    for _ in range(3 * 25):
+        step(session)
+    assert list(session.rewards[False]) == [float(number) for number in range(30, 50)]
+    assert list(session.rewards[True]) == [1000.0 + number for number in range(5, 25)]
