@@ -224,6 +224,7 @@ class DeepPrograms:
             if expression is None:
                 continue
             named = self._denotation(expression)
+            # True of some kinds but not of all, and of others than each operand alone: it matters.
             if len(set(named)) == 2 and all(named != other for _, other in operands):
                 return expression, named
         raise self._not_found(f"an expression {depth} deep in which every operator matters")

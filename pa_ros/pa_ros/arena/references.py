@@ -52,6 +52,8 @@ def toward(task: ReachTask, goal: Float64) -> Float64:
     hand = simulation.positions[0]
     error = _cylindrical_error(task, hand, goal)
     jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
+    # As if the hand had to arrive within one step; `_limited` then slows it down to what the arm
+    # can do.
     rates = error / task.config.control_period_s
     for _ in range(2):  # the second time without the joints at their limits
         velocity = _damped_least_squares(jacobian, rates)

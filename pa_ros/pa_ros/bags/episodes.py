@@ -183,6 +183,7 @@ class _Builder:
             seen.episode,
             step.evaluation,
         )
+        # An arena that is reset to the same episode counts its steps from 0 again.
         if newest is None or not same or seen.step <= newest.rows[-1].step:
             newest = RecordedEpisode(seen.episode, step.evaluation)
             self._open.append(newest)

@@ -64,6 +64,7 @@ class Bag:
                 hint = f"; try {repair_command(path)}" if path.is_dir() else ""
                 raise damaged(path, f"{error}{hint}") from error
             self._check_version()
+            # The bag is whole: from now on its owner closes it.
             opened.pop_all()
         self._stores: dict[str, Typestore] = {}
 
@@ -174,6 +175,8 @@ class Bag:
             entry = self._connections[topic][0]
             store = _installed()
             if entry.msgdef.format == MessageDefinitionFormat.MSG:
+                # The definitions in the bag, so that it can be read where its types are not
+                # installed.
                 store = get_typestore(Stores.EMPTY)
                 store.register(get_types_from_msg(entry.msgdef.data, entry.msgtype))
             self._stores[topic] = store

@@ -117,6 +117,7 @@ def evaluate(
     if n_blocks is not None:
         design = replace(design, n_blocks=n_blocks)
     task = ReachTask(config, design, seed)
+    # The same task plays the same episodes for each policy, so only the policies differ.
     references = {name: reference_scores(task, name, condition, episodes) for name in REFERENCES}
     if isinstance(policy, str):
         scores = references[policy]

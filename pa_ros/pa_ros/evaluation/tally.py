@@ -35,6 +35,7 @@ class EpisodeTally:
         if verdict is None or observation.stamp_ns <= self._latest_ns:
             return
         self._latest_ns = observation.stamp_ns
+        # The verdict of a reset rewards no action.
         if observation.step == 0:
             self._rewards = []
             return

@@ -70,6 +70,8 @@ def write_checkpoint(root: Path, name: str, files: Mapping[str, bytes]) -> None:
         unfinished.mkdir()
         for file_name, content in {**files, SUMS: _checksums(files)}.items():
             write_synced(unfinished / file_name, content)
+        # The content must be on the disk before the rename is, or a power cut could leave a
+        # finished name with empty files.
         _sync_folder(unfinished)
         os.rename(unfinished, finished)
         _sync_folder(root)
@@ -79,6 +81,8 @@ def write_checkpoint(root: Path, name: str, files: Mapping[str, bytes]) -> None:
         remove_older(root, name)
     except OSError as error:
         shutil.rmtree(root / f".{name}", ignore_errors=True)
+        # If LATEST names it already, the checkpoint is whole, and only the removal of older ones
+        # failed.
         if latest_name(root) != name:
             shutil.rmtree(root / name, ignore_errors=True)
         raise CheckpointError(f"checkpoint: {root}: {error}") from error
@@ -126,6 +130,8 @@ def make_latest(checkpoint: Path) -> None:
     """
     root = checkpoint.parent
     try:
+        # The resumed run will use these version numbers again, so the damaged ones must give them
+        # up.
         for newer in completed(root):
             if newer.name > checkpoint.name:
                 shutil.rmtree(root / f"damaged-{newer.name}", ignore_errors=True)

@@ -58,6 +58,7 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
     DivergedError if its numbers are not finite; either way the earlier checkpoints stay.
     """
     name = f"version-{learner.counters.version:09d}"
+    # Nothing was learned since then, and a whole checkpoint is never written over.
     if latest_name(root) == name:
         return root / name
     policies = {
@@ -66,6 +67,7 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
         for key, tensor in snapshot.tensors.items()
     }
     tensors = learner.engine.tensors()
+    # A checkpoint that contains NaN would replace a good one, and no run could resume from it.
     _check_finite({**tensors, **policies})
     values = {
         "format": FORMAT,
@@ -253,6 +255,7 @@ def ship(
     write_synced(new / METADATA, (json.dumps(values, indent=1) + "\n").encode())
     write_synced(new / POLICIES, packed(tensors))
     if out.exists():
+        # Only between these two renames is there no policy of this name.
         os.rename(out, old)
     os.rename(new, out)
     shutil.rmtree(old, ignore_errors=True)

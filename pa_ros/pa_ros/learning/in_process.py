@@ -19,6 +19,7 @@ def joined_agent(run: LearningRun, agent_id: str, seed: int) -> LearningAgent:
     In a resumed run it continues where its learner's checkpoint was taken: with the same
     incarnation and the next trajectory number.
     """
+    # Incarnation 0 and not a new one, so that equal runs leave equal checkpoints.
     key, sequence = AgentKey(agent_id, 0), 0
     for known, accounted in run.learner.replay.ledger.accounted().items():
         if known.agent_id == agent_id:

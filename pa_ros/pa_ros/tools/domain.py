@@ -22,6 +22,7 @@ class DomainClaim:
     """
 
     def __init__(self) -> None:
+        # In random order, so that processes that start together rarely try the same one.
         for number in random.SystemRandom().sample(list(DOMAINS), len(DOMAINS)):
             claim = _bound(number, UNUSED)
             if claim is None:

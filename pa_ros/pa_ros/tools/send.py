@@ -211,6 +211,7 @@ class GoalClient:
                 raise NoAnswerError(f"it is still being executed after {timeout_s:g} s")
         finally:
             if not result.done():
+                # The arm must not pursue a goal that nobody waits for any more.
                 self._spin(handle.cancel_goal_async().done, CANCEL_S)
         ended = decode_goal_result(result.result().result)
         # An agent that is cleaned up meanwhile aborts its goal without a word.
