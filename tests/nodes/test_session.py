@@ -212,13 +212,14 @@ def test_the_reward_of_a_reset_is_not_counted(monkeypatch):
 def test_mean_rewards_are_of_the_newest_20_episodes_of_a_kind(monkeypatch):
     session = Session(SimConfig(episode_steps=1, eval_every_episodes=2), "x")
     session.begin()
-    judged = session.task.verdict
+    advance = session.task.advance
 
-    def numbered(seen):
-        kind = 1000.0 if session.frame.evaluation else 0.0
-        return replace(judged(seen), reward=kind + seen.episode)
+    def numbered(velocity):
+        observation, verdict = advance(velocity)
+        kind = 1000.0 if session.current.evaluation else 0.0
+        return observation, replace(verdict, reward=kind + observation.episode)
 
-    monkeypatch.setattr(session.task, "verdict", numbered)
+    monkeypatch.setattr(session.task, "advance", numbered)
     for _ in range(3 * 25):
         step(session)
     assert list(session.rewards[False]) == [float(number) for number in range(30, 50)]
