@@ -11,19 +11,6 @@ import pytest
 from pa_ros.cli.main import build_parser, main
 
 
-def test_program_check_prints_the_canonical_form(capsys):
-    assert main(["program", "check", " NEAR( HAND ,AND(RED,CUBE ) )"]) == 0
-    assert capsys.readouterr().out == "NEAR(HAND, AND(RED, CUBE))\n"
-
-
-def test_program_check_refuses_with_a_caret_and_status_2(capsys):
-    assert main(["program", "check", "NEAR(HAND, RAD)"]) == 2
-    error = capsys.readouterr().err
-    assert "did you mean RED?" in error
-    text, caret = error.splitlines()[-2:]
-    assert text[caret.index("^")] == "R"
-
-
 def test_train_then_eval(tmp_path, capsys):
     run = ["train", "--out", str(tmp_path), "--seed", "1", "--eval-every", "0"]
     assert main([*run, "--frames", "200"]) == 0
