@@ -19,7 +19,6 @@ from pa_ros.arena import (
     scripted_action,
 )
 from pa_ros.arena.arms.panda import LINKS
-from pa_ros.arena.references import toward
 from pa_ros.core.errors import ConfigError
 
 CONFIGS = [preset_named(preset, arm) for arm in ARMS for preset in ("fast", "paper")]
@@ -120,15 +119,6 @@ def test_the_pandas_chain_is_the_published_one() -> None:
         atol=1e-12,
     )  # fmt: skip
     assert sum(link.mass_kg for link in LINKS) == pytest.approx(16.06, abs=0.01)
-
-
-def test_a_base_with_limits_turns_the_long_way_round() -> None:
-    """From the far left to a block at the far right, through the front."""
-    task = panda()
-    task.simulation.data.qpos[0] = 2.5
-    mujoco.mj_kinematics(task.simulation.model, task.simulation.data)
-    goal = 0.4 * np.array([math.cos(-2.3), math.sin(-2.3), 0.1])
-    assert toward(task, goal)[0] < 0  # the short way leads to +3.98 rad
 
 
 def test_blocks_lie_within_the_sector_of_the_arm() -> None:

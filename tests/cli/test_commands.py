@@ -76,6 +76,13 @@ def test_a_misspelled_command_is_told_its_name(capsys):
             "--relations: expected --policy",
         ),
         (["send", "--wait"], "--wait: expected a program"),
+        (
+            ["send", "--scene", "last"],
+            "--scene: expected next or the number of an episode, got 'last'",
+        ),
+        (["send", "RED", "--namespace", "not a name"], "namespace"),
+        (["launch", "--params", "absent.yaml"], "absent.yaml"),
+        (["eval", "--policy", "scripted", "--condition", "all"], "expected --checkpoint"),
         (["record", "--repair", "x", "--storage", "sqlite3"], "expected it alone, got storage"),
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["ship", "unused", "3-D"], "expected a new one, got '3-D', which exists (--replace)"),

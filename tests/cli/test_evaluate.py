@@ -43,9 +43,3 @@ def test_all_conditions_at_once(checkpoint: str, tmp_path, capsys, monkeypatch):
     assert figures["eval.random.success_rate"] <= 1.0
     low, high = (figures[f"eval.reach-new-both.{end}"] for end in ("low", "high"))
     assert low <= figures["eval.reach-new-both.normalized"] <= high
-
-
-@pytest.mark.parametrize("condition", ["all", "random"])
-def test_references_have_no_weights(condition: str, capsys):
-    assert main(["eval", "--policy", "scripted", "--condition", condition]) == 2
-    assert "expected --checkpoint" in capsys.readouterr().err

@@ -103,19 +103,6 @@ def test_programs_are_pursued_accepted_and_refused_and_ctrl_c_stops_all_nodes(la
     assert not graph.nodes
 
 
-@pytest.mark.parametrize(
-    ("arguments", "reason"),
-    [
-        (["launch", "--params", "absent.yaml"], "absent.yaml"),
-        (["send", "NEAR(HAND, RED)", "--timeout", "-1"], "got -1"),
-        (["send", "NEAR(HAND, RED)", "--namespace", "not a name"], "namespace"),
-    ],
-)
-def test_options_that_cannot_be_are_refused(arguments, reason, capsys):
-    assert main(arguments) == 2
-    assert reason in capsys.readouterr().err
-
-
 def test_a_node_that_dies_ends_its_launch_and_no_node_outlives_a_killed_launcher(tmp_path, launch):
     one, other = launch(namespace="one"), launch(namespace="other")
     one.wait_until_up()

@@ -77,13 +77,6 @@ def test_an_arena_without_samples_is_seen_by_its_steps_until_samples_come():
         assert probe.until(lambda: readers() == 1)
 
 
-@pytest.mark.parametrize("text", ["last", "-1"])
-def test_a_scene_is_the_next_or_a_number(text, capsys):
-    assert main(["send", "--scene", text]) == 2
-    expected = "--scene: expected next or the number of an episode, got " + repr(text)
-    assert expected in capsys.readouterr().err
-
-
 @pytest.mark.graph
 def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(monkeypatch):
     monkeypatch.setattr("pa_ros.tools.client.NOTICE_S", 0.2)
