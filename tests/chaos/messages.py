@@ -111,6 +111,11 @@ def _last_trajectory(stage: Stage) -> Trajectory:
     return decode_trajectory(stage.observer.last["trajectories"], arena.world)
 
 
+def _first(trajectory: Trajectory, **changes: Any) -> Trajectory:
+    """The first one of another agent, or of another start."""
+    return replace(trajectory, sequence=0, held_from=0, first_of_run=0, **changes)
+
+
 def _forged(stage: Stage, trajectory: Trajectory) -> Message:
     stage.observer.forged.add(trajectory.key)
     return Message(encode_trajectory(trajectory))
@@ -129,26 +134,25 @@ def _all_given_up(stage: Stage) -> Message:
 
 def _last_start(stage: Stage) -> Message:
     """Well-formed, so it is believed; but it must not bar the real agent."""
-    first = replace(_last_trajectory(stage), sequence=0, held_from=0, first_of_run=0)
-    return Message(encode_trajectory(replace(first, incarnation=LAST)))
+    return Message(encode_trajectory(_first(_last_trajectory(stage), incarnation=LAST)))
 
 
 def _carried(stage: Stage) -> Message:
     """Signed with the right key, for another namespace."""
-    message = _forged(stage, replace(_last_trajectory(stage), agent_id=STRANGER))
+    message = _forged(stage, _first(_last_trajectory(stage), agent_id=STRANGER))
     return Signer(stage.key, "/elsewhere/agent_node", 1).sign("/elsewhere/trajectories", message)
 
 
 def _crowded(stage: Stage) -> Message:
     real = _last_trajectory(stage)
     objects = np.repeat(real.objects[:, :1], 64, axis=1)
-    return _forged(stage, replace(real, agent_id=STRANGER, objects=objects))
+    return _forged(stage, _first(real, agent_id=STRANGER, objects=objects))
 
 
 def _huge(stage: Stage) -> Message:
     real = _last_trajectory(stage)
     objects = np.full_like(real.objects, 3e38)
-    return _forged(stage, replace(real, agent_id=STRANGER, objects=objects))
+    return _forged(stage, _first(real, agent_id=STRANGER, incarnation=1, objects=objects))
 
 
 def _short_arena(stage: Stage) -> Message:

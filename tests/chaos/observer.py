@@ -121,13 +121,14 @@ class Observer:
 
     def _on_arena(self, message: Message) -> None:
         arena = decode_arena_info(message)
-        if arena.arena_id != STRANGER:
+        known = self.arena.arena_id if self.arena is not None else STRANGER
+        if arena.arena_id not in (STRANGER, known):  # the first description of an id counts
             self.arena, self.last["arena_info"] = arena, message
 
     def _on_learner(self, message: Message) -> None:
         info = decode_learner_info(message)
         if info.learner_id != STRANGER:
-            self._announcements[info.learner_id] = message
+            self._announcements.setdefault(info.learner_id, message)
             self._learners.described(info.learner_id, info)
 
     def _on_new_learner(self, learner: LearnerInfo) -> None:
