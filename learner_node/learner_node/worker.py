@@ -171,7 +171,7 @@ class LearnerWorker:
     def _learn_in_turn(self, trajectory: Trajectory) -> None:
         """Learn from a trajectory, or keep it until it is its agent's turn."""
         if self.diverged is not None:
-            self._reject(self.diverged)
+            self._sinks.refuse("trajectories", self.diverged)
             return
         try:
             for ready in self._order.ready(trajectory):
@@ -181,9 +181,9 @@ class LearnerWorker:
             self._sinks.refuse("learning", error)
             waiting, self._order = len(self._order), FixedOrder(self.run, self._config.turns)
             for _ in range(waiting):
-                self._reject(error)
+                self._sinks.refuse("trajectories", error)
         except PaError as error:
-            self._reject(error)
+            self._sinks.refuse("trajectories", error)
             # Its agent may wait for an answer; in a fixed order weights are published once a round.
             if not self._config.turns:
                 self._publish(self.run.policy())
@@ -197,7 +197,7 @@ class LearnerWorker:
         except DivergedError:
             raise
         except PaError as error:
-            self._reject(error)
+            self._sinks.refuse("trajectories", error)
             refused = True
         self.metrics = self._learner.metrics()
         frames, every = self._learner.counters.frames, self._config.checkpoint_every_frames
@@ -208,9 +208,6 @@ class LearnerWorker:
                 self._sinks.publish(policy)
         if every and frames // every > before // every:
             self._save()
-
-    def _reject(self, error: PaError) -> None:
-        self._sinks.refuse("trajectories", error)
 
     def _publish(self, policy: PublishedPolicy) -> None:
         self._offered.append(policy)

@@ -251,6 +251,17 @@ def test_trajectories_in_flight_are_sent_again_to_a_resumed_learner() -> None:
     assert arm.agent.interrupted == 0
 
 
+def test_an_agent_whose_numbers_someone_else_used_up_continues_as_another_start() -> None:
+    arm = Arm(following(LEARNER))
+    arm.reset(0)
+    arm.run(14)
+    arm.agent.offer(published(1, mine=10**6))
+    arm.run(12)
+    keys = [(one.incarnation, one.sequence, one.first_of_run) for one in arm.sent]
+    assert keys == [(ME.incarnation, 0, 0), (ME.incarnation + 1, 1, 1)]
+    assert arm.agent.interrupted == 1 and not arm.agent.waiting
+
+
 def test_another_run_gets_no_trajectories_of_the_one_before(arm) -> None:
     arm.reset(0)
     arm.run(14)

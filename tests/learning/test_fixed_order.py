@@ -92,9 +92,9 @@ def test_free_agents_never_wait_and_what_too_old_weights_did_is_rejected_and_cou
     with pytest.raises(LearningError, match="at most schedule.oldest_policy = 2 versions before 3"):
         run.consume(ours[3])
     figures = run.learner.metrics()
-    assert figures["too_old_trajectories"] == 1 and figures["frames"] == 30
+    assert figures["rejected_trajectories"] == 1 and figures["frames"] == 30
     assert run.policy().accounted == {ours[0].agent: 4}  # nobody waits for it or sends it again
     run.consume(ours[3])  # a duplicate is not counted as too old
-    assert run.learner.metrics()["too_old_trajectories"] == 1
+    assert run.learner.metrics()["rejected_trajectories"] == 1
     run.consume(replace(ours[4], policy_version=1))
     assert run.learner.metrics()["frames"] == 40

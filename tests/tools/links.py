@@ -105,7 +105,7 @@ def test_a_bad_link_that_is_cut_for_half_a_minute_loses_nothing_unsaid(three: Si
     site.learns(1000)
     wait_for(lambda: not gaps(site), "what was missed, sent again or given up")
     accounts = ended(site)
-    figures |= {name: site.ledger[name] for name in ("lost", "duplicates", "too_old")}
+    figures |= {name: site.ledger[name] for name in ("lost", "duplicates", "rejected")}
     assert accounts.keys() == {"arena1", "arena2"}
     assert way == "free" or (site.ledger["lost"] == 0 and not gaps(site))
     with Bag(bag) as opened:

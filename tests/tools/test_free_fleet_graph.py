@@ -50,10 +50,10 @@ def test_a_free_fleet_outlives_a_stopped_learner_and_the_learner_a_dead_arena(tm
             assert until(lambda: made(min) >= then + 8)
         finally:
             os.kill(learner, signal.SIGCONT)
-        assert until(lambda: (figures.value("learner_node", "too_old_trajectories") or 0) > 0)
+        assert until(lambda: (figures.value("learner_node", "refused.learning.too_old") or 0) > 0)
         assert dict(figures.rows()).keys() >= {"/arena1", "/arena2"}
         supervisor.stop(["arena2.sim_node"])
         learned = figures.value("learner_node", "version") or 0
         assert until(lambda: (figures.value("learner_node", "version") or 0) >= learned + 5)
         counted = figures.value("learner_node", "rejected_trajectories") or 0
-        assert counted >= (figures.value("learner_node", "too_old_trajectories") or 0)
+        assert counted >= (figures.value("learner_node", "refused.learning.too_old") or 0)

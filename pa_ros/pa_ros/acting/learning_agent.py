@@ -80,7 +80,11 @@ class LearningAgent(Agent):
         """
         if self._window is None or policy.learner_id != self._window.learner.learner_id:
             self._kept.append(policy)
-        else:
+            return
+        self._receive(policy)
+        if self._window.overtaken:  # its numbers are used up: continue as a new incarnation
+            self.key = AgentKey(self.key.agent_id, self.key.incarnation + 1)
+            self._begin(self._window.learner)
             self._receive(policy)
 
     def observe(self, step: Step, program: Program) -> Trajectory | None:

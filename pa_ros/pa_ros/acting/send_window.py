@@ -56,6 +56,7 @@ class SendWindow:
         """`first_sequence`: number of the first trajectory for this run."""
         self.learner = learner
         self.lost = 0  # trajectories given up
+        self.overtaken = False  # the learner has trajectories in its name that it never sent
         self._agent = agent
         self._first = self._next = self._given_up = first_sequence
         self._started_at = learner.first_version
@@ -147,6 +148,7 @@ class SendWindow:
     def _settle(self, newest: PublishedPolicy) -> None:
         """Forget trajectories that these weights account for, and give up those that are lost."""
         accounted = self._accounted(newest)
+        self.overtaken = accounted > self._next
         self._sent = [one for one in self._sent if one.sequence >= accounted]
         if accounted < self._held_from:
             self.lost += self._held_from - accounted

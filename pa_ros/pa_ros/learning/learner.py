@@ -222,7 +222,6 @@ class Learner:
             "lost_trajectories": self.replay.ledger.lost,
             "duplicate_trajectories": self.replay.ledger.duplicates,
             "rejected_trajectories": self.replay.ledger.rejected,
-            "too_old_trajectories": self.replay.ledger.too_old,
             **rewards,
             **self.engine.metrics(),
         }

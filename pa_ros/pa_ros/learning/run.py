@@ -122,7 +122,6 @@ class LearningRun:
         if schedule.in_step != "free" or age <= schedule.oldest_policy:
             return
         if trajectory.run_id == self.info.run_id and ledger.is_new(trajectory.key):
-            ledger.too_old += 1
             raise LearningError(
                 f"trajectory: expected one acted by weights of at most schedule.oldest_policy = "
                 f"{schedule.oldest_policy} versions before {self.learner.counters.version}, got "

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -103,9 +102,10 @@ class ManagedNode(LifecycleNode, ABC):
     def advertise(self, topic: Topic) -> Any:
         """A publisher. It signs its messages if the node has a key and the topic is signed."""
         publisher, signer = topic.publisher(self), self._signer
-        if signer is None or topic.type not in SIGNED:
-            return publisher
-        return _SigningPublisher(publisher, partial(signer.sign, publisher.topic_name))
+        if signer is not None and topic.type in SIGNED:
+            publish, name = publisher.publish, publisher.topic_name
+            publisher.publish = lambda message: publish(signer.sign(name, message))
+        return publisher
 
     def subscribe(self, topic: Topic, callback: Callable[[Message], None]) -> Any:
         """Call back with each message; a PaError refuses it.
@@ -288,16 +288,3 @@ class ManagedNode(LifecycleNode, ABC):
 
     def _progress(self) -> str:
         return self.progress() if self.active else ""
-
-
-class _SigningPublisher:
-    """A publisher that signs its messages."""
-
-    def __init__(self, publisher: Any, sign: Callable[[Message], Message]) -> None:
-        self._publisher, self._sign = publisher, sign
-
-    def publish(self, message: Message) -> None:
-        self._publisher.publish(self._sign(message))
-
-    def get_subscription_count(self) -> int:
-        return int(self._publisher.get_subscription_count())

@@ -65,7 +65,6 @@ class Ledger:
     duplicates: int = 0
     lost: int = 0  # will not arrive: their agent gave them up, or is gone
     rejected: int = 0  # arrived, but could not be learned from
-    too_old: int = 0  # of these, because of the age of the weights that acted
     agents: dict[AgentKey, SequenceTracker] = field(default_factory=dict)
 
     @property
