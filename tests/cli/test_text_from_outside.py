@@ -31,7 +31,7 @@ def test_what_nodes_answer(capsys: pytest.CaptureFixture[str]):
             }
         )
     )
-    print(result_text(GoalResult(False, 0.1, None, kind, kind)))
+    print(result_text("NEAR(HAND, RED)", GoalResult(False, 0.1, None, kind, kind)))
     said = capsys.readouterr()
     assert CLEAR not in said.out + said.err
     assert said.out.splitlines()[0] == r"a: accepted \x1b[2Jkind"

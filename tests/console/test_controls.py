@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
-from pa_ros.console.controls import Controls
+from pa_ros.console.controls import SPEEDS, Controls
 
 BLOCKS = (("RED CUBE", (0.1, 0.2, 0.03)), ("BLUE SPHERE", (0.3, 0.4, 0.03)))
 
@@ -17,7 +17,7 @@ class Made:
 
     def __init__(self) -> None:
         self.client, self.live = MagicMock(), MagicMock(examples=(), arenas=(), blocks=BLOCKS)
-        self.live.vocabulary = None
+        self.live.vocabulary = self.live.speed = None
         self.live.do.side_effect = lambda act: act()
         self.parts: dict[str, MagicMock] = {}
         gui = self.client.gui
@@ -70,6 +70,16 @@ def test_only_a_chosen_block_is_put_at_a_typed_place(chosen: str, calls: int):
     made.choose("Block", chosen)
     made.press("Put it there")
     assert made.live.services.move.call_count == calls
+
+
+def test_the_current_speed_is_marked_and_all_can_be_pressed():
+    made = Made()
+    for speed, shown in ((2.06, ("0.5", "1", "● 2", "5")), (None, SPEEDS)):
+        made.live.speed = speed
+        made.controls.refresh()
+        assert made.parts["Speed"].options == shown
+    made.press("Speed", "● 2")
+    made.live.services.set_speed.assert_called_once_with(2.0)
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,10 @@ def test_old_scenes_are_freed_at_once(no_collector, monkeypatch):
         assert len(made) == 16 and [ref() is None for ref in made] == [True] * 14 + [False] * 2
 
 
-def test_labels_of_close_blocks_have_different_heights():
-    places = [np.array(place) for place in ((0, 0, 0), (0.3, 0, 0), (0.6, 0, 0), (1, 1, 0))]
-    first, second, third, alone = label_heights(places)
-    assert second > first == third == alone
+def test_labels_of_close_blocks_have_different_heights_the_far_one_the_greater():
+    """Else the label of the near block would be in front of that of the far one."""
+    places = [np.array(place) for place in ((0, 0, 0), (0.2, -0.2, 0), (0.4, -0.4, 0), (1, 1, 0))]
+    far, middle, near, alone = label_heights(places)
+    assert middle > near == far == alone
+    far, near = label_heights(places[:2])
+    assert far > near

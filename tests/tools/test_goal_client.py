@@ -28,7 +28,7 @@ def test_an_agent_that_takes_no_goals_is_said_to_with_what_to_do(monkeypatch, ac
     nothing = type(encode_goal_result(GoalResult(True)))()
     result = _executed(monkeypatch, accepted, nothing)
     assert (result.success, result.code, result.position) == (False, "goal.rejected", -1)
-    assert "ros2 lifecycle get" in result_text(result)
+    assert "ros2 lifecycle get" in result_text("NEAR(HAND, RED)", result)
 
 
 def test_a_result_that_says_why_is_passed_on(monkeypatch) -> None:

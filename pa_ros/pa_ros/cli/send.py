@@ -32,6 +32,7 @@ from pa_ros.tools.send import (
 )
 from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
 from pa_ros.wire.services import ResetRequest
+from pa_ros.world.relation import measured
 
 SUGGEST_S = 2.0  # wait so long for a sample of the table
 OFFER_S = 5.0  # wait so long for an agent's action
@@ -117,21 +118,22 @@ def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
     try:
         if not client.offered(min(OFFER_S, how.timeout_s)):
             return None
-        result = client.execute(ProgramGoal(text, WINDOW_S, HOLD_S), how.timeout_s, _Feedback())
+        goal = ProgramGoal(text, WINDOW_S, HOLD_S)
+        result = client.execute(goal, how.timeout_s, _Feedback(text))
     finally:
         client.close()
     if result.position >= 0 or result.code.startswith("program."):
         print(_refused(result.code, result.reason), file=sys.stderr)
         return EXIT_REFUSED
-    print(result_text(result))
+    print(result_text(text, result))
     return 0 if result.success else EXIT_NOT_SATISFIED
 
 
 class _Feedback:
     """Prints the progress of a goal once a second, from its first step on."""
 
-    def __init__(self) -> None:
-        self._said_at = -math.inf
+    def __init__(self, program: str) -> None:
+        self._program, self._said_at = program, -math.inf
 
     def __call__(self, progress: GoalProgress) -> None:
         if not math.isfinite(progress.distance) or time.monotonic() - self._said_at < 1.0:
@@ -139,7 +141,8 @@ class _Feedback:
         self._said_at = time.monotonic()
         meant = zip(progress.objects, progress.relevance, strict=False)
         words = ", ".join(f"{printable(name)} {p:.2f}" for name, p in meant if name != "hand")
-        print(f"  {progress.distance:.3f} m; p of {words or 'nothing yet'}", flush=True)
+        where = measured(self._program, progress.distance)
+        print(f"  {where}; p of {words or 'nothing yet'}", flush=True)
 
 
 def _send(node: Node, text: str, how: SendOptions) -> int:
@@ -154,13 +157,13 @@ def _send(node: Node, text: str, how: SendOptions) -> int:
     if not how.wait:
         return 0
     execution = sender.wait(how.timeout_s)
-    print(execution_text(execution))
+    print(execution_text(text, execution))
     return 0 if execution.satisfied else EXIT_NOT_SATISFIED
 
 
-def result_text(result: GoalResult) -> str:
+def result_text(program: str, result: GoalResult) -> str:
     """One line: the verdict, the distance, the time to reach or the reason."""
-    where = f"distance {result.final_distance:.3f} m"
+    where = f"distance {measured(program, result.final_distance)}"
     if result.success:
         return f"satisfied: {where}, reached after {result.time_to_reach_s or 0.0:.1f} s"
     return f"not satisfied: {where}: {printable(result.reason)} [{printable(result.code)}]"
@@ -179,9 +182,9 @@ def _refused(code: str, reason: str) -> str:
     return f"refused [{printable(code)}]\n{printable_lines(reason)}"
 
 
-def execution_text(execution: Execution) -> str:
+def execution_text(program: str, execution: Execution) -> str:
     """One line: the verdict, the distance, the time to reach."""
-    where = f"distance {execution.distance:.3f} m after {execution.watched_s:.1f} s"
+    where = f"distance {measured(program, execution.distance)} after {execution.watched_s:.1f} s"
     if execution.satisfied:
         return f"satisfied: {where}, reached after {execution.reached_s:.1f} s"
     return f"not satisfied: {where} (ended by: {execution.ended})"

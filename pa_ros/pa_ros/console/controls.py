@@ -19,6 +19,7 @@ from pa_ros.language import Vocabulary
 NO_BLOCK = "none"
 HANDLE_M = 0.25  # length of the arrows by which a block is dragged
 SPEEDS = ("0.5", "1", "2", "5")
+NOW = "● "  # before the current speed
 PROMPT = "type a program, or choose an example"
 
 
@@ -39,6 +40,10 @@ class Controls:
         """Offer what can be chosen now; keep the handle on its block."""
         live = self._live
         self._follow_block()
+        now = live.speed or 0.0
+        speeds = tuple(NOW + one if abs(now - float(one)) < 0.1 * now else one for one in SPEEDS)
+        if speeds != self._speed.options:
+            self._speed.options = speeds
         if live.vocabulary is not self._read_with:  # what was typed may mean something else now
             self._read()
         blocks = tuple(f"{i + 1}: {name}" for i, (name, _) in enumerate(live.blocks))
@@ -92,7 +97,7 @@ class Controls:
         with gui.add_folder("Arena", order=ORDER["Arena"]):
             self._arenas = gui.add_dropdown("Which", ("none",), visible=False)
             time = gui.add_button_group("Time", ("Pause", "Resume", "Step"))
-            speed = gui.add_button_group("Speed", SPEEDS, hint="times real time")
+            self._speed = gui.add_button_group("Speed", SPEEDS, hint="times real time")
             episode = gui.add_number("Scene", 0, min=0, step=1, hint="number of an episode")
             begin = gui.add_button_group("Begin", ("This scene", "Next scene"))
         self._arenas.on_update(_by_hand(lambda: live.choose(self._arenas.value)))
@@ -105,7 +110,7 @@ class Controls:
             "This scene": lambda: live.services.reset(int(episode.value)),
             "Next scene": lambda: live.services.reset(None),
         })  # fmt: skip
-        self._connect(speed, {
+        self._connect(self._speed, {
             times: partial(lambda value: live.services.set_speed(value), float(times))
             for times in SPEEDS
         })  # fmt: skip
@@ -114,7 +119,7 @@ class Controls:
         """Say what each button of a group does, in the thread of the node."""
 
         def press(_: Any) -> None:
-            name = group.value
+            name = group.value.removeprefix(NOW)
             self._live.do(lambda: acts[name]())
 
         group.on_click(press)

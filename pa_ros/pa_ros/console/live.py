@@ -35,6 +35,7 @@ SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0  # how often curves and alarms are updated
 LOCKSTEP_S = 0.5  # in lockstep, learning needs every core: the page is drawn twice a second
 LOCKSTEP_DEPTH = 4
+RATE = "real_time_factor"  # in the diagnostics of an arena
 
 
 class LiveConsole:
@@ -55,6 +56,7 @@ class LiveConsole:
         self._weights: AgentWeights
         self.services: ArenaServices
         self.vocabulary: Vocabulary | None = None  # the arena's words; None: no arena is known
+        self.speed: float | None = None  # times real time; None: in lockstep, or not known
         self.examples: tuple[str, ...] = ()  # programs that name something in the scene
         self.arenas: tuple[str, ...] = ()  # namespaces of the arenas that are running
         self._follow(namespace)
@@ -139,7 +141,7 @@ class LiveConsole:
             self._weights.close()
         self._namespace = namespace.strip("/")
         self._arena: ArenaDescription | None = None
-        self.vocabulary, self.examples = None, ()
+        self.vocabulary, self.examples, self.speed = None, (), None
         self.services = ArenaServices(self._node, self._namespace)
         self._weights = AgentWeights(self._node, self._namespace, self._refusals)
         self._publisher = in_namespace(PROGRAM, self._namespace).publisher(self._node)
@@ -196,7 +198,8 @@ class LiveConsole:
             judged.reward if judged else nan, judged.distance if judged else nan,
             judged.satisfied if judged else None, explanation, self._weights.why or why,
         )  # fmt: skip
-        factor = self._figures.value("sim_node", "real_time_factor")
+        factor = self._figures.value(f"/{self._namespace}/sim_node".replace("//", "/"), RATE)
+        self.speed = factor if arena.mode is Mode.REAL_TIME else None
         self._page.show(moment, "" if factor is None else f", {factor:.1f} times real time")
         words = [set(name.split()) for name in self._page.scene.names]
         self.examples = suggested_programs(arena, vocabulary, words)

@@ -8,6 +8,7 @@ from html import escape
 from pa_ros.console.insight import Explanation, Moment
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
+from pa_ros.world.relation import measured
 
 SHOWN = 300  # characters of a text from outside
 _CELL = "padding:1px 5px;text-align:right;font-variant-numeric:tabular-nums;"
@@ -86,10 +87,16 @@ def state(moment: Moment, speed: str = "") -> str:
     """Return what is being executed, and with what success."""
     seen = moment.observation
     kind = "evaluation episode" if moment.evaluation else "episode"
-    holds = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
+    verdict = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
+    program, arena = moment.program, moment.arena
+    if program:
+        verdict += f": {measured(program, moment.distance)}"
+        thresholds = dict(zip(arena.world.relations, arena.thresholds, strict=True))
+        if (limit := thresholds.get(program.partition("(")[0])) is not None:
+            verdict += f", at most {measured(program, limit)} is wanted"
     rows = [
-        ("program", moment.program or "none in force"),
-        ("verdict", f"{holds}, {moment.distance:.2f} m away"),
+        ("program", program or "none in force"),
+        ("verdict", verdict),
         ("reward", f"{moment.reward:+.2f}"),
         ("time", f"{kind} {seen.episode}, step {seen.step}, {seen.stamp_ns / 1e9:.1f} s{speed}"),
     ]

@@ -18,6 +18,7 @@ from pa_ros.console.insight import Moment
 from pa_ros.world.relation import RELATIONS
 
 HIDDEN_GROUP = 5  # mjviser does not draw geoms of this group
+CAMERA_M = (0.85, -0.85, 1.3)  # of a page that was just opened
 OUTLINE = (255, 170, 0)
 LINE_HEIGHT_M = 0.004  # of lines above the table
 LABEL_M, LABEL_STEP_M = 0.06, 0.06  # height of labels above blocks, and between two labels
@@ -47,8 +48,8 @@ class ArenaScene:
         self._blocks: list[_Block] = []
         self._of: tuple[str, bytes] | None = None  # arena, and looks of the blocks that are shown
         server.scene.set_up_direction("+z")
-        server.initial_camera.position = (1.15, -1.15, 1.05)
-        server.initial_camera.look_at = (0.1, 0.0, 0.1)
+        server.initial_camera.position = CAMERA_M
+        server.initial_camera.look_at = (0.1, -0.1, 0.0)
 
     @property
     def names(self) -> list[str]:
@@ -134,13 +135,16 @@ class ArenaScene:
 
 
 def label_heights(places: list[Any]) -> list[float]:
-    """Return the height of each block's label, so that labels of close blocks don't overlap."""
-    levels: list[int] = []
-    for i, place in enumerate(places):
-        close = [j for j in range(i) if np.linalg.norm(place[:2] - places[j][:2]) < CROWDED_M]
+    """Return the height of each block's label, so that labels of close blocks don't overlap.
+
+    Blocks near the camera have the lower labels.
+    """
+    levels: dict[int, int] = {}
+    for i in sorted(range(len(places)), key=lambda i: np.linalg.norm(places[i] - CAMERA_M)):
+        close = (j for j in levels if np.linalg.norm((places[i] - places[j])[:2]) < CROWDED_M)
         taken = {levels[j] for j in close}
-        levels.append(next(level for level in range(len(places)) if level not in taken))
-    return [LABEL_M + LABEL_STEP_M * level for level in levels]
+        levels[i] = next(level for level in range(len(places)) if level not in taken)
+    return [LABEL_M + LABEL_STEP_M * levels[i] for i in range(len(places))]
 
 
 def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:

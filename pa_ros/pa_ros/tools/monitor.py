@@ -94,9 +94,10 @@ class GraphFigures:
         return "  ".join([*parts, f"refused {self._refusals()}", f"alarms {self._alarms()}"])
 
     def _of(self, node: str) -> list[Health]:
-        """The entries of all nodes with a name, in the order of their namespaces."""
+        """The entries of all nodes with a name, in the order of their namespaces, or of one by its
+        full name."""
         known = sorted(self._health.items())
-        return [entry for name, (entry, _) in known if name.rpartition("/")[2] == node]
+        return [one for name, (one, _) in known if node in (name, name.rpartition("/")[2])]
 
     def _known(self) -> Iterator[tuple[Figure, str]]:
         """The figures that a node reports, written."""

@@ -21,6 +21,7 @@ from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.step import decode_step
+from pa_ros.world.relation import measured
 
 MAX_SUGGESTIONS = 12
 POLL_S = 0.5  # between two checks whether an arena publishes samples
@@ -86,7 +87,8 @@ class Scene:
     def _distance(self) -> str:
         if self.verdict is None or not np.isfinite(self.verdict.distance):
             return "-"
-        return f"{self.verdict.distance:.2f} m{', satisfied' if self.verdict.satisfied else ''}"
+        reached = ", satisfied" if self.verdict.satisfied else ""
+        return f"{measured(self.program, self.verdict.distance)}{reached}"
 
     def _choose_source(self) -> None:
         """Read whole steps only where an arena publishes no samples."""

@@ -104,6 +104,12 @@ def register(relation: Relation) -> Relation:
     return RELATIONS.register(relation.name, relation)
 
 
+def measured(program: str, value: float) -> str:
+    """A measure of a program's relation with its unit, by the program's text: "0.05 m"."""
+    relation = program.partition("(")[0].strip()
+    return f"{value:.2f} {RELATIONS[relation].unit if relation in RELATIONS else ''}".rstrip()
+
+
 def circle(center: Float64, radius: float) -> Float64:
     """A circle around a place, as a line [M, 2]."""
     return arc(center, radius, 0.0, np.pi)
