@@ -118,14 +118,12 @@ def test_an_impossible_value_is_rejected_when_it_is_set(node_with, name, value, 
     assert parameters.fix() == Config(number=3, factor=2.0)
 
 
-def test_parameters_are_described_with_their_ranges(node_with):
+def test_parameters_are_described_with_what_they_expect(node_with):
     node = node_with("part.share:=0")
     NodeParameters(node, Config).fix()
     number, share = (node.describe_parameter(name) for name in ("number", "part.share"))
     assert (number.description, number.read_only) == ("how many", True)
-    assert (number.integer_range[0].from_value, number.integer_range[0].to_value) == (1, 2**63 - 1)
     assert share.additional_constraints == "a number in [0, 1)" and share.read_only
-    assert share.floating_point_range[0].to_value == 1.0
     assert node.get_parameter("part.share").value == 0.0
 
 

@@ -8,16 +8,10 @@ since ROS cannot tell the type of an empty array.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -28,7 +22,6 @@ Kind = TypeVar("Kind", bound=Settings)
 SIM_TIME = "use_sim_time"
 ROS_PARAMETERS = (SIM_TIME, "start_type_description_service")  # rclpy declares these itself
 ROS_PREFIX = "qos_overrides."
-LARGEST = {int: 2**63 - 1, float: sys.float_info.max}  # stands for no bound
 
 
 class NodeParameters(Generic[Kind]):
@@ -56,7 +49,6 @@ class NodeParameters(Generic[Kind]):
             if path in leaves or path in self._given:
                 about = describe(leaves[path]) if path in leaves else ParameterDescriptor()
                 about.read_only, about.dynamic_typing = False, True
-                about.integer_range, about.floating_point_range = [], []  # `_check` says more
                 value = to_ros(values[path]) if path in self._given & values.keys() else None
                 node.declare_parameter(path, value, about, ignore_override=True)
         self._leaves = leaves  # last: `fix` rejects a wrong value that was given at the start
@@ -106,20 +98,9 @@ class NodeParameters(Generic[Kind]):
 
 def describe(leaf: Leaf) -> ParameterDescriptor:
     """What `ros2 param describe` shows of a setting."""
-    described = ParameterDescriptor(
+    return ParameterDescriptor(
         description=leaf.description, additional_constraints=leaf.expected, read_only=True
     )
-    low, high = leaf.bound("ge", "gt"), leaf.bound("le", "lt")
-    if low is None and high is None:
-        return described
-    largest = LARGEST[leaf.type]
-    low = -largest if low is None else leaf.type(low)
-    high = largest if high is None else leaf.type(high)
-    if leaf.type is int:
-        described.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
-    else:
-        described.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    return described
 
 
 def to_ros(value: Any) -> Any:
