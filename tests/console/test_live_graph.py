@@ -15,7 +15,6 @@ from pa_ros.console.controls import Controls
 from pa_ros.console.live import LiveConsole
 from pa_ros.console.services import ArenaServices
 from pa_ros.console.settings import ConsoleSettings
-from pa_ros.console.sources import in_namespace
 from pa_ros.ros import topics
 from pa_ros.ros.refusals import Refusals
 from sim_node.node import SimNode
@@ -24,7 +23,7 @@ pytestmark = pytest.mark.graph
 
 
 def sends_to(namespace: str) -> str:
-    return in_namespace(topics.PROGRAM, namespace).name
+    return topics.PROGRAM.within(f"/{namespace}").name
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from pa_ros.console.insight import Moment, explained
 from pa_ros.console.page import Page
 from pa_ros.console.server import ConsoleError, attempt
 from pa_ros.console.services import ArenaServices
-from pa_ros.console.sources import DEPTH, AgentWeights, Sampler, in_namespace
+from pa_ros.console.sources import DEPTH, AgentWeights, Sampler
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
 from pa_ros.ros.refusals import Refusals
@@ -112,7 +112,7 @@ class LiveConsole:
 
     def _subscribe(self, lockstep: bool) -> Sampler:
         """Subscribe to steps; in lockstep to the few that the arena samples, if it does."""
-        samples = in_namespace(SAMPLES, self._namespace).name
+        samples = SAMPLES.within(f"/{self._namespace}").name
         sampled = lockstep and self._node.count_publishers(samples) > 0
         steps = (LOCKSTEP_DEPTH, SAMPLES) if sampled else (DEPTH, OBJECT_FEATURES)
         self._sampler = Sampler(self._sampled, self._namespace, *steps)
@@ -144,9 +144,9 @@ class LiveConsole:
         self.vocabulary, self.examples, self.speed = None, (), None
         self.services = ArenaServices(self._node, self._namespace)
         self._weights = AgentWeights(self._node, self._namespace, self._refusals)
-        self._publisher = in_namespace(PROGRAM, self._namespace).publisher(self._node)
+        self._publisher = PROGRAM.within(f"/{self._namespace}").publisher(self._node)
         self._open = [
-            in_namespace(topic, self._namespace).subscribe(
+            topic.within(f"/{self._namespace}").subscribe(
                 self._node, self._refusals.guard(topic.name, callback)
             )
             for topic, callback in ((ARENA_INFO, self._on_arena), (PROGRAM_STATUS, self._on_status))
@@ -201,5 +201,4 @@ class LiveConsole:
         factor = self._figures.value(f"/{self._namespace}/sim_node".replace("//", "/"), RATE)
         self.speed = factor if arena.mode is Mode.REAL_TIME else None
         self._page.show(moment, "" if factor is None else f", {factor:.1f} times real time")
-        words = [set(name.split()) for name in self._page.scene.names]
-        self.examples = suggested_programs(arena, vocabulary, words)
+        self.examples = suggested_programs(arena, self._page.scene.names)

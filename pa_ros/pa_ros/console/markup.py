@@ -88,11 +88,10 @@ def state(moment: Moment, speed: str = "") -> str:
     seen = moment.observation
     kind = "evaluation episode" if moment.evaluation else "episode"
     verdict = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
-    program, arena = moment.program, moment.arena
+    program = moment.program
     if program:
         verdict += f": {measured(program, moment.distance)}"
-        thresholds = dict(zip(arena.world.relations, arena.thresholds, strict=True))
-        if (limit := thresholds.get(program.partition("(")[0])) is not None:
+        if (limit := moment.arena.threshold(program)) is not None:
             verdict += f", at most {measured(program, limit)} is wanted"
     rows = [
         ("program", program or "none in force"),

@@ -113,8 +113,7 @@ def _observation(episode: RecordedEpisode, row: Row) -> Observation:
 
 def _satisfied(arena: ArenaDescription, row: Row) -> bool | None:
     """Return whether the program held, by the arena's threshold; None if that is not recorded."""
-    thresholds = dict(zip(arena.world.relations, arena.thresholds, strict=True))
-    threshold = thresholds.get(row.program.partition("(")[0])
+    threshold = arena.threshold(row.program)
     return None if threshold is None or np.isnan(row.distance) else row.distance <= threshold
 
 

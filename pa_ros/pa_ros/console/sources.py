@@ -26,11 +26,6 @@ PERIOD_S = 5.0  # between two subscriptions to a learner's weights, which are la
 LISTEN_S = 1.0  # how long such a subscription lasts
 
 
-def in_namespace(topic: Topic, namespace: str) -> Topic:
-    """Return the topic of an arena's namespace."""
-    return topic if topic.name.startswith("/") else topic.within(f"/{namespace}".rstrip("/") or "/")
-
-
 class Sampler:
     """Takes the newest control steps of an arena now and then, at no cost in between.
 
@@ -46,7 +41,7 @@ class Sampler:
         profile = QoSProfile(
             reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depth
         )
-        steps = replace(in_namespace(steps, namespace), reader=profile)
+        steps = replace(steps.within(f"/{namespace}"), reader=profile)
         self._reader = steps.subscribe(node, lambda _: None)
 
     def take(self) -> list[Message]:
@@ -78,12 +73,12 @@ class AgentWeights:
         self._node, self._refusals = node, refusals
         self.insight: Insight | None = None
         self.why = ""  # why there is no insight
-        self._topic = in_namespace(POLICY_WEIGHTS, namespace)
+        self._topic = POLICY_WEIGHTS.within(f"/{namespace}")
         self._shown = ("", -1)  # learner and version
         self._source, self._logic = "", PRODUCT
         self._reader: Any = None
         self._since = -PERIOD_S
-        provenance = in_namespace(PROVENANCE, namespace)
+        provenance = PROVENANCE.within(f"/{namespace}")
         guarded = refusals.guard(provenance.name, self._on_provenance)
         self._origins = provenance.subscribe(node, guarded)
 

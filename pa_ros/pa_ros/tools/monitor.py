@@ -79,13 +79,14 @@ class GraphFigures:
         known = [value for value in values if value is not None]
         return over_arenas(known) if known else None
 
-    def rows(self) -> list[tuple[str, str]]:
-        """(label, text) of the figures, of each arena if there are several, and of the alarms."""
+    def rows(self, scenes: Sequence[tuple[str, str]] = ()) -> list[tuple[str, str]]:
+        """(label, text) of the figures, of each arena if there are several, of `scenes` and, last,
+        of the alarms."""
         found = [(figure.label, text) for figure, text in self._known()]
         arenas = self._of("sim_node")
         if len(arenas) > 1:
             found += [(_namespace(arena.name), self._arena_text(arena)) for arena in arenas]
-        found += [("lifecycle", self._states())]
+        found += [("lifecycle", self._states()), *scenes]
         return [*found, ("refused messages", self._refusals()), ("alarms", self._alarms())]
 
     def line(self) -> str:

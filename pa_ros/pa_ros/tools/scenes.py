@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,7 +14,7 @@ from rclpy.qos import qos_profile_sensor_data
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Verdict
 from pa_ros.core.text import printable
-from pa_ros.language import Vocabulary, parse, require_target
+from pa_ros.language import parse, require_target
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES
 from pa_ros.tools.monitor import GraphFigures
@@ -25,10 +25,6 @@ from pa_ros.world.relation import measured
 
 MAX_SUGGESTIONS = 12
 POLL_S = 0.5  # between two checks whether an arena publishes samples
-LAST_ROWS = 2  # refusals and alarms stay below the scene in the table
-
-Block = frozenset[str]
-"""The words that are true of a block."""
 
 
 class Scene:
@@ -41,8 +37,7 @@ class Scene:
     def __init__(self, node: Node, namespace: str = "") -> None:
         """`namespace` is below the node's; with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
-        self._names: tuple[str, ...] = ()
-        self.blocks: tuple[Block, ...] = ()
+        self.names: tuple[str, ...] = ()  # of the blocks, such as RED CUBE
         self.episode, self.program = -1, ""
         self.verdict: Verdict | None = None
         self._node = node
@@ -57,32 +52,22 @@ class Scene:
     @property
     def known(self) -> bool:
         """Whether a sample or a step has arrived."""
-        return bool(self.blocks)
+        return bool(self.names)
 
     def suggestions(self) -> tuple[str, ...]:
         """Programs that name one of the blocks."""
-        if self.arena is None:
-            return ()
-        return suggested_programs(self.arena, self.arena.world.vocabulary, self.blocks)
+        return () if self.arena is None else suggested_programs(self.arena, self.names)
 
     def rows(self) -> list[tuple[str, str]]:
         """(label, text) for a table; empty until a sample has arrived."""
         if not self.known:
             return []
-        blocks = ", ".join(self.names())
-        return [
-            ("blocks", blocks),
-            ("program", self.program or "none"),
-            ("distance", self._distance()),
-        ]
+        blocks, program = ", ".join(self.names), self.program or "none"
+        return [("blocks", blocks), ("program", program), ("distance", self._distance())]
 
     def line(self) -> str:
         """Program and distance in one line."""
         return f"{self.program or 'no program'}, {self._distance()}" if self.known else ""
-
-    def names(self) -> list[str]:
-        """The blocks' names, such as RED CUBE."""
-        return list(self._names)
 
     def _distance(self) -> str:
         if self.verdict is None or not np.isfinite(self.verdict.distance):
@@ -109,8 +94,7 @@ class Scene:
         step = decode_step(message, world.joints, world.object_features)
         seen, self.verdict = step.observation, step.verdict
         hand, names = seen.hand_index, world.schema.labels(seen.objects, seen.hand_index)
-        self._names = (*names[:hand], *names[hand + 1 :])
-        self.blocks = tuple(frozenset(name.split()) for name in self._names)
+        self.names = (*names[:hand], *names[hand + 1 :])
         self.program, self.episode = printable(step.program), seen.episode
 
 
@@ -124,12 +108,11 @@ class SceneFigures:
 
     def rows(self) -> list[tuple[str, str]]:
         """(label, text): the scene of a single arena, or a line for each of several."""
-        figures = self._figures.rows()
         if list(self._scenes) == [""]:
             shown = self._scenes[""].rows()
         else:
             shown = [(f"/{name}: at", one.line()) for name, one in self._scenes.items()]
-        return [*figures[:-LAST_ROWS], *shown, *figures[-LAST_ROWS:]]
+        return self._figures.rows(shown)
 
     def line(self) -> str:
         """One plain line, with the scene of a single arena."""
@@ -145,10 +128,9 @@ def _ignoring_errors(receive: Callable[[Message], None], message: Message) -> No
         return
 
 
-def suggested_programs(
-    arena: ArenaDescription, vocabulary: Vocabulary, blocks: Sequence[Collection[str]]
-) -> tuple[str, ...]:
-    """Up to MAX_SUGGESTIONS programs that name one of the blocks."""
+def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[str, ...]:
+    """Up to MAX_SUGGESTIONS programs that name one of the blocks with these names."""
+    vocabulary, blocks = arena.world.vocabulary, [set(name.split()) for name in names]
     texts = [str(program) for program in arena.training_programs]
     groups, near = vocabulary.by_group.values(), vocabulary.relations[0]
     for block in blocks:
@@ -158,11 +140,10 @@ def suggested_programs(
             texts.insert(0, f"{near}(HAND, AND({', '.join(reversed(known))}))")
         texts += [f"{near}(HAND, {word})" for word in known]
         texts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
-    present = [set(block) for block in blocks]
     found: dict[str, None] = {}
     for text in texts:
         try:
-            require_target(parse(text, vocabulary), present, None)
+            require_target(parse(text, vocabulary), blocks, None)
         except PaError:
             continue
         found[text] = None

@@ -66,6 +66,11 @@ class ArenaDescription:
     arena_id: str = ""
     software_version: str = ""
 
+    def threshold(self, program: str) -> float | None:
+        """Where the relation of a program's text begins to hold; None if it is of another world."""
+        thresholds = dict(zip(self.world.relations, self.thresholds, strict=True))
+        return thresholds.get(program.partition("(")[0])
+
 
 def describe_robot(
     world: World,
