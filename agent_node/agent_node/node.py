@@ -260,10 +260,8 @@ class AgentNode(ManagedNode):
         self._act()
 
     def _on_program(self, message: Message) -> None:
-        request, arena = decode_program(message), self.arena
-        if not self.active or arena is None:
-            return  # if it comes into force, the arena's steps say so
-        if not request.program_id.startswith(f"{arena.arena_id}/"):  # the arena's own come in steps
+        request = decode_program(message)
+        if self.active and self.arena is not None:  # else it is answered once it is in force
             self._program_rate.check()
             self._answer(request)
 

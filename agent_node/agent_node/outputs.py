@@ -89,19 +89,20 @@ class ControllerOutput:
 
 
 class RelevanceMarkers:
-    """Publishes the arena's markers again, each as opaque as p of its object, for viewers.
+    """Adds a shell around each block to the arena's markers, as opaque as p, for viewers.
 
-    It subscribes to the arena's markers only while somebody subscribes to its own.
+    It subscribes to the markers, to learn the blocks' shapes, only while somebody else does.
     """
 
     def __init__(self, node: AgentNode) -> None:
         self._node = node
-        self._out = topics.RELEVANCE_MARKERS.publisher(node)
+        self._out = topics.MARKERS.publisher(node)
         self._markers: Any = None  # subscription
         steady_timer(node, LOOK_S, self._look_for_viewers)
 
     def _look_for_viewers(self) -> None:
-        wanted = self._out.get_subscription_count() > 0
+        own = int(self._markers is not None)
+        wanted = self._out.get_subscription_count() > own
         if wanted and self._markers is None:
             self._markers = self._node.subscribe(topics.MARKERS, self._on_markers)
         elif not wanted and self._markers is not None:
@@ -114,4 +115,6 @@ class RelevanceMarkers:
         observation, program = self._node.seen
         p = self._node.agent.relevance(observation, program)
         blocks = [degree for i, degree in enumerate(p) if i != observation.hand_index]
-        self._out.publish(encode_outlines(message, blocks))
+        outlines = encode_outlines(message, blocks)
+        if outlines.markers:  # none in an agent's own markers, which it receives, too
+            self._out.publish(outlines)

@@ -23,10 +23,8 @@ from pa_ros.wire import Message
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.diagnostics import encode_provenance
 from pa_ros.wire.program import (
-    ProgramRequest,
     ProgramStatus,
     decode_program,
-    encode_program,
     encode_program_status,
 )
 from pa_ros.wire.services import ResetRequest
@@ -93,7 +91,6 @@ class SimNode(ManagedNode):
 
     def _create_publishers(self) -> None:
         self._features = self.advertise(topics.OBJECT_FEATURES)
-        self._program = topics.PROGRAM.publisher(self)
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._info = self.advertise(topics.ARENA_INFO)
         about = self.session.describe()
@@ -187,8 +184,6 @@ class SimNode(ManagedNode):
             return
         self._announced = program
         if program is not None and self.session.program_ids.is_own(program.program_id):
-            request = ProgramRequest(program.program_id, program.text)
-            self._program.publish(encode_program(request))
             name = self.get_fully_qualified_name()
             stamp_ns = self.session.current.observation.stamp_ns
             status = ProgramStatus(
@@ -198,8 +193,6 @@ class SimNode(ManagedNode):
 
     def _on_program(self, message: Message) -> None:
         request = decode_program(message)
-        if self.session.program_ids.is_echo(request):
-            return
         self.check_active()
         self._program_rate.check()
         self._announce()  # the program of the current step, before it is replaced

@@ -262,11 +262,6 @@ class ProgramIds:
         """Whether an id belongs to a program that the arena has drawn."""
         return program_id.startswith(self._prefix)
 
-    def is_echo(self, request: ProgramRequest) -> bool:
-        """Whether this is the arena's own announcement, which it receives like everyone."""
-        own = self.is_own(request.program_id)
-        return own and self._texts.get(request.program_id) == request.text
-
     def bind(self, program_id: str, text: str) -> None:
         """Give an id to a person's program. Raises WireError if the id isn't free for it."""
         if self.is_own(program_id):

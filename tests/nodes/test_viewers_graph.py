@@ -39,6 +39,14 @@ def poses(probe: Probe) -> dict[str, Any]:
     return {m.child_frame_id: m for m in probe.heard["transforms"]}
 
 
+def blocks_and_names(probe: Probe) -> tuple[list[Any], list[str]]:
+    """Of the arena's newest markers; the agent publishes on the same topic."""
+    arrays = [array.markers for array in probe.heard[topics.MARKERS.name]]
+    newest = [markers for markers in arrays if any(m.ns == "labels" for m in markers)][-1]
+    blocks = [m for m in newest if m.ns == "blocks"]
+    return blocks, [m.text for m in newest if m.ns == "labels"]
+
+
 def place_of(transform: Any) -> list[float]:
     where = transform.transform.translation
     return [where.x, where.y, where.z]
@@ -56,9 +64,7 @@ def test_blocks_are_found_in_the_picture_by_camera_info_and_transforms(probe):
     turn = known[CAMERA_FRAME].transform.rotation
     eye = np.array(place_of(known[CAMERA_FRAME])), [turn.x, turn.y, turn.z, turn.w]
     picture = np.frombuffer(image.data, np.uint8).reshape(240, 320, 3)
-    markers = probe.last(topics.MARKERS).markers
-    blocks = [m for m in markers if m.ns == "blocks"]
-    names = [m.text for m in markers if m.ns == "labels"]
+    blocks, names = blocks_and_names(probe)
     assert len(blocks) == 4
     for name, block in zip(names, blocks, strict=True):
         u, v = pixel_of(place_of(known[name]), info.k, *eye)
@@ -74,13 +80,14 @@ def test_the_agent_outlines_what_it_takes_the_program_to_mean(probe):
     probe.speaker(topics.PROGRAM).publish(program)
 
     def opacities() -> list[float]:
-        return [m.color.a for m in probe.last(topics.RELEVANCE_MARKERS).markers]
+        markers = [m for array in probe.heard[topics.MARKERS.name] for m in array.markers]
+        newest = {m.id: m.color.a for m in markers if m.ns == "relevance"}
+        return [newest[i] for i in sorted(newest)]
 
-    relevance = topics.RELEVANCE_MARKERS
-    assert probe.until(lambda: probe.count(relevance) > 0 and max(opacities()) > 0.4)
+    assert probe.until(lambda: max(opacities(), default=0.0) > 0.4)
     assert sorted(opacities())[-2] < 0.1  # one block, and no other
-    labels = [m.text for m in probe.last(topics.MARKERS).markers if m.ns == "labels"]
-    assert labels[int(np.argmax(opacities()))] == "red_cube"
+    _, names = blocks_and_names(probe)
+    assert names[int(np.argmax(opacities()))] == "red_cube"
 
 
 def test_the_description_the_poses_and_the_markers_are_the_arenas(probe):
@@ -90,9 +97,7 @@ def test_the_description_the_poses_and_the_markers_are_the_arenas(probe):
     assert names == list(probe.last(topics.ARENA_INFO).joint_names)
     seen = probe.count(topics.MARKERS)
     assert probe.until(lambda: probe.count(topics.MARKERS) > seen + 1)
-    known, markers = poses(probe), probe.last(topics.MARKERS).markers
-    blocks = [m for m in markers if m.ns == "blocks"]
-    labels = [m.text for m in markers if m.ns == "labels"]
+    known, (blocks, labels) = poses(probe), blocks_and_names(probe)
     assert sorted(known) == sorted(["hand", CAMERA_FRAME, *labels]) and "red_cube" in labels
     hand, *placed = bodies(probe.nodes[0].session.task)
     assert place_of(known["hand"]) == pytest.approx(hand.position.tolist())

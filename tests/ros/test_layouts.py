@@ -46,7 +46,7 @@ def test_rviz_subscribes_to_topics_with_compatible_quality_of_service(rviz):
         shown[topic.name] = durability
     latched = shown.pop("robot_description")
     assert latched == "TRANSIENT_LOCAL"  # it is sent once
-    assert set(shown) == {"markers", "relevance_markers", "camera/image_raw"}
+    assert set(shown) == {"markers", "camera/image_raw"}
 
 
 def test_rviz_uses_the_frame_of_the_markers(rviz):
@@ -71,7 +71,7 @@ def test_foxglove_names_existing_topics_and_fields(foxglove):
     text = json.dumps(foxglove["configById"])
     paths = set(re.findall(r'"/([a-z_]+)((?:\.[a-z_]+)?)(?:\[:\])?"', text))
     assert {name for name, _ in paths} == {
-        *("markers", "relevance_markers", "robot_description", "object_features", "joint_states"),
+        *("markers", "robot_description", "object_features", "joint_states"),
         *("program_status", "program", "diagnostics"),
     }
     for name, field in paths:

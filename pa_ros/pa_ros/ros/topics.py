@@ -101,7 +101,6 @@ JOINT_TRAJECTORY = Topic("joint_trajectory", JointTrajectory, STEP, STEP)
 ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED, LATCHED_READER)
 TRANSFORMS = Topic("transforms", TransformStamped, STEP, STEP)
 MARKERS = Topic("markers", MarkerArray, STEP, STEP)
-RELEVANCE_MARKERS = Topic("relevance_markers", MarkerArray, STEP, STEP)
 # The names that image_transport and camera drivers use.
 CAMERA_IMAGE = Topic("camera/image_raw", Image, PICTURE, STEP)
 CAMERA_INFO = Topic("camera/camera_info", CameraInfo, PICTURE, STEP)
