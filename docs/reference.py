@@ -45,7 +45,7 @@ PURPOSES: dict[str, dict[str, dict[str, object]]] = {
     },
 }
 SETS: dict[str, dict[str, dict[str, Any]]] = {  # marker: named sets of values, by path
-    "arena": {name: preset.flat() for name, preset in PRESETS.items()},
+    "arena": {name: PRESETS[name].flat() for name in ("paper", "fast", "push")},
     "learner": {name: LearningSettings(protocol=name).learner.flat() for name in PROTOCOLS},
     "td3": {
         name: LearningSettings(protocol=name, algorithm="td3").learner.flat() for name in PROTOCOLS

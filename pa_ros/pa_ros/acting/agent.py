@@ -184,7 +184,7 @@ class Agent:
         return None
 
     def act(self) -> Float32:
-        """The action at the current step, [J] in [-1, 1]. ActingError unless prepared for it."""
+        """The joint command at the current step, [J] in [-1, 1]. ActingError unless prepared."""
         step, actor = self._step, self._actor
         if step is None or actor is None or not self._ready:
             raise ActingError(
@@ -193,7 +193,8 @@ class Agent:
             )
         action = self._action(actor, *step)
         self._step = None
-        return self._command(action)
+        world, position = actor.network.world, step.observation.joint_position
+        return self._command(world.joint_action(action, position))
 
     def hold(self) -> Float32:
         """Instead of `act`: the command that keeps the arm where it is, [J]. It is no experience.

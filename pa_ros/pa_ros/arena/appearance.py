@@ -20,6 +20,8 @@ BLOCK_HALF_SIZE_M = 0.03
 CAPSULE_RADIUS_M = 0.025
 CAPSULE_HALF_LENGTH_M = 0.025  # the capsule lies on its side, along the block's x axis
 
+PLACE = "PLACE"  # the shape of a place, a disk on the table
+PLACE_RADIUS_M = 0.06
 RESTING_DEPTH_M = {"CUBE": 4.36e-5, "SPHERE": 1.69e-4, "CYLINDER": 4.4e-5, "CAPSULE": 8.66e-5}
 """How far each shape sinks into the table, measured (tests/arena/test_physics.py). MuJoCo's contact
 is soft, and the depth doesn't depend on the mass. A block that starts at this depth does not move
@@ -36,16 +38,21 @@ COLOR_RGBA = {
 
 @dataclass(frozen=True)
 class Look:
-    """One of four shapes, with a size, a color and a density."""
+    """A block of one of four shapes, with a size, a color and a density, or a disk for a place.
 
-    shape: str = "CUBE"  # a key of RESTING_DEPTH_M
+    The pose of a place is that of a block that stands on it.
+    """
+
+    shape: str = "CUBE"  # a key of RESTING_DEPTH_M, or PLACE
     scale: float = 1.0  # factor of the lengths above
     rgba: str = "0.5 0.5 0.5 1"
     density: float = 1.0  # factor of the mass that the arena gives to a block
+    has_body: bool = True  # whether it can be touched and moved
 
     def __post_init__(self) -> None:
-        if self.shape not in RESTING_DEPTH_M:
-            raise ConfigError(f"shape: expected one of {[*RESTING_DEPTH_M]}, got {self.shape!r}")
+        shapes = [*RESTING_DEPTH_M, PLACE]
+        if self.shape not in shapes:
+            raise ConfigError(f"shape: expected one of {shapes}, got {self.shape!r}")
 
     @property
     def solid(self) -> Look:
@@ -55,7 +62,8 @@ class Look:
     @property
     def marker(self) -> str:
         """The matplotlib marker of this shape, seen from above."""
-        return {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "D"}[self.shape]
+        markers = {"CUBE": "s", "SPHERE": "o", "CYLINDER": "H", "CAPSULE": "D", PLACE: "o"}
+        return markers[self.shape]
 
     @property
     def rgb(self) -> tuple[float, ...]:
@@ -66,7 +74,7 @@ class Look:
     def rest_height(self) -> float:
         """Height of a resting block's center above the table, m."""
         half = CAPSULE_RADIUS_M if self.shape == "CAPSULE" else BLOCK_HALF_SIZE_M
-        return half * self.scale - RESTING_DEPTH_M[self.shape]
+        return half * self.scale - RESTING_DEPTH_M.get(self.shape, 0.0)
 
     @property
     def geometry(self) -> str:
@@ -78,6 +86,8 @@ class Look:
             "CYLINDER": f'type="cylinder" size="{half} {half}"',
             "CAPSULE": f'type="capsule" size="{radius} {CAPSULE_HALF_LENGTH_M * self.scale}"'
             ' quat="0.7071067811865476 0 0.7071067811865476 0"',
+            PLACE: f'type="cylinder" size="{PLACE_RADIUS_M * self.scale} 0.001" '
+            f'pos="0 0 {0.003 - half}"',
         }[self.shape]
 
 

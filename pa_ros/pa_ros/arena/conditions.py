@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +17,10 @@ from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.arena.errors import ArenaError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import did_you_mean
-from pa_ros.language import And, Expression, Not, Or, Program, Word, parse, satisfying
+from pa_ros.language import HAND, And, Expression, Not, Or, Program, Word, parse, satisfying
 
 DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
+NEAR_STARTS = 0.3  # in training: then random actions push the block, and learning can begin
 TRIES = 10_000  # draws of a longer program before it is given up
 
 Denotation = tuple[bool, ...]
@@ -38,7 +40,8 @@ class Term(Enum):
 class Condition:
     """The targets of episodes, and how programs name them.
 
-    The program of an episode always names exactly one block: the target.
+    The program of an episode always names exactly one block: the target. If blocks are to be moved,
+    it names one such block too, and targets may be places.
     """
 
     name: str
@@ -49,6 +52,11 @@ class Condition:
     new_distractor: bool = False  # at least one other block has a new property
     relations: tuple[str, ...] = ()  # of the programs; empty: all of the design's
     depth: int = 0  # 0: a conjunction of the terms; else a random program of this depth
+    moved: tuple[Kind, ...] = ()  # blocks to be moved; empty: the hand
+    moved_terms: Mapping[str, Term] = field(default_factory=dict)  # how programs name them
+    # "moved", "target": its argument is an OR with another present object
+    either: tuple[str, ...] = ()
+    near_starts: float = 0.0  # share of episodes that start with the hand beside the moved block
 
     def __post_init__(self) -> None:
         if not self.targets:
@@ -61,7 +69,19 @@ class Condition:
 
 
 def training_programs(design: Design) -> tuple[Program, ...]:
-    """The programs of training episodes, by relation and then by target."""
+    """The programs of training episodes, by relation and then by target.
+
+    If blocks are to be moved: programs that move each training block to each place, then those that
+    reach for each block and place.
+    """
+    if design.vocabulary.moves_objects:
+        moves = [(kind.conjunction, place) for kind in design.train for place in design.places]
+        reaches = [(HAND.name, kind) for kind in (*design.train, *design.places)]
+        return tuple(
+            parse(f"{relation}({moved}, {target.conjunction})", design.vocabulary)
+            for relation in design.vocabulary.relations
+            for moved, target in (*moves, *reaches)
+        )
     return tuple(
         _program(design, relation, *kind.values())
         for relation in design.vocabulary.relations
@@ -83,11 +103,52 @@ def program_for(
         others = min(condition.n_blocks - 1, len(design.pool) // 2)
         program = DeepPrograms(design, condition.depth).draw(target, others, rng)
         return replace(program, relation=relation), ()
+    terms, required = _terms(design, target, condition.terms, rng)
+    return _program(design, relation, *terms), tuple(required)
+
+
+def moving_program(
+    condition: Condition,
+    design: Design,
+    moved: Kind | None,
+    target: Kind,
+    rng: np.random.Generator,
+) -> tuple[Program, tuple[Kind, ...]]:
+    """A program that relates a block, or the hand, to a target, and the objects that it needs
+    besides them."""
+    relations = condition.relations or design.vocabulary.relations
+    relation = relations[int(rng.integers(len(relations)))]
+    needed: list[Kind] = []
+
+    def argument(kind: Kind, name: str, terms: Mapping[str, Term], others: Sequence[Kind]) -> str:
+        if name in condition.either:
+            rest = [one for one in others if one not in (moved, target)]
+            needed.append(rest[int(rng.integers(len(rest)))])
+            return f"OR({kind.conjunction}, {needed[-1].conjunction})"
+        if condition.depth and name == "moved":
+            few = len(design.pool) // 2
+            return str(DeepPrograms(design, condition.depth).draw(kind, few, rng).target)
+        words, required = _terms(design, kind, terms, rng)
+        needed.extend(required)
+        return words[0] if len(words) == 1 else f"AND({', '.join(words)})"
+
+    first = HAND.name
+    if moved is not None:
+        first = argument(moved, "moved", condition.moved_terms, condition.pool)
+    others = condition.pool if design.schema.has_body(target) else design.places
+    second = argument(target, "target", condition.terms, others)
+    return parse(f"{relation}({first}, {second})", design.vocabulary), tuple(needed)
+
+
+def _terms(
+    design: Design, target: Kind, named_by: Mapping[str, Term], rng: np.random.Generator
+) -> tuple[list[str], list[Kind]]:
+    """The parts of a conjunction that names the target, and the blocks that they need."""
     required: list[Kind] = []
     terms: list[str] = []
     for group, known in design.values.items():
         own = target[group]
-        match condition.terms.get(group, Term.NAMED):
+        match named_by.get(group, Term.NAMED):
             case Term.NAMED:
                 terms.append(own)
             case Term.NOT_ANOTHER:
@@ -96,10 +157,11 @@ def program_for(
                 # Without this block on the table the negation would not matter.
                 required.append(Kind(**{**target, group: other}))
             case Term.NOVEL:
-                terms.append(novel(known, design.spare(group)))
+                places = [w for w in design.vocabulary[group] if w in design.schema.bodiless]
+                terms.append(novel((*known, *places), design.spare(group)))
             case Term.ANY:
                 pass
-    return _program(design, relation, *terms), tuple(required)
+    return terms, required
 
 
 def _program(design: Design, relation: str, *terms: str) -> Program:
@@ -133,6 +195,8 @@ def conditions_for(design: Design) -> tuple[str, ...]:
 
 
 def _conditions(design: Design) -> dict[str, Condition]:
+    if design.vocabulary.moves_objects:
+        return {condition.name: condition for condition in _moving_conditions(design)}
     pool, wider, n = design.pool, design.extended_pool, design.n_blocks
     zero_shot = design.held_out or design.train
     varied = [group for group, values in design.values.items() if len(values) > 1]
@@ -157,6 +221,54 @@ def _conditions(design: Design) -> dict[str, Condition]:
     if len(varied) > 1:
         found += [Condition(f"depth-{depth}", pool, pool, n, depth=depth) for depth in DEPTHS]
     return {condition.name: condition for condition in found}
+
+
+def _moving_conditions(design: Design) -> list[Condition]:
+    """Conditions of programs that move blocks: to places, except in `pairs…` and `reach…`."""
+    pool, places, n = design.pool, design.places, design.n_blocks
+    zero_shot = design.held_out or design.train
+
+    def condition(name: str, targets: Sequence[Kind] = places, **changed: Any) -> Condition:
+        return Condition(name, tuple(targets), **{"pool": pool, "n_blocks": n, **changed})
+
+    found = [
+        condition("train", moved=design.train, near_starts=NEAR_STARTS),
+        condition("eval", moved=zero_shot),
+        condition("pairs", pool, moved=pool),
+        condition("pairs-train", design.train, moved=design.train),
+        condition("pairs-eval", pool, moved=zero_shot),
+        condition("reach", (*design.train, *places)),
+        condition("reach-eval", zero_shot),
+        condition("moved-or", moved=pool, either=("moved",)),
+        condition("target-or", moved=pool, either=("target",)),
+        condition("depth-3", moved=pool, depth=3),
+        condition("target-only-shape", moved=pool, terms={"color": Term.ANY}),
+        condition("target-not-color", moved=pool, terms={"color": Term.NOT_ANOTHER}),
+    ]
+    for group in design.values:
+        others = {other: Term.ANY for other in design.values if other != group}
+        found += [
+            condition(f"moved-only-{group}", moved=pool, moved_terms=others),
+            condition(f"moved-not-{group}", moved=pool, moved_terms={group: Term.NOT_ANOTHER}),
+        ]
+        if design.spare(group) and group in design.novel:
+            new = kinds({**design.values, group: (design.novel[group],)})
+            wide, terms = design.extended_pool, {group: Term.NOVEL}
+            found += [
+                condition(f"moved-new-{group}", moved=new, moved_terms=terms, pool=wide),
+                condition(f"target-new-{group}", new, moved=design.train, terms=terms, pool=wide),
+            ]
+    for count in range(3, min(6, len(pool)) + 1):
+        found.append(condition(f"blocks-{count}", moved=zero_shot, n_blocks=count))
+    if len(design.vocabulary.relations) > 1:
+        for relation in design.vocabulary.relations:
+            name, only = relation.lower().replace("_", "-"), (relation,)
+            found += [
+                condition(f"train-{name}", moved=design.train, relations=only),
+                condition(f"eval-{name}", moved=zero_shot, relations=only),
+                condition(f"pairs-{name}", pool, moved=pool, relations=only),
+            ]
+    return found
 
 
 def _by_relation(design: Design, n: int) -> list[Condition]:

@@ -39,6 +39,12 @@ class ArenaConfig(Settings):
     arm_touches_blocks: bool = Field(
         True, description="whether arm and blocks touch; it always touches the table"
     )
+    hand_speed: float = Field(
+        0.0,
+        ge=0,
+        description="m/s of the hand, if actions are velocities of the hand (radial, tangential, "
+        "up); 0: actions are joint velocities",
+    )
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
         100, ge=1, description="actions of an episode; then it is truncated (paper)"
@@ -102,16 +108,26 @@ class ArenaConfig(Settings):
 
 # The arm adds its speeds to each preset. In `fast` the arm passes through blocks (but touches the
 # table); learning then needs the fewest frames. In `paper` it pushes them.
-_VALUES: dict[str, dict[str, Any]] = {"paper": {}, "fast": {"arm_touches_blocks": False}}
+#
+# The presets `push…` are for programs that move blocks: the fast arm or the slow one, which touches
+# blocks, with actions that are velocities of the hand, or of the joints.
+_VALUES: dict[str, tuple[str, dict[str, Any]]] = {  # the arm's speeds, and what else differs
+    "paper": ("paper", {}),
+    "fast": ("fast", {"arm_touches_blocks": False}),
+    "push": ("fast", {"hand_speed": 0.5}),
+    "push-joints": ("fast", {}),
+    "push-slow": ("paper", {"hand_speed": 0.25}),
+}
 
 
 def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:
     """Look up a preset for an arm; ConfigError lists the known presets."""
     speeds = ARMS[arm].speeds
-    known = [preset for preset in _VALUES if preset in speeds]
+    known = [preset for preset, (of_arm, _) in _VALUES.items() if of_arm in speeds]
     if name not in known:
         raise ConfigError(f"arena: expected a preset of {sorted(known)} of {arm}, got {name!r}")
-    return ArenaConfig(preset=name, arm=arm, joint_speed_limits=speeds[name], **_VALUES[name])
+    of_arm, values = _VALUES[name]
+    return ArenaConfig(preset=name, arm=arm, joint_speed_limits=speeds[of_arm], **values)
 
 
 PRESETS = {name: preset_named(name) for name in _VALUES}
@@ -131,9 +147,19 @@ class ArenaChoice(Settings):
         "jaco", description="the arm in the middle of the table"
     )
     preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
-        "fast", description="the arm's speed, and whether it touches blocks"
+        "fast",
+        description="the arm's speed, whether it touches blocks, and what actions are; the default "
+        "of designs that move blocks is push",
     )
     reward: str = Field("sparse", description="a name, or JSON of name and parameters")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _use_design_default(cls, values: Any) -> Any:
+        """A preset that is not given is the design's."""
+        if isinstance(values, Mapping) and (name := str(values.get("design"))) in DESIGNS:
+            return {"preset": DESIGNS[name].preset, **values}
+        return values
 
     def design_of(self) -> Design:
         """The design, with the chosen relations."""

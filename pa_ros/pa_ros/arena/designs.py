@@ -12,7 +12,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relation import RELATIONS
-from pa_ros.world.schema import PAPER, ObjectSchema
+from pa_ros.world.schema import COLORS, PAPER, PLACE, PUSHING, ObjectSchema
 
 Values = Mapping[str, tuple[str, ...]]
 
@@ -70,9 +70,14 @@ class Design:
     novel: Mapping[str, str] = field(default_factory=dict, hash=False)
     """A new value of a group, which the conditions with new blocks add to the pool."""
     schema: ObjectSchema = PAPER
+    places: tuple[Kind, ...] = ()
+    """Kinds without a body, to which programs move blocks; empty: programs move the hand."""
+    n_places: int = 0  # on the table
 
     def __post_init__(self) -> None:
         self._check_values()
+        if any(map(self.schema.has_body, self.places)) or self.n_places > len(self.places):
+            raise ConfigError(f"design {self.name}: expected places without bodies, {self.places}")
         targets = (*self.train, *self.held_out)
         if not self.train or len(set(targets)) < len(targets) or not set(targets) <= set(self.pool):
             raise ConfigError(
@@ -100,6 +105,11 @@ class Design:
         for group, words in self.values.items():
             if unnamed := set(words) - set(self.vocabulary[group]):
                 raise ConfigError(f"design {self.name}: no word in the vocabulary for {unnamed}")
+
+    @property
+    def preset(self) -> str:
+        """The arena's preset, unless another one is chosen."""
+        return "push" if self.vocabulary.moves_objects else "fast"
 
     @property
     def pool(self) -> tuple[Kind, ...]:
@@ -130,7 +140,8 @@ class Design:
 
     def spare(self, group: str) -> tuple[str, ...]:
         """A group's words for what training has not."""
-        return tuple(w for w in self.vocabulary[group] if w not in self.values[group])
+        known = {*self.values[group], *self.schema.bodiless}
+        return tuple(w for w in self.vocabulary[group] if w not in known)
 
 
 def kinds(values: Values) -> tuple[Kind, ...]:
@@ -171,6 +182,37 @@ register(
     _THREE_D,
     replace(_THREE_D, name="3-D-exact", vocabulary=_WORDS_3_EXACT),
 )  # fmt: skip
+
+
+def _pushing(
+    name: str, shapes: tuple[str, ...], words: Vocabulary, held_out: tuple[Kind, ...]
+) -> Design:
+    """A design whose programs move blocks, to places and to other blocks. No training program
+    names a held-out block, in either argument."""
+    colors = tuple(word for word in words["color"] if word in COLORS)
+    values = {"color": colors, "shape": shapes}
+    train = tuple(kind for kind in kinds(values) if kind not in held_out)
+    places = kinds({"color": colors, "shape": (PLACE,)})
+    return Design(name, values, words.moving(PLACE), train, held_out, schema=PUSHING,
+                  places=places, n_places=2, **_COMMON)  # fmt: skip
+
+
+register(
+    _pushing(
+        "push-2",
+        ("CUBE", "CYLINDER"),
+        Vocabulary.of(shape=("CUBE", "CYLINDER", PLACE), color=("RED", "BLUE")),
+        (Kind(color="BLUE", shape="CYLINDER"),),
+    ),
+    _pushing(
+        "push-3D",
+        _VALUES_3["shape"],
+        Vocabulary.of(
+            shape=(*_VALUES_3["shape"], PLACE, "C"), color=(*_VALUES_3["color"], "A", "B")
+        ),
+        _DIAGONAL,
+    ),
+)
 
 
 def design_named(name: str) -> Design:

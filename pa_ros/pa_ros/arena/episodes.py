@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, pi, sin
+from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
 
 from pa_ros.arena.arms import ARMS
-from pa_ros.arena.conditions import Condition, program_for
+from pa_ros.arena.conditions import Condition, moving_program, program_for
 from pa_ros.arena.config import ArenaConfig, Joints
+from pa_ros.arena.controllers import joints_at
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.errors import ArenaError
 from pa_ros.language import Program, satisfying
@@ -49,6 +51,8 @@ def generate(
     does not name. Raises ArenaError (arena.episode) if the blocks do not fit on the table.
     """
     rng = np.random.default_rng([seed, RANDOM_STREAM, index])
+    if design.vocabulary.moves_objects:
+        return _moving_episode(config, design, condition, index, rng)
     # The order of the draws must not change, because every published result depends on it.
     base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
     target = condition.targets[int(rng.integers(len(condition.targets)))]
@@ -63,6 +67,125 @@ def generate(
     )
     start = base, *(joint.start for joint in ARMS[config.arm].joints[1:])
     return Episode(index, condition.name, blocks, start, program)
+
+
+# Episodes in which blocks are to be moved. Lengths in m.
+
+MOVE_M = (0.12, 0.40)  # from the block to the place that it is to be moved to
+NEAR_HAND_M = (0.11, 0.22)  # from the moved block to the hand, if it starts beside it
+NEAR_HAND_HEIGHTS_M = (0.085, 0.15)
+HAND_GAP_M = 0.10  # between the hand and every block
+PLACE_GAP_M = 0.12  # between a place and every block, so that no block is near it at the start
+PLACES_APART_M = 0.16
+SPOT_TRIES = 200
+
+Spot = tuple[float, float]
+
+
+def _moving_episode(
+    config: ArenaConfig,
+    design: Design,
+    condition: Condition,
+    index: int,
+    rng: np.random.Generator,
+) -> Episode:
+    """Draw an episode of a design whose programs move blocks. Blocks come first, then places."""
+    base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
+    moved = _one_of(condition.moved, rng) if condition.moved else None
+    target = _one_of([kind for kind in condition.targets if kind != moved], rng)
+    program, required = moving_program(condition, design, moved, target, rng)
+    named = [*([] if moved is None else [moved]), target, *required]
+    blocks = list(dict.fromkeys(kind for kind in named if design.schema.has_body(kind)))
+    places = list(dict.fromkeys(kind for kind in named if not design.schema.has_body(kind)))
+    for chosen, pool, count in (
+        (blocks, condition.pool, condition.n_blocks),
+        (places, design.places, design.n_places),
+    ):
+        words = [kind.words for kind in pool]
+        taken = satisfying(program, words, None, design.vocabulary.bodiless)
+        free = [kind for kind, is_named in zip(pool, taken, strict=True) if not is_named]
+        free = [free[i] for i in rng.permutation(len(free)) if free[i] not in chosen]
+        chosen.extend(free[: max(count - len(chosen), 0)])
+    to_place = target in design.places
+    counts = len(blocks), len(places)
+    block_spots, place_spots = _layout(config, *counts, moved is not None, to_place, rng)
+    start = base, *(joint.start for joint in ARMS[config.arm].joints[1:])
+    if moved is not None and rng.random() < condition.near_starts:
+        spot = _near(config, block_spots[0], NEAR_HAND_M, block_spots, HAND_GAP_M, rng)
+        if spot is not None:
+            heights = NEAR_HAND_HEIGHTS_M
+            start = joints_at(config, *spot, heights[int(rng.integers(len(heights)))])
+    objects = [
+        Block(chosen[i], spots[i][0], spots[i][1], float(rng.uniform(-pi, pi)))
+        for chosen, spots in ((blocks, block_spots), (places, place_spots))
+        for i in rng.permutation(len(chosen))
+    ]
+    return Episode(index, condition.name, tuple(objects), start, program)
+
+
+def _one_of(choices: Sequence[Kind], rng: np.random.Generator) -> Kind:
+    return choices[int(rng.integers(len(choices)))]
+
+
+def _layout(
+    config: ArenaConfig,
+    blocks: int,
+    places: int,
+    moves_block: bool,
+    to_place: bool,
+    rng: np.random.Generator,
+) -> tuple[list[Spot], list[Spot]]:
+    """Spots of blocks and places. The moved block is the first one; its target is the first place,
+    or the second block, which is then the one nearest to it."""
+    for _ in range(PLACEMENT_TRIES):
+        spots = _places(config, blocks, rng)
+        first = spots[0]
+        if moves_block and not to_place:
+            spots[1:] = sorted(spots[1:], key=lambda spot: _apart(spot, first))
+        chosen: list[Spot] = []
+        for i in range(places):
+            near = MOVE_M if moves_block and to_place and i == 0 else None
+            spot = _near(config, first, near, spots, PLACE_GAP_M, rng, chosen)
+            if spot is None:
+                break
+            chosen.append(spot)
+        if len(chosen) == places:
+            return spots, chosen
+    raise ArenaError(
+        f"{blocks} blocks and {places} places don't fit on the table", code="arena.episode"
+    )
+
+
+def _near(
+    config: ArenaConfig,
+    spot: Spot,
+    distances: tuple[float, float] | None,
+    blocks: Sequence[Spot],
+    gap: float,
+    rng: np.random.Generator,
+    places: Sequence[Spot] = (),
+) -> Spot | None:
+    """A spot at one of these distances of another (None: at any), within the arm's reach and apart
+    from blocks and places; None if none was found."""
+    arm = ARMS[config.arm]
+    (low, high), (first, last) = arm.block_radii_m, arm.block_angles
+    for _ in range(SPOT_TRIES):
+        if distances is None:
+            distance, angle = rng.uniform(low**2, high**2) ** 0.5, rng.uniform(first, last)
+            x, y = distance * cos(angle), distance * sin(angle)
+        else:
+            distance, angle = rng.uniform(*distances), rng.uniform(-pi, pi)
+            x, y = spot[0] + distance * cos(angle), spot[1] + distance * sin(angle)
+        found = float(x), float(y)
+        reached = low <= hypot(x, y) <= high and first <= atan2(y, x) <= last
+        free = all(_apart(found, block) >= gap for block in blocks)
+        if reached and free and all(_apart(found, place) >= PLACES_APART_M for place in places):
+            return found
+    return None
+
+
+def _apart(one: Spot, other: Spot) -> float:
+    return hypot(one[0] - other[0], one[1] - other[1])
 
 
 def _distractors(

@@ -24,16 +24,17 @@ SLEEP_TOLERANCE = 1e-5
 
 
 def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
-    """Compile the arena with one free block for each of `looks`, in that order.
+    """Compile the arena with one free block, or one place, for each of `looks`, in that order.
 
     The bodies are the arm's, of which `hand` is the last, then `block0` …, so that hand and blocks
-    are consecutive. Raises ConfigError if the arm's bodies are not as `Arm` describes.
+    are consecutive. Places, whose looks have no body, are only seen. Raises ConfigError if the
+    arm's bodies are not as `Arm` describes.
     """
     try:
         model = mujoco.MjModel.from_xml_string(mjcf(config, looks))
     except ValueError as error:
         raise ConfigError(f"arm {config.arm}: expected MJCF bodies, got: {error}") from error
-    _check_arm(model, config.arm, len(looks))
+    _check_arm(model, config.arm, len(looks), sum(look.has_body for look in looks))
     return model
 
 
@@ -65,12 +66,12 @@ def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:
 </mujoco>"""
 
 
-def _check_arm(model: mujoco.MjModel, name: str, blocks: int) -> None:
+def _check_arm(model: mujoco.MjModel, name: str, objects: int, free: int) -> None:
     """Raise ConfigError unless the arm has its joints, in order, and `hand` as its last body."""
     # Blocks come last in the model, each with a free joint of seven numbers.
-    joints = [model.joint(i).name for i in range(model.njnt - blocks)]
-    bodies = [model.body(i).name for i in range(model.nbody - blocks)]
-    if joints != list(ARMS[name].joint_names) or model.nq != len(joints) + 7 * blocks:
+    joints = [model.joint(i).name for i in range(model.njnt - free)]
+    bodies = [model.body(i).name for i in range(model.nbody - objects)]
+    if joints != list(ARMS[name].joint_names) or model.nq != len(joints) + 7 * free:
         raise ConfigError(
             f"arm {name}: expected hinges {list(ARMS[name].joint_names)}, got {joints}"
         )
@@ -84,6 +85,11 @@ def _arm_contact(config: ArenaConfig) -> str:
 
 
 def _block(config: ArenaConfig, index: int, look: Look) -> str:
+    if not look.has_body:
+        return f"""
+<body name="block{index}">
+  <geom name="block{index}" {look.geometry} contype="0" conaffinity="0" mass="0"/>
+</body>"""
     mass = config.block_mass_kg * look.density
     return f"""
 <body name="block{index}" sleep="init" pos="{0.5 + 0.2 * index} 0 {look.rest_height}">

@@ -8,8 +8,10 @@ from math import atan2, copysign, hypot, pi
 import numpy as np
 
 from pa_ros.arena.arms import ARMS
+from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
+from pa_ros.language.syntax import NEAR
 from pa_ros.world.relation import RELATIONS
 
 Policy = Callable[[ReachTask], Float64]
@@ -20,17 +22,82 @@ SLACK_RAD = 0.02  # a joint this close to its limit is not moved further
 
 def scripted_action(task: ReachTask) -> Float64:
     """Joint velocities (rad/s, [J]) toward a place where the program is satisfied. Privileged."""
-    return pursue(task, nearest_target(task))
+    if task.program.moves_hand:
+        return pursue(task, nearest_target(task))
+    return push(task, *nearest_pair(task))
 
 
 def nearest_target(task: ReachTask) -> Float64:
-    """Center of the named block nearest to the hand, [3] m in the table's frame."""
+    """Center of the named object nearest to what is to be moved, [3] m in the table's frame."""
+    return np.asarray(task.simulation.positions[nearest_pair(task)[1]])
+
+
+def nearest_pair(task: ReachTask) -> tuple[int, int]:
+    """The nearest two objects of which one is to be moved, the hand for example, to the other."""
     positions = task.simulation.positions  # [N, 3]
-    hand = positions[0]
-    return min(
-        (positions[i] for i in task.verifier.targets),
-        key=lambda place: float(np.linalg.norm(place - hand)),
-    )
+    pairs = ((i, j) for i in task.verifier.moved for j in task.verifier.targets if i != j)
+    return min(pairs, key=lambda pair: float(np.linalg.norm(np.subtract(*positions[[*pair]]))))
+
+
+# How the script pushes a block; lengths in m, speeds in m/s.
+PUSH_HEIGHT = 0.085  # of the hand while it pushes
+TRAVEL_HEIGHT = 0.17  # of the hand while it passes over blocks
+BEHIND = 0.095  # from the block's center to the hand's, before it pushes
+ON_LINE = 0.035  # the hand pushes if it is this close to the line through block and goal
+ARRIVED, TOUCHING = 0.02, 0.065  # from the goal's center: of a place, of a block
+PUSH_SPEED, TRAVEL_SPEED = 0.25, 0.5
+
+
+def push(task: ReachTask, moved: int, target: int) -> Float64:
+    """Joint velocities (rad/s, [J]) that push one object to where the relation to another holds:
+    over it at height, down behind it, and along the line to the goal."""
+    positions, relation = task.simulation.positions, RELATIONS[task.program.relation]
+    hand, block, goal = positions[0], positions[moved], positions[target]
+    if target == 0:
+        return toward(task, block + np.array([0.0, 0.0, PUSH_HEIGHT]))
+    if relation.name != NEAR:
+        goal = relation.goal(block, goal, task.scoring.threshold(relation.name, between=True))
+    way, offset = (goal - block)[:2], (hand - block)[:2]
+    distance, solid = float(np.hypot(*way)), relation.name == NEAR and _is_solid(task, target)
+    if distance < (TOUCHING if solid else ARRIVED):
+        return np.zeros(task.config.joints)
+    along = way / distance
+    across = np.array([-along[1], along[0]])
+    behind, aside = float(offset @ along), float(offset @ across)
+    start = np.array([*block[:2] - along * BEHIND, PUSH_HEIGHT])
+    if hand[2] < 0.11 and behind < -0.05 and abs(aside) < ON_LINE:
+        flat = along * min(PUSH_SPEED, 6.0 * distance + 0.02) - across * 4.0 * aside
+        return _hand_velocity(task, np.array([*flat, _rates(task, start - hand)[2]]))
+    if np.hypot(*(hand - start)[:2]) < ARRIVED:
+        return _hand_velocity(task, _rates(task, start - hand))
+    error = _cylindrical_error(task, hand, np.array([*start[:2], TRAVEL_HEIGHT]))
+    if hand[2] < 0.13 and np.hypot(*offset) < 0.14:
+        error[:2] = 0.0  # first up, so that it does not push the block aside
+    radius = hypot(*hand[:2])
+    x, y = hand[:2] / radius
+    out, left, up = _rates(task, error * (1.0, radius, 1.0))
+    return _hand_velocity(task, np.array([x * out - y * left, y * out + x * left, up]))
+
+
+def _is_solid(task: ReachTask, index: int) -> bool:
+    return task.design.schema.has_body(task.episode.blocks[index - 1].kind)
+
+
+def _rates(task: ReachTask, error: Float64) -> Float64:
+    """Velocities [3] (m/s) that remove an error (m) in one control period, or as fast as the hand
+    travels."""
+    rates = error / task.config.control_period_s
+    rates[:2] /= max(1.0, float(np.abs(rates[:2]).max()) / TRAVEL_SPEED)
+    rates[2] = np.clip(rates[2], -TRAVEL_SPEED, TRAVEL_SPEED)
+    return np.asarray(rates)
+
+
+def _hand_velocity(task: ReachTask, velocity: Float64) -> Float64:
+    """Joint velocities (rad/s, [J]) for the hand's velocity [3] (m/s), pointing down."""
+    controller, joints = hand_controller(task.config), task.simulation.joint_position
+    _, axis, jacobian = controller.hand(joints)
+    found = controller.solve(velocity, axis, jacobian, joints)
+    return found / max(1.0, float(np.max(np.abs(found) / controller.speed_limits)))
 
 
 def pursue(task: ReachTask, target: Float64) -> Float64:

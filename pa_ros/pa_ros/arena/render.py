@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.camera import CLOSE, Camera
 from pa_ros.arena.model import TABLE_SIDE_M
-from pa_ros.arena.references import nearest_target
+from pa_ros.arena.references import nearest_pair
 from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
@@ -56,12 +56,17 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
     for i, block in enumerate(task.episode.blocks, start=1):
         x, y = positions[i, :2]
         look = look_of(block.kind)
-        edge = "black" if i in task.verifier.targets else "none"
+        edge = "black" if i in (*task.verifier.moved, *task.verifier.targets) else "none"
         side = look.scale * size / 3
+        if not task.design.schema.has_body(block.kind):  # a ring under the blocks
+            side, edge = 2 * side, "black" if edge != "none" else "white"
+            axes.plot(x, y, look.marker, color=look.rgb, ms=side, mec=edge, mew=size / 20,
+                      alpha=0.5, zorder=1)  # fmt: skip
+            continue
         axes.plot(x, y, look.marker, color=look.rgb, ms=side, mec=edge, mew=size / 20)
     hand_x, hand_y = positions[0, :2].tolist()
     axes.plot(hand_x, hand_y, "o", color="white", mec="#555560", ms=size / 2, zorder=4)
-    if task.verifier.targets:
+    if task.verifier.moved and task.verifier.targets:
         axes.plot(*outline(task).T, ":", color="black", linewidth=1.0)
     picture, _ = canvas.print_to_buffer()  # type: ignore[no-untyped-call]
     return np.frombuffer(picture, dtype=np.uint8).reshape(side_px, side_px, 4)[..., :3].copy()
@@ -69,7 +74,8 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
 
 def outline(task: ReachTask) -> Float64:
     """The line around the places where the program's relation to the nearest target holds, from
-    above: [M, 2] m. The program must name a present block."""
-    relation = task.program.relation
-    hand, threshold = task.simulation.positions[0], task.scoring.threshold(relation)
-    return RELATIONS[relation].outline(hand, nearest_target(task), threshold)
+    above: [M, 2] m. The program must name present objects."""
+    relation, positions = task.program.relation, task.simulation.positions
+    moved, target = nearest_pair(task)
+    threshold = task.scoring.threshold(relation, between=not task.program.moves_hand)
+    return RELATIONS[relation].outline(positions[moved], positions[target], threshold)

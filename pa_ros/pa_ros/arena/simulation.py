@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from math import copysign, cos, sin
 from typing import Any
@@ -43,14 +44,20 @@ class Simulation:
 
     def place(self, episode: Episode) -> None:
         """Start an episode: the arm at rest in its start pose, the blocks at rest."""
-        looks = [look_of(block.kind) for block in episode.blocks]
+        looks = [self._look(block.kind) for block in episode.blocks]
         self.model, self.data = self._models(tuple(look.solid for look in looks))
+        free = iter(self.model.qpos0[self._joints :].reshape(-1, 7))
         for i, (block, look) in enumerate(zip(episode.blocks, looks, strict=True)):
-            # The start of a sleeping block must be in qpos0: MuJoCo resets to it and puts the block
-            # to sleep there.
-            pose = self.model.qpos0[self._joints + 7 * i : self._joints + 7 * (i + 1)]
-            pose[:3] = block.x, block.y, look.rest_height
-            pose[3:] = cos(block.yaw / 2), 0.0, 0.0, sin(block.yaw / 2)
+            place = block.x, block.y, look.rest_height
+            turn = cos(block.yaw / 2), 0.0, 0.0, sin(block.yaw / 2)
+            if look.has_body:
+                # The start of a sleeping block must be in qpos0: MuJoCo resets to it and puts the
+                # block to sleep there.
+                pose = next(free)
+                pose[:3], pose[3:] = place, turn
+            else:
+                body = self.model.body(f"block{i}")
+                body.pos[:], body.quat[:] = place, turn
             # Models are shared by all blocks of the same form, so the color is set for each
             # episode.
             rgba = np.array(look.rgba.split(), dtype=np.float32)
@@ -91,6 +98,8 @@ class Simulation:
         self.place(episode)
         joints = len(arm[0])
         self.data.qpos[:joints], self.data.qvel[:joints] = arm
+        bodies = [self._schema.has_body(block.kind) for block in episode.blocks]
+        poses, twists = poses[bodies], twists[bodies]  # a place is where `place` put it
         resting = self.model.qpos0[joints:].reshape(-1, 7)
         moving = ~np.isclose(poses, resting, atol=1e-6).all(1) | twists.any(1)
         for i in np.flatnonzero(moving):  # the other blocks stay asleep
@@ -164,6 +173,9 @@ class Simulation:
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_jacBody(self.model, self.data, jacobian, None, self._hand)
         return jacobian[:, : self._joints]
+
+    def _look(self, kind: Kind) -> Look:
+        return replace(look_of(kind), has_body=self._schema.has_body(kind))
 
     def _view_arrays(self, blocks: int) -> None:
         """Keep views of MuJoCo's arrays, because reading an attribute of MjData is slow."""

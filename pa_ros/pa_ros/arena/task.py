@@ -9,10 +9,12 @@ import numpy as np
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.conditions import condition_named
 from pa_ros.arena.config import ArenaConfig
+from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Episode, generate
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.simulation import HAND_INDEX, Simulation
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.language import Program, require_target, roles
 from pa_ros.world import Reward, Score, Scoring
@@ -21,7 +23,8 @@ from pa_ros.world.world import World
 
 def world_of(config: ArenaConfig, design: Design) -> World:
     """The world of an arm and a design."""
-    return World(design.schema, design.vocabulary, joints=config.joints)
+    controller = hand_controller(config) if config.hand_speed else None
+    return World(design.schema, design.vocabulary, config.joints, controller)
 
 
 def scoring_of(config: ArenaConfig, design: Design, reward: Reward | None = None) -> Scoring:
@@ -89,8 +92,13 @@ class ReachTask:
         Raises ConfigError for a value of the design that has no look.
         """
         # A value without a look must not surface at the first episode that happens to draw it.
-        for kind in design.extended_pool:
+        for kind in (*design.extended_pool, *design.places):
             look_of(kind)
+        if design.vocabulary.moves_objects and not config.arm_touches_blocks:
+            raise ConfigError(
+                f"design {design.name}: expected a preset whose arm touches blocks, such as "
+                f"{design.preset}, got {config.preset}"
+            )
         self.config = config
         self.scoring = scoring_of(config, design, reward)
         self.design = design

@@ -173,16 +173,18 @@ def _figure(value: float, width: int, digits: int = 0, unit: str = "") -> str:
     return f"{text:>{width + len(unit)}}"
 
 
+REACHING = ("paper", "fast")  # presets
+
+
 def _compare(results: Path) -> int:
     """Write a table of variants for each programmable experiment that has any, on each arm."""
-    from pa_ros.arena import PRESETS
     from pa_ros.evaluation.experiments import experiment_named
     from pa_ros.evaluation.results import write_variants
     from pa_ros.evaluation.tables import EvaluationError
     from pa_ros.evaluation.variants import NO_VARIANTS
 
     written, missing = 0, []
-    for name, preset in itertools.product(("programmable-2L", "programmable-3D"), PRESETS):
+    for name, preset in itertools.product(("programmable-2L", "programmable-3D"), REACHING):
         try:
             label = replace(experiment_named(name), preset=preset).label
             print(write_variants(label, results))

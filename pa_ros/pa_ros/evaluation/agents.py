@@ -85,9 +85,12 @@ def trained(out: Path) -> Path:
 def greedy(snapshot: PolicySnapshot, arena: ArenaConfig, logic: Logic = MIN_MAX) -> AgentPolicy:
     """An actor without exploration, as a policy of joint velocities (rad/s) for an arena."""
     actor, speeds = Actor.of(snapshot, logic), np.array(arena.joint_speed_limits)
+    world = actor.network.world
 
     def act(observation: Observation, program: Program) -> Float64:
-        return np.asarray(actor.act(observation, program).astype(np.float64) * speeds)
+        action = actor.act(observation, program)
+        command = world.joint_action(action, observation.joint_position)
+        return np.asarray(command.astype(np.float64) * speeds)
 
     return act
 

@@ -183,9 +183,12 @@ class TrainingScores:
     def __call__(self, actor: Acts) -> dict[str, float]:
         """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
 
+        world = self.task.world
+
         def act(observation: Observation) -> Float64:
-            action = actor.act(observation, self.task.program).astype(np.float64)
-            return np.asarray(action * self._speeds)
+            action = actor.act(observation, self.task.program)
+            command = world.joint_action(action, observation.joint_position)
+            return np.asarray(command.astype(np.float64) * self._speeds)
 
         row: dict[str, float] = {}
         for condition in self._conditions:

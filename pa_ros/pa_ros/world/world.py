@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float32, Observation
+from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.world.controller import AXES, HandController
 from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relation import RELATIONS
 from pa_ros.world.schema import ObjectSchema
@@ -31,6 +32,7 @@ class World:
     schema: ObjectSchema
     vocabulary: Vocabulary
     joints: int
+    controller: HandController | None = None  # None: an action is joint velocities
 
     def __post_init__(self) -> None:
         # The rows of Φ follow the vocabulary and the features follow the schema, so both need one
@@ -40,6 +42,8 @@ class World:
             raise ConfigError(f"world: groups of words: expected {ours}, got {theirs}")
         if type(self.joints) is not int or not 1 <= self.joints <= MAX_JOINTS:
             raise ConfigError(f"world: joints: expected 1 to {MAX_JOINTS}, got {self.joints!r}")
+        if self.controller is not None and len(self.controller.joints) != self.joints:
+            raise ConfigError(f"world: controller: expected one of {self.joints} joints")
         named = set(self.schema.bodiless) & set(self.vocabulary.words)
         if self.vocabulary.moves_objects and set(self.vocabulary.bodiless) != named:
             raise ConfigError(
@@ -85,8 +89,15 @@ class World:
 
     @property
     def actions(self) -> int:
-        """Elements of an action: one for each joint."""
-        return self.joints
+        """Elements of an action: one for each joint, or the controller's."""
+        return self.joints if self.controller is None else AXES
+
+    def joint_action(self, action: Float32, joint_position: Float64) -> Float32:
+        """The joint command [J] of an action [`actions`], both in [-1, 1]: parts of the joints'
+        speed limits."""
+        if self.controller is None:
+            return action
+        return self.controller.joint_action(action, joint_position)
 
     @cached_property
     def value_words(self) -> Float32:
@@ -113,9 +124,11 @@ class World:
 
     def to_data(self) -> dict[str, Any]:
         """As data for JSON."""
-        moving = {"moves_objects": True} if self.vocabulary.moves_objects else {}
+        added: dict[str, Any] = {"moves_objects": True} if self.vocabulary.moves_objects else {}
+        if self.controller is not None:
+            added["controller"] = self.controller.to_data()
         return {
-            **moving,
+            **added,
             "objects": self.schema.to_data(),
             "words": [[group.name, list(group.words)] for group in self.vocabulary.groups],
             "joints": self.joints,
@@ -131,7 +144,10 @@ class World:
             schema = ObjectSchema.from_data(data["objects"])
             if data.get("moves_objects", False) is True:
                 asked = asked.moving(*(w for w in asked.words if w in schema.bodiless))
-            return cls(schema, asked, data["joints"])
+            controller = data.get("controller")
+            if controller is not None:
+                controller = HandController.from_data(controller)
+            return cls(schema, asked, data["joints"], controller)
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise ConfigError(
                 f"world: expected its JSON: {error!r}, got {str(data)[:200]}"

@@ -1,0 +1,182 @@
+"""Designs whose programs move blocks: episodes, places, the hand's controller and the pusher."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import combinations
+from math import hypot
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import (
+    Episode,
+    ReachTask,
+    condition_named,
+    conditions_for,
+    design_named,
+    generate,
+    preset_named,
+    random_policy,
+    scripted_action,
+    training_programs,
+    world_of,
+)
+from pa_ros.arena.config import ArenaChoice
+from pa_ros.arena.controllers import hand_controller, joints_at
+from pa_ros.arena.rearranging import bodies, rearrange
+from pa_ros.arena.render import top_view
+from pa_ros.core.errors import ConfigError
+from pa_ros.language import parse, roles
+from pa_ros.world.world import World
+
+CONFIG, PUSH_2 = preset_named("push"), design_named("push-2")
+NAMES = ("push-2", "push-3D")
+ALL = [(name, c) for name in NAMES for c in conditions_for(design_named(name))]
+
+
+def draw(name: str, condition: str, index: int) -> Episode:
+    design = design_named(name)
+    return generate(CONFIG, design, condition_named(condition, design), 3, index)
+
+
+def apart(a: np.ndarray, b: np.ndarray) -> float:
+    return hypot(a[0] - b[0], a[1] - b[1])
+
+
+@pytest.mark.parametrize(("name", "condition"), ALL)
+def test_the_program_names_what_moves_and_where_to(name: str, condition: str) -> None:
+    design = design_named(name)
+    chosen = condition_named(condition, design)
+    task = ReachTask(CONFIG, design, seed=3)
+    for index in range(6):
+        episode = draw(name, condition, index)
+        kinds = [block.kind for block in episode.blocks]
+        assert len(set(kinds)) == len(kinds)
+        assert episode.program == parse(str(episode.program), design.vocabulary)
+        words = [set(), *(kind.words for kind in kinds)]
+        moved, target = roles(episode.program, words, 0, ("PLACE",))
+        assert sum(moved) == 1 + ("moved" in chosen.either)
+        assert sum(target) == 1 + ("target" in chosen.either)
+        assert moved[0] == (not chosen.moved)
+        solid = [design.schema.has_body(kind) for kind in kinds]
+        for (a, one), (b, other) in combinations(zip(episode.blocks, solid, strict=True), 2):
+            least = 0.20 if one and other else 0.12 if one or other else 0.16
+            assert hypot(a.x - b.x, a.y - b.y) >= least - 1e-9
+        _, verdict = task.reset_to(episode)
+        assert not verdict.satisfied or episode.program.moves_hand
+
+
+def test_training_programs_move_training_blocks_to_places_and_reach() -> None:
+    for name, count in (("push-2", 3 * 2 + 3 + 2), ("push-3D", 6 * 3 + 6 + 3)):
+        design = design_named(name)
+        programs = training_programs(design)
+        assert len(programs) == count
+        assert {draw(name, "train", i).program for i in range(150)} == {
+            program for program in programs if not program.moves_hand
+        }
+        held_out = {kind.conjunction for kind in design.held_out}
+        assert not any(text in str(program) for text in held_out for program in programs)
+
+
+def test_some_training_episodes_start_with_the_hand_beside_the_block() -> None:
+    task, near = ReachTask(CONFIG, PUSH_2, seed=3), Counter()
+    for condition in ("train", "eval"):
+        for index in range(40):
+            task.reset(index, condition)
+            hand, block = task.simulation.positions[[0, task.verifier.moved[0]]]
+            beside = hand[2] < 0.16 and 0.10 < apart(hand, block) < 0.23
+            near[condition] += beside
+            start = np.array(task.episode.arm_start)
+            assert beside or np.allclose(start[1:], [*hand_start()][1:])
+    assert 4 <= near["train"] <= 20 and near["eval"] == 0
+
+
+def hand_start() -> tuple[float, ...]:
+    return tuple(link.zero or 0.0 for link in hand_controller(CONFIG).joints)
+
+
+def test_places_are_seen_but_not_touched_and_can_be_moved() -> None:
+    task = ReachTask(CONFIG, PUSH_2, seed=3)
+    task.reset(0)
+    before = bodies(task)
+    kinds = [block.kind for block in task.episode.blocks]
+    block, place = before[1], next(i for i, k in enumerate(kinds, 1) if k["shape"] == "PLACE")
+    moved = [*before[1:]]
+    moved[place - 1] = type(block)(block.position, block.quaternion, *np.zeros((2, 3)))
+    rearrange(task, kinds, moved)  # a place under a block
+    task.step(np.zeros(6))
+    after = bodies(task)
+    np.testing.assert_allclose(after[1].position, before[1].position, atol=1e-4)
+    np.testing.assert_allclose(after[place].position[:2], block.position[:2], atol=1e-9)
+    objects = task.simulation.objects()
+    assert task.world.schema.bodies(objects).tolist() == [True] * 5 + [False] * 2
+    assert objects[place, 7:][PUSH_2.schema["shape"].features.values.index("PLACE")] == 1.0
+    assert top_view(task, 120).shape == (120, 120, 3)
+    rearrange(task, kinds[:3] + kinds[4:], [*moved[:3], *moved[4:]])
+    assert len(bodies(task)) == 6
+
+
+@pytest.mark.parametrize(
+    ("name", "condition", "least"), [("push-2", "eval", 0.9), ("push-2", "pairs", 0.7)]
+)
+def test_the_script_pushes_and_random_actions_do_not(
+    name: str, condition: str, least: float
+) -> None:
+    """`pa_ros eval --reference scripted --design push-2` has figures over many episodes."""
+    task, random = ReachTask(CONFIG, design_named(name), seed=5), random_policy(0)
+    scores = {}
+    for policy in (scripted_action, random):
+        ends = []
+        for index in range(10):
+            _, verdict = task.reset(index, condition)
+            while not verdict.truncated:
+                _, verdict = task.step(policy(task))
+            ends.append(verdict.satisfied)
+        scores[policy] = np.mean(ends)
+    assert scores[scripted_action] >= least and scores[random] <= 0.2
+
+
+@pytest.mark.parametrize("arm", ["jaco", "panda"])
+def test_the_controller_knows_the_arm_and_moves_its_hand(arm: str) -> None:
+    config = preset_named("push", arm)
+    task = ReachTask(config, PUSH_2, seed=3)
+    task.reset(0, "eval")
+    controller, simulation = task.world.controller, task.simulation
+    assert controller is not None
+    for action in np.eye(3, dtype=np.float32) * (1.0, 1.0, -1.0):
+        place, _, jacobian = controller.hand(simulation.joint_position)
+        np.testing.assert_allclose(place, simulation.positions[0], atol=1e-9)
+        np.testing.assert_allclose(jacobian[:3], simulation.hand_jacobian(), atol=1e-9)
+        command = task.world.joint_action(
+            action.astype(np.float32) * 0.5, simulation.joint_position
+        )
+        assert command.shape == (config.joints,) and np.abs(command).max() <= 1.0
+        for _ in range(2):
+            task.step(command * np.array(config.joint_speed_limits))
+        away = simulation.positions[0] - place
+        radial = place[:2] / hypot(*place[:2])
+        moved = away[:2] @ radial, away[1] * radial[0] - away[0] * radial[1], away[2]
+        assert int(np.abs(moved).argmax()) == int(np.abs(action).argmax())
+        assert np.dot(moved, action) > 0.01
+    place, axis, _ = controller.hand(joints_at(config, 0.3, -0.3, 0.085))
+    np.testing.assert_allclose(place, (0.3, -0.3, 0.085), atol=0.01)
+    assert axis[2] < -0.99
+
+
+def test_a_world_with_a_controller_is_data_and_reaching_has_none() -> None:
+    world = world_of(CONFIG, PUSH_2)
+    assert World.from_json(world.to_json()) == world and world.actions == 3
+    assert world_of(preset_named("push-joints"), PUSH_2).actions == 6
+    reaching = world_of(preset_named("fast"), design_named("2-L"))
+    assert "controller" not in reaching.to_json() and "moves" not in reaching.to_json()
+    action = np.zeros(6, np.float32)
+    assert reaching.joint_action(action, np.zeros(6)) is action
+
+
+def test_the_preset_follows_the_design_and_must_touch_blocks() -> None:
+    assert ArenaChoice(design="push-2").arena_config().preset == "push"
+    assert ArenaChoice(design="push-2", preset="push-slow").arena_config().hand_speed == 0.25
+    assert ArenaChoice(design="2-L").arena_config().preset == ArenaChoice().preset == "fast"
+    with pytest.raises(ConfigError, match="push-2: expected a preset whose arm touches blocks"):
+        ReachTask(preset_named("fast"), PUSH_2, seed=0)
