@@ -104,5 +104,5 @@ def test_a_custom_color_without_a_look_is_grey() -> None:
 
 def test_an_unknown_shape_is_rejected_before_the_first_episode() -> None:
     design = designed(shape=("CUBE", "CONE"), color=("RED", "BLUE"))
-    with pytest.raises(ConfigError, match=r"shape: CONE: .* of \['CUBE'.*'CAPSULE'\], got 'CONE'"):
+    with pytest.raises(ConfigError, match=r"shape: CONE: .* of \['CUBE'.*'PLACE'\], got 'CONE'"):
         ReachTask(preset_named("fast"), design, 0)
