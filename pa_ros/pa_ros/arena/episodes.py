@@ -72,6 +72,7 @@ def generate(
 # Episodes in which blocks are to be moved. Lengths in m.
 
 MOVE_M = (0.12, 0.40)  # from the block to the place that it is to be moved to
+MOVE_TO_BLOCK_M = 0.45  # greatest distance to the block that it is to be moved to
 NEAR_HAND_M = (0.11, 0.22)  # from the moved block to the hand, if it starts beside it
 NEAR_HAND_HEIGHTS_M = (0.085, 0.15)
 HAND_GAP_M = 0.10  # between the hand and every block
@@ -142,6 +143,8 @@ def _layout(
         first = spots[0]
         if moves_block and not to_place:
             spots[1:] = sorted(spots[1:], key=lambda spot: _apart(spot, first))
+            if _apart(spots[1], first) > MOVE_TO_BLOCK_M:
+                continue  # across the table, around the arm
         chosen: list[Spot] = []
         for i in range(places):
             near = MOVE_M if moves_block and to_place and i == 0 else None
