@@ -38,13 +38,13 @@ class Result:
     steps: int  # control steps of 0.1 s
 
 
-def make_arena(
-    design: str = "3-D", *, arm: str = "jaco", preset: str = "fast", seed: int = 0
-) -> Arena:
+def make_arena(design: str = "3-D", *, arm: str = "jaco", preset: str = "", seed: int = 0) -> Arena:
     """A simulated arena with a first scene.
 
-    `design` says which blocks exist (2-C, 2-L, 3-C, 3-D), `arm` is jaco or panda, `preset` is fast
-    or paper. The same seed gives the same scenes. Raises ConfigError for unknown names.
+    `design` says which blocks exist (2-C, 2-L, 3-C, 3-D; push-2 and push-3D, whose blocks can be
+    moved), `arm` is jaco or panda, `preset` is fast or paper, or push for the designs of that name;
+    by default the design's. The same seed gives the same scenes. Raises ConfigError for unknown
+    names.
     """
     return Arena(design, arm, preset, seed)
 
@@ -69,7 +69,8 @@ class Arena:
     def __init__(self, design: str, arm: str, preset: str, seed: int) -> None:
         from pa_ros.arena import ReachTask, design_named, preset_named
 
-        self.task = ReachTask(preset_named(preset, arm), design_named(design), seed)
+        blocks = design_named(design)
+        self.task = ReachTask(preset_named(preset or blocks.preset, arm), blocks, seed)
         self.reset()
 
     def reset(self, scene: int = 0, condition: str = "train") -> None:

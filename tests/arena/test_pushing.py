@@ -6,9 +6,11 @@ from collections import Counter
 from itertools import combinations
 from math import hypot
 
+import gymnasium
 import numpy as np
 import pytest
 
+from pa_ros import make_arena
 from pa_ros.arena import (
     Episode,
     ReachTask,
@@ -180,3 +182,17 @@ def test_the_preset_follows_the_design_and_must_touch_blocks() -> None:
     assert ArenaChoice(design="2-L").arena_config().preset == ArenaChoice().preset == "fast"
     with pytest.raises(ConfigError, match="push-2: expected a preset whose arm touches blocks"):
         ReachTask(preset_named("fast"), PUSH_2, seed=0)
+
+
+def test_gymnasium_and_five_lines_of_python_move_blocks() -> None:
+    for kind in ("flat", "structured"):
+        env = gymnasium.make("pa_ros/Reach-v0", design="push-2", observation=kind).unwrapped
+        observation, info = env.reset(seed=0)
+        assert env.observation_space.contains(observation) and env.action_space.shape == (3,)
+        observation, *_ = env.step(np.array([0.0, 0.0, -1.0], np.float32))
+        assert env.observation_space.contains(observation)
+        program = "NEAR(AND(RED, CUBE), AND(BLUE, CUBE))"
+        _, info = env.reset(options={"program": program})
+        assert info["program"] == program and info["distance"] > 0.1
+    arena = make_arena("push-2", seed=1)
+    assert "RED PLACE" in arena.objects and arena.task.config.preset == "push"

@@ -191,9 +191,8 @@ class Agent:
                 f"action: expected prepare() to return None before it, got {self.required()}",
                 code="learning.step",
             )
-        action = self._action(actor, *step)
-        self._step = None
-        world, position = actor.network.world, step.observation.joint_position
+        action, position = self._action(actor, *step), step[0].observation.joint_position
+        self._step, world = None, actor.network.world
         return self._command(world.joint_action(action, position))
 
     def hold(self) -> Float32:

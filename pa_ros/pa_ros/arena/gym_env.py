@@ -25,21 +25,22 @@ SEED_RANGE = 2**31 - 1
 
 
 class ReachEnv(gymnasium.Env[Any, Float32]):
-    """Reach for one named block.
+    """Reach for one named block, or push it to another one or to a place.
 
     Observations are vectors, or with `observation="structured"` a `Dict` of objects, arm and
     program, for programs of any kind (`pa_ros.arena.observations`). Actions [J] in [-1, 1] are
-    parts of the joint speed limits. The reward is ±1, or that of `reward`: a `Reward`, its name, or
-    its JSON. Episodes are truncated, never terminated. `info` contains the program, the distance
-    (m) and `is_success`. `copy.deepcopy` makes an independent copy in the same state; pickle works
-    only before the first reset.
+    parts of the joint speed limits, or [3] of the hand's speed (`pa_ros.world.controller`). The
+    reward is ±1, or that of `reward`: a `Reward`, its name, or its JSON. Episodes are truncated,
+    never terminated. `info` contains the program, the distance (m) and `is_success`.
+    `copy.deepcopy` makes an independent copy in the same state; pickle works only before the first
+    reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self,
-        preset: str | ArenaConfig = "fast",
+        preset: str | ArenaConfig | None = None,
         design: str | Design = "2-C",
         condition: str = "train",
         render_mode: str | None = None,
@@ -48,16 +49,17 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         observation: Literal["flat", "structured"] = "flat",
         program_rows: int = PROGRAM_ROWS,
     ) -> None:
-        """`arm` is "jaco" by default; an ArenaConfig contains its own. `program_rows` is the number
-        of instructions in a structured observation."""
+        """`preset` is the design's by default, `arm` "jaco"; an ArenaConfig contains its own.
+        `program_rows` is the number of instructions in a structured observation."""
         if observation not in ("flat", "structured"):
             raise ConfigError(f"gym: observation: expected flat or structured, got {observation!r}")
+        self.design = design if isinstance(design, Design) else design_named(design)
+        preset = preset or self.design.preset
         self.config = preset_named(preset, arm or "jaco") if isinstance(preset, str) else preset
         if arm not in (None, self.config.arm):
             raise ConfigError(
                 f"gym: arm: expected none beside an ArenaConfig of {self.config.arm}, got {arm!r}"
             )
-        self.design = design if isinstance(design, Design) else design_named(design)
         self._reward = reward_from(reward) if isinstance(reward, str) else reward
         self.condition, self.render_mode = condition, render_mode
         self.world = world_of(self.config, self.design)
@@ -103,7 +105,9 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
 
     def step(self, action: Float32) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Act for one control period; ArenaError (arena.command) unless all numbers are finite."""
-        observation, verdict = self.task.step(self._limits * action)
+        joints = self.task.simulation.joint_position
+        command = self.world.joint_action(action, joints)
+        observation, verdict = self.task.step(self._limits * command)
         seen, info = self._observed(observation), self._info(verdict)
         return seen, verdict.reward, False, verdict.truncated, info
 

@@ -13,11 +13,12 @@ from gymnasium import spaces
 
 from pa_ros.arena.conditions import condition_named, conditions_for
 from pa_ros.arena.designs import Design
+from pa_ros.arena.simulation import HAND_INDEX
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.language import Program
-from pa_ros.language.flat import COPY, compile_program
+from pa_ros.language.flat import COPY, FlatProgram, compile_program
 from pa_ros.world.world import World
 
 PROGRAM_ROWS = 24  # instructions; the paper's conditions need 11, programs of depth 6 about 16
@@ -29,16 +30,19 @@ class FlatObservation:
 
     It contains the A features of the arm; the F features of each of the K kinds of block, at fixed
     places and zero if absent (paper, appendix "Canonical"); 1 at each of the V words that describe
-    the target; and 1 at the program's relation, if the design has several (R).
+    the target; and 1 at the program's relation, if the design has several (R). If programs move
+    blocks, another V words before those of the target describe what is moved (none: the hand).
     """
 
     def __init__(self, world: World, design: Design, condition: str = "train") -> None:
         """The conditions "train" and "eval" have no places for the kinds that only others use."""
         self._world, self._vocabulary = world, design.vocabulary
         kinds = design.pool if condition in ("train", "eval") else design.extended_pool
+        kinds += design.places
         self._slot = {kind: i for i, kind in enumerate(kinds)}
         size = world.arm_features + world.object_features * len(self._slot)
-        size += len(self._vocabulary.words) + self._vocabulary.relation_inputs
+        arguments = 2 if self._vocabulary.moves_objects else 1
+        size += arguments * len(self._vocabulary.words) + self._vocabulary.relation_inputs
         self.space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
     def __call__(self, observation: Observation, task: ReachTask) -> Float32:
@@ -50,28 +54,34 @@ class FlatObservation:
 
     def check(self, task: ReachTask) -> None:
         """Raise ConfigError unless the stated goal and the program name the same blocks."""
-        words = self._words(task)
-        blocks = enumerate(task.episode.blocks, start=1)
-        if task.verifier.targets != tuple(i for i, block in blocks if words <= block.kind.words):
-            raise ConfigError(
-                "gym: program: expected one that names a single block, as a flat observation "
-                f"states no other (observation='structured' does), got {task.program}"
-            )
+        for named in (task.verifier.moved, task.verifier.targets):
+            words, blocks = self._words(task, named), enumerate(task.episode.blocks, start=1)
+            stated = tuple(i for i, block in blocks if words <= block.kind.words)
+            if named != (stated if words else (HAND_INDEX,)):
+                raise ConfigError(
+                    "gym: program: expected one that names a single block, as a flat observation "
+                    f"states no other (observation='structured' does), got {task.program}"
+                )
 
-    def _words(self, task: ReachTask) -> frozenset[str]:
-        """The words that describe the (first) target."""
-        target = task.episode.blocks[task.verifier.targets[0] - 1].kind
-        return target.words & self._vocabulary.row.keys()
+    def _words(self, task: ReachTask, named: tuple[int, ...]) -> frozenset[str]:
+        """The words that describe the (first) object of a set; none for the hand."""
+        if named[0] == HAND_INDEX:
+            return frozenset()
+        return task.episode.blocks[named[0] - 1].kind.words & self._vocabulary.row.keys()
 
     def _goal(self, task: ReachTask) -> Float32:
-        """The goal as words and relation, [V + R]."""
-        vocabulary = self._vocabulary
-        words = np.zeros(len(vocabulary.words), dtype=np.float32)
-        words[[vocabulary.row[word] for word in self._words(task)]] = 1.0
+        """The goal as words and relation, [V + R] or [2V + R]."""
+        vocabulary, verifier = self._vocabulary, task.verifier
+        sets = (
+            (verifier.moved, verifier.targets) if vocabulary.moves_objects else (verifier.targets,)
+        )
+        words = np.zeros((len(sets), len(vocabulary.words)), dtype=np.float32)
+        for row, named in zip(words, sets, strict=True):
+            row[[vocabulary.row[word] for word in self._words(task, named)]] = 1.0
         relations = np.zeros(vocabulary.relation_inputs, dtype=np.float32)
         if len(relations):
             relations[vocabulary.relation_row[task.program.relation]] = 1.0
-        return np.concatenate([words, relations])
+        return np.concatenate([words.ravel(), relations])
 
 
 class StructuredObservation:
@@ -82,6 +92,7 @@ class StructuredObservation:
     - `program` int64 [3 · L]: `op`, `a`, `b` of each instruction of the flat form
       (docs/DESIGN.md, "Programs"), padded with copies of the last register.
     - `relation`: index of the relation, if the design has several.
+    - `sets` int64 [2]: registers of what is moved and of the target, if programs move blocks.
     """
 
     def __init__(self, world: World, design: Design, program_rows: int = PROGRAM_ROWS) -> None:
@@ -89,7 +100,8 @@ class StructuredObservation:
         self._world = world
         self._vocabulary, self._rows = design.vocabulary, program_rows
         blocks = (condition_named(name, design).n_blocks for name in conditions_for(design))
-        self._objects = np.zeros((1 + max(blocks), world.object_features), np.float32)
+        rows = 1 + max(blocks) + design.n_places
+        self._objects = np.zeros((rows, world.object_features), np.float32)
         registers = len(self._vocabulary.words) + 1 + program_rows
         numbers = np.tile([OPERATIONS, registers, registers], program_rows)
         parts: dict[str, spaces.Space[Any]] = {
@@ -99,6 +111,8 @@ class StructuredObservation:
         }
         if len(self._vocabulary.relations) > 1:
             parts["relation"] = spaces.Discrete(len(self._vocabulary.relations))
+        if self._vocabulary.moves_objects:
+            parts["sets"] = spaces.MultiDiscrete([registers, registers])
         self.space = spaces.Dict(parts)
 
     def __call__(self, observation: Observation, program: Program) -> dict[str, Any]:
@@ -107,17 +121,21 @@ class StructuredObservation:
         # The hand's row is first in this observation, whatever its index is elsewhere.
         seen = np.roll(observation.objects, -hand, axis=0)
         objects[: len(seen)] = seen
-        parts = {
+        flat = compile_program(program, self._vocabulary)
+        parts: dict[str, Any] = {
             "objects": objects,
             "arm": self._world.arm(observation),
-            "program": self._instructions(program),
+            "program": self._instructions(program, flat),
         }
+        if self._vocabulary.moves_objects:
+            parts["sets"] = np.array([flat.moved, flat.target], np.int64)
         if "relation" in self.space.spaces:
             parts["relation"] = np.int64(self._vocabulary.relations.index(program.relation))
         return parts
 
-    def _instructions(self, program: Program) -> np.ndarray[Any, np.dtype[np.int64]]:
-        flat = compile_program(program, self._vocabulary)
+    def _instructions(
+        self, program: Program, flat: FlatProgram
+    ) -> np.ndarray[Any, np.dtype[np.int64]]:
         if len(flat) > self._rows:
             raise ConfigError(
                 f"gym: program_rows: expected at least {len(flat)} for {program}, got {self._rows}"
