@@ -71,7 +71,7 @@ class Services:
             topics.SET_ENTITY_STATE: self._set_entity,
         }
         for (name, kind), act in own.items():
-            arena.create_service(kind, name, self._own(name, act), qos_profile=topics.SERVICE)
+            arena.create_service(kind, name, self._own(name, act))
         for (name, kind), answer in standard.items():
             arena.create_service(kind, name, self._standard(name, answer))
         # An inactive arena answers this one, too.

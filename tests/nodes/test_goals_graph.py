@@ -1,7 +1,7 @@
 """The action execute_program: reached, refused, replaced, cancelled.
 
 Most tests share one graph: an arena at a hundred times real time and a trained agent that uses its
-clock. rclpy keeps results for 15 minutes of the node's clock, which would be 9 s here.
+clock. Results are kept for a minute of wall time. On the node's clock that would be 0.6 s here.
 """
 
 from collections.abc import Iterator

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from msgs_schema import action
+from pa_ros.core.errors import PaError
+from pa_ros.ros.refusals import RateLimiter
+from pa_ros.ros.topics import SERVICE
 from pa_ros.wire import Message
+
+if TYPE_CHECKING:
+    from pa_ros.ros.lifecycle import ManagedNode
 
 EXECUTE_PROGRAM = ("execute_program", action.ExecuteProgram)
 SIMULATE_STEPS = ("simulate_steps", action.SimulateSteps)
 
 Action = tuple[str, Any]  # name and type
+# Wall time. Each change of a goal publishes the states of all goals that are kept, so keeping them
+# for rclpy's 15 minutes would let a client that sends many goals slow down the arm.
+RESULT_KEPT_S = 60
 
 
 class _SteadyNode:
@@ -47,7 +56,16 @@ class _Server(ActionServer):  # type: ignore[misc]
         self.action = action
         self.goals: dict[bytes, Goal] = {}  # by id: the active ones, and some that have ended
         execute: Callable[[Any], None] = lambda handle: None  # noqa: E731
-        super().__init__(_SteadyNode(node), action[1], action[0], execute_callback=execute)
+        super().__init__(
+            _SteadyNode(node),
+            action[1],
+            action[0],
+            execute_callback=execute,
+            goal_service_qos_profile=SERVICE,
+            result_service_qos_profile=SERVICE,
+            cancel_service_qos_profile=SERVICE,
+            result_timeout=RESULT_KEPT_S,
+        )
         self.rest()
 
     def rest(self) -> None:
@@ -106,7 +124,7 @@ class GoalServer:
 
     def __init__(
         self,
-        node: Node,
+        node: ManagedNode,
         action: Action,
         start: Callable[[Goal], None],
         cancel: Callable[[Goal], None],
@@ -116,11 +134,20 @@ class GoalServer:
         :param cancel: called after the client of an active goal has asked to cancel it.
         """
         self._node, self._start, self._cancel = node, start, cancel
+        self._rate = RateLimiter()
         known = [server for server in servers_of(node) if server.action == action]
         self._server = known[0] if known else _Server(node, action)
         self._server.register_handle_accepted_callback(self._accepted)
         self._server.register_cancel_callback(self._cancelling)
-        self._server.register_goal_callback(lambda request: GoalResponse.ACCEPT)
+        self._server.register_goal_callback(self._requested)
+
+    def _requested(self, _request: Any) -> GoalResponse:
+        try:
+            self._rate.check()
+        except PaError as error:
+            self._node.refusals.refuse(self._server.action[0], error)
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
 
     def _accepted(self, handle: Any) -> None:
         goal, goals = Goal(self._server, handle), self._server.goals

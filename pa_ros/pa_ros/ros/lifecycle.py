@@ -8,6 +8,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from lifecycle_msgs.srv import (
+    ChangeState,
+    GetAvailableStates,
+    GetAvailableTransitions,
+    GetState,
+)
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from pa_ros.core.errors import PaError
@@ -17,11 +23,17 @@ from pa_ros.ros.executor import is_poll_timer
 from pa_ros.ros.health import ERROR, LIFECYCLE, OK, WARN, HealthReporter
 from pa_ros.ros.parameters import NodeParameters
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import Topic
+from pa_ros.ros.topics import SERVICE, Topic
 from pa_ros.wire import Message
 from pa_ros.wire.services import decode_transition
 from pa_ros.wire.signing import SIGNED, Checker, Signer, read_key
 
+LIFECYCLE_SERVICES = {
+    "get_state": GetState,
+    "get_available_states": GetAvailableStates,
+    "get_available_transitions": GetAvailableTransitions,
+    "get_transition_graph": GetAvailableTransitions,
+}
 HINTS = {
     "unconfigured": "waits to be configured (ros2 lifecycle set {} configure)",
     "inactive": "waits to be activated (ros2 lifecycle set {} activate)",
@@ -44,7 +56,11 @@ class ManagedNode(LifecycleNode, ABC):
     ended_by: PaError | None = None  # when a node sets this, its process ends with status 2
 
     def __init__(self, name: str, settings: type[Settings]) -> None:
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        super().__init__(
+            name,
+            automatically_declare_parameters_from_overrides=True,
+            enable_communication_interface=False,  # rcl's services lose requests: see SERVICE
+        )
         self.refusals = Refusals(self.get_logger().warning)
         self.exit_status = 0  # of the process, if it ends without an error
         self._configured = False
@@ -54,8 +70,11 @@ class ManagedNode(LifecycleNode, ABC):
         self._error: Exception | None = None  # that made the newest transition fail
         self._own_parameters = NodeParameters(self, settings)
         self._health = HealthReporter(self, self.refusals, self._report, self._progress)
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self._on_change_state
+        self._change_state = self._LifecycleNodeMixin__on_change_state
+        for path, kind in LIFECYCLE_SERVICES.items():
+            answer = getattr(self, f"_LifecycleNodeMixin__on_{path}")
+            self.create_service(kind, f"~/{path}", answer)
+        self.create_service(ChangeState, "~/change_state", self._on_change_state)
         # What exists now belongs to every state: parameter and lifecycle services, diagnostics.
         self._permanent = {id(entity) for _, entity in self._entities()}
         if self.get_parameter("autostart").value is not False:
@@ -98,6 +117,10 @@ class ManagedNode(LifecycleNode, ABC):
         return ""
 
     # For subclasses to use in `configure`
+
+    def create_service(self, *given: Any, qos_profile: Any = SERVICE, **named: Any) -> Any:
+        """A service that loses no request, however many arrive at once."""
+        return super().create_service(*given, qos_profile=qos_profile, **named)
 
     def advertise(self, topic: Topic) -> Any:
         """A publisher. It signs its messages if the node has a key and the topic is signed."""

@@ -76,21 +76,21 @@ class Refusals:
 
 
 class RateLimiter:
-    """Limits how many programs a node checks, so that a flood of them can't slow down the arm."""
+    """Limits how many programs or goals a node checks, so that many of them don't slow the arm."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._left, self._at = PROGRAMS_AT_ONCE, clock()
 
     def check(self) -> None:
-        """Count a program. Raises PaError (`program.too_many`) if it exceeds the limit."""
+        """Count one. Raises PaError (`program.too_many`) if it exceeds the limit."""
         now = self._clock()
         refilled = self._left + (now - self._at) * PROGRAMS_PER_S
         self._left, self._at = min(PROGRAMS_AT_ONCE, refilled), now
         if self._left < 1.0:
             raise PaError(
-                f"program: expected at most {PROGRAMS_PER_S:g} programs a second, got more, which "
-                "are ignored: find out who sends them",
+                f"expected at most {PROGRAMS_PER_S:g} a second, got more, which are ignored: find "
+                "out who sends them",
                 code="program.too_many",
             )
         self._left -= 1.0

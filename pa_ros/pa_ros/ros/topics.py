@@ -46,8 +46,8 @@ POLICY = _reliable(depth=4, latched=True)
 # Pictures are large, and soon out of date.
 PICTURE = _reliable(depth=2)
 
-# Deep enough to answer all requests that arrive while one takes long.
-SERVICE = _reliable(depth=1000)
+# Deep enough to answer all requests that arrive at once; ROS's default of 10 loses the others.
+SERVICE = _reliable(depth=10_000)
 
 
 @dataclass(frozen=True)
