@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,12 +53,13 @@ class Entities:
         """Return the kinds of blocks that can be added, by uri."""
         return {_uri_of(kind): kind for kind in self._session.task.design.extended_pool}
 
-    def put(self, name: str, change: Callable[[Body], Body]) -> None:
-        """Change the pose or the velocity of a block."""
+    def put(self, name: str, pose: Body | None = None, twist: Body | None = None) -> None:
+        """Change the pose of a block, its velocity, or both."""
         index = self._index_of(name)
         placed = bodies(self._session.task)[1:]
-        placed[index] = change(placed[index])
-        self._rearrange(self._names, self._kinds(), placed)
+        at, moves = pose or placed[index], twist or placed[index]
+        placed[index] = Body(at.position, at.quaternion, moves.linear, moves.angular)
+        self._rearrange(self._names, self._kinds(), placed, [index] if pose else [])
 
     def spawn(self, request: Spawning) -> str:
         """Add a block; return its name."""
@@ -66,7 +67,8 @@ class Entities:
         kind = self._kind_of(request)
         name = self._free_name(request, kind)
         placed = [*bodies(self._session.task)[1:], request.body]
-        self._rearrange([*self._names, name], [*self._kinds(), kind], placed)
+        kinds = [*self._kinds(), kind]
+        self._rearrange([*self._names, name], kinds, placed, [len(placed) - 1])
         self._spawned[name] = request.body
         return name
 
@@ -75,9 +77,8 @@ class Entities:
         gone = {self._index_of(name) for name in names}
         stay = [i for i in range(len(self._names)) if i not in gone]
         kinds, placed = self._kinds(), bodies(self._session.task)[1:]
-        self._rearrange(
-            [self._names[i] for i in stay], [kinds[i] for i in stay], [placed[i] for i in stay]
-        )
+        left = [self._names[i] for i in stay], [kinds[i] for i in stay], [placed[i] for i in stay]
+        self._rearrange(*left, given=())
         for name in names:
             self._spawned.pop(name, None)
 
@@ -119,9 +120,13 @@ class Entities:
         return self._names.index(name)
 
     def _rearrange(
-        self, names: Sequence[str], kinds: Sequence[Kind], placed: Sequence[Body]
+        self,
+        names: Sequence[str],
+        kinds: Sequence[Kind],
+        placed: Sequence[Body],
+        given: Collection[int],
     ) -> None:
-        rearrange(self._session.task, kinds, placed)
+        rearrange(self._session.task, kinds, placed, given)
         # The next step is then no consequence of a command alone, so no agent learns from it.
         self._session.disturbed = True
         self._named_episode, self._names = self._session.task.episode, list(names)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Body
 from pa_ros.ros import topics
 from pa_ros.wire import Message
 from pa_ros.wire.services import Outcome, ResetRequest, decode_reset, decode_speed, encode_outcome
@@ -187,12 +186,7 @@ class Services:
 
     def _set_entity(self, request: Message, response: Any) -> Any:
         change = decode_state_change(request)
-
-        def changed(body: Body) -> Body:
-            pose, twist = change.pose or body, change.twist or body
-            return Body(pose.position, pose.quaternion, twist.linear, twist.angular)
-
-        self._entities.put(change.entity, changed)
+        self._entities.put(change.entity, change.pose, change.twist)
         return _ok(response)
 
 

@@ -36,7 +36,7 @@ def hold(task: ReachTask, steps: int = 1):
 
 def test_rearranging_to_the_same_places_changes_nothing():
     task, other = begun(), begun()
-    rearrange(task, kinds_of(task), bodies(task)[1:])
+    rearrange(task, kinds_of(task), bodies(task)[1:], range(4))
     for _ in range(20):
         ours, theirs = hold(task)[0], hold(other)[0]
         assert np.allclose(ours.objects, theirs.objects, atol=1e-4)
@@ -49,7 +49,7 @@ def test_a_block_rests_at_its_new_place_and_the_arm_continues():
     before = task.simulation.joint_position
     moved = bodies(task)[1:]
     moved[1] = Body.at_rest(FAR, FLAT)  # inside the table, so it is raised onto it
-    rearrange(task, kinds_of(task), moved)
+    rearrange(task, kinds_of(task), moved, [1])
     assert np.array_equal(task.simulation.joint_position, before)
     hold(task, 10)
     place = task.simulation.positions[2]
@@ -63,7 +63,7 @@ def test_poses_and_velocities_are_reported_as_given():
     turned = np.array([np.sin(0.4), 0.0, 0.0, np.cos(0.4)])  # not about the vertical
     given = Body(FAR + [0, 0, 0.4], turned, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
     spun[0] = given
-    rearrange(task, kinds_of(task), spun)
+    rearrange(task, kinds_of(task), spun, [0])
     reported = bodies(task)[1]
     for name in ("position", "quaternion", "linear", "angular"):
         assert getattr(reported, name) == pytest.approx(getattr(given, name), abs=1e-6), name
@@ -90,7 +90,7 @@ def test_the_program_stays_while_its_target_is_removed_and_added_again():
     assert verdict.distance == float("inf") and not verdict.satisfied
     hand = bodies(task)[0].position
     beside = Body.at_rest(np.array([hand[0], hand[1], 0.0]), FLAT)
-    rearrange(task, [*kinds_of(task), target], [*bodies(task)[1:], beside])
+    rearrange(task, [*kinds_of(task), target], [*bodies(task)[1:], beside], [3])
     observation, verdict = hold(task)
     assert len(observation.objects) == 5 and np.isfinite(verdict.distance)
     assert observation.program_id == "mine"
@@ -112,7 +112,7 @@ def test_impossible_poses_are_rejected_and_nothing_changes(position, quaternion,
     wrong = [Body.at_rest(where, quaternion), *placed[1:]]
     before = task.simulation.positions
     with pytest.raises(ArenaError, match=says):
-        rearrange(task, kinds_of(task), wrong)
+        rearrange(task, kinds_of(task), wrong, [0])
     assert np.array_equal(task.simulation.positions, before)
     with pytest.raises(ArenaError, match="at least one"):
         rearrange(task, [], [])

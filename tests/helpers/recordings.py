@@ -83,7 +83,8 @@ def rearranged() -> list[Acted]:
         if step == 6:
             corners = [Body.at_rest(np.array([x, -0.4, 0.0]), UPRIGHT) for x in (-0.4, -0.3)]
             spare = Kind(**{**kinds[0], "color": "GREEN"})
-            rearrange(task, [*kinds[1:], kinds[0], spare], [*bodies(task)[1:], *corners])
+            added, placed = [*kinds[1:], kinds[0], spare], [*bodies(task)[1:], *corners]
+            rearrange(task, added, placed, [len(placed) - 2, len(placed) - 1])
         found.append((observation, verdict, None, task.program, False))
         observation, verdict = task.step(np.full(6, 0.2))
     return found

@@ -9,6 +9,8 @@ from sim_node.config import SimConfig
 from sim_node.entities import Entities
 from sim_node.session import Session, SimulatorError
 
+FLAT = np.array([0.0, 0.0, 0.0, 1.0])
+
 
 @pytest.fixture
 def session() -> Session:
@@ -28,7 +30,7 @@ def names(entities: Entities, pattern: str = "") -> list[str]:
 
 def spawn(entities: Entities, name: str, x: float, y: float) -> None:
     uri = next(iter(entities.spawnable()))
-    body = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+    body = Body.at_rest(np.array([x, y, 0.0]), FLAT)
     entities.spawn(Spawning(name, False, uri, body))
 
 
@@ -52,7 +54,7 @@ def test_an_expression_takes_linear_time(entities: Entities) -> None:
 
 def test_a_restart_keeps_or_removes_added_blocks(session: Session, entities: Entities) -> None:
     spawn(entities, "mine", -0.5, -0.5)
-    entities.put("mine", lambda body: Body.at_rest(np.array([0.5, 0.5, 0.1]), body.quaternion))
+    entities.put("mine", Body.at_rest(np.array([0.5, 0.5, 0.1]), FLAT))
     entities.restart(session.begin, keep_spawned=True)
     assert entities.named("mine").body.position[:2] == pytest.approx([-0.5, -0.5])
     entities.restart(session.begin, keep_spawned=False)
@@ -62,5 +64,22 @@ def test_a_restart_keeps_or_removes_added_blocks(session: Session, entities: Ent
 def test_a_step_after_a_move_is_no_consequence_of_a_command(
     session: Session, entities: Entities
 ) -> None:
-    entities.put("red_cube", lambda body: Body.at_rest(body.position, body.quaternion))
+    entities.put("red_cube", entities.named("red_cube").body)
     assert session.disturbed
+
+
+def test_a_block_thrown_off_the_table_hinders_no_other(
+    session: Session, entities: Entities
+) -> None:
+    spawn(entities, "thrown", -0.5, -0.5)
+    fast = Body(np.zeros(3), FLAT, np.array([-3.0, 0.0, 1.0]), np.zeros(3))
+    entities.put("thrown", twist=fast)
+    for _ in range(5):
+        session.advance(session.hold)
+    assert entities.named("thrown").body.position[0] < -0.8
+    entities.put("red_cube", Body.at_rest(np.array([0.5, 0.5, 0.1]), FLAT))
+    entities.put("thrown", twist=fast)
+    spawn(entities, "other", 0.4, -0.4)
+    entities.delete("other")
+    entities.put("thrown", Body.at_rest(np.array([-0.5, -0.5, 0.0]), FLAT))
+    assert entities.named("thrown").body.position[0] == -0.5

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from math import atan2
 
@@ -33,17 +33,30 @@ def bodies(task: ReachTask) -> list[Body]:
     ]
 
 
-def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) -> None:
+def rearrange(
+    task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body], given: Collection[int] = ()
+) -> None:
     """Replace the blocks by these, with their poses and velocities; the arm keeps its state.
 
     The program stays, even if it names nothing for a while. Raises ArenaError (arena.scene), and
-    changes nothing, for impossible poses or if no block is left.
+    changes nothing, if a given pose is impossible or if no block is left.
+
+    :param given: indices of the blocks whose poses somebody chose. The others may be anywhere: a
+        block may have been thrown off the table, or lie against another.
     """
     if not kinds:
         raise _scene_error("blocks: expected at least one to stay, got none")
-    placed = [_lifted(kind, body) for kind, body in zip(kinds, blocks, strict=True)]
-    has_body = map(task.design.schema.has_body, kinds)
-    _check_apart([body for body, solid in zip(placed, has_body, strict=True) if solid])
+    placed = list(blocks)
+    for body in placed:
+        numbers = np.concatenate([body.position, body.quaternion, body.linear, body.angular])
+        if not np.isfinite(numbers).all():
+            raise _scene_error(f"pose, twist: expected finite numbers, got {numbers.tolist()}")
+    solid = [task.design.schema.has_body(kind) for kind in kinds]
+    for i in given:
+        placed[i] = _lifted(kinds[i], blocks[i])
+        if solid[i]:
+            others = [body for j, body in enumerate(placed) if solid[j] and j != i]
+            _check_apart(placed[i], others)
     episode = replace(
         task.episode,
         blocks=tuple(_resting(kind, body) for kind, body in zip(kinds, placed, strict=True)),
@@ -55,9 +68,6 @@ def rearrange(task: ReachTask, kinds: Sequence[Kind], blocks: Sequence[Body]) ->
 
 def _lifted(kind: Kind, body: Body) -> Body:
     """The body, raised to where it rests if it is lower; ArenaError for an impossible pose."""
-    numbers = np.concatenate([body.position, body.quaternion, body.linear, body.angular])
-    if not np.isfinite(numbers).all():
-        raise _scene_error(f"pose: expected finite numbers, got {numbers.tolist()}")
     if abs(np.linalg.norm(body.quaternion) - 1.0) > 1e-3:
         raise _scene_error(f"pose: expected a unit quaternion, got {body.quaternion.tolist()}")
     if (np.abs(body.position) > REACH_M).any():
@@ -71,14 +81,12 @@ def _lifted(kind: Kind, body: Body) -> Body:
     return replace(body, position=position)
 
 
-def _check_apart(blocks: Sequence[Body]) -> None:
-    for i, one in enumerate(blocks):
-        for other in blocks[:i]:
-            gap = float(np.linalg.norm(one.position - other.position))
-            if gap < APART_M:
-                raise _scene_error(
-                    f"pose: expected at least {APART_M} m to every other block, got {gap:.3f} m"
-                )
+def _check_apart(one: Body, others: Sequence[Body]) -> None:
+    gap = min((float(np.linalg.norm(one.position - other.position)) for other in others), default=1)
+    if gap < APART_M:
+        raise _scene_error(
+            f"pose: expected at least {APART_M} m to every other block, got {gap:.3f} m"
+        )
 
 
 def _resting(kind: Kind, body: Body) -> Block:
