@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,9 +38,11 @@ class Entities:
         self._name_blocks()
         hand, *states = bodies(self._session.task)
         found = [Entity(HAND, Category.ROBOT, (), "the arm's hand", hand)]
+        schema = self._session.task.design.schema
         for name, kind, body in zip(self._names, self._kinds(), states, strict=True):
-            tags = tuple(kind.values())
-            found.append(Entity(name, Category.DYNAMIC_OBJECT, tags, f"a {kind}", body))
+            moves = schema.has_body(kind)
+            category = Category.DYNAMIC_OBJECT if moves else Category.STATIC_OBJECT
+            found.append(Entity(name, category, tuple(kind.values()), f"a {kind}", body))
         return found if wanted is None else list(filter(_test_of(wanted), found))
 
     def named(self, name: str) -> Entity:
@@ -51,7 +54,8 @@ class Entities:
 
     def spawnable(self) -> dict[str, Kind]:
         """Return the kinds of blocks that can be added, by uri."""
-        return {_uri_of(kind): kind for kind in self._session.task.design.extended_pool}
+        design = self._session.task.design
+        return {_uri_of(kind): kind for kind in (*design.extended_pool, *design.places)}
 
     def put(self, name: str, pose: Body | None = None, twist: Body | None = None) -> None:
         """Change the pose of a block, its velocity, or both."""
@@ -168,7 +172,9 @@ def solids(model: Any, blocks: Sequence[Entity]) -> list[Solid]:
             "capsule": (2 * x, 2 * x, 2 * (x + y)),
         }[shape]
         color = tuple(geom.rgba.tolist())
-        found.append(Solid(entity.name, shape, np.array(whole), color, entity.body))
+        # The disk of a place lies below its pose, which is that of a block on it.
+        body = replace(entity.body, position=entity.body.position + geom.pos)
+        found.append(Solid(entity.name, shape, np.array(whole), color, body))
     return found
 
 

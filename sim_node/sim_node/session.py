@@ -13,7 +13,7 @@ from pa_ros import provenance
 from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Executed, Float64, Observation, Step, Verdict
-from pa_ros.language import Program, parse, require_target
+from pa_ros.language import Program, parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import ArenaDescription, Mode
@@ -186,13 +186,20 @@ class Session:
             own = ActiveProgram(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
             self.program_ids.remember(own.program_id, own.text)
             return own
-        if self._requested is not None and _names_a_block(self._requested.program, episode):
+        if self._requested is not None and self._can_hold(self._requested.program, episode):
             return self._requested
         return None
 
+    def _can_hold(self, program: Program, episode: Episode) -> bool:
+        try:
+            self.task.check(program, episode)
+        except ProgramError:
+            return False
+        return True
+
     def _checked(self, request: ProgramRequest, episode: Episode) -> ActiveProgram:
         program = parse(request.text, self.task.design.vocabulary)
-        require_target(program, [block.kind.words for block in episode.blocks], None)
+        self.task.check(program, episode)
         return ActiveProgram(request.program_id, program)
 
     # The current step
@@ -279,11 +286,3 @@ class ProgramIds:
         self._texts.move_to_end(program_id)
         while len(self._texts) > REMEMBERED_PROGRAMS:
             self._texts.popitem(last=False)
-
-
-def _names_a_block(program: Program, episode: Episode) -> bool:
-    try:
-        require_target(program, [block.kind.words for block in episode.blocks], None)
-    except ProgramError:
-        return False
-    return True

@@ -7,6 +7,7 @@ from itertools import combinations
 from math import hypot
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 
@@ -115,6 +116,10 @@ def test_places_are_seen_but_not_touched_and_can_be_moved() -> None:
     assert task.world.schema.bodies(objects).tolist() == [True] * 5 + [False] * 2
     assert objects[place, 7:][PUSH_2.schema["shape"].features.values.index("PLACE")] == 1.0
     assert top_view(task, 120).shape == (120, 120, 3)
+    for index in (0, place - 1):  # as films and the console do
+        task.simulation.put(index, np.array([0.3, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
+    mujoco.mj_kinematics(task.simulation.model, task.simulation.data)
+    np.testing.assert_allclose(task.simulation.positions[[1, place]], [[0.3, 0.0, 0.1]] * 2)
     rearrange(task, kinds[:3] + kinds[4:], [*moved[:3], *moved[4:]])
     assert len(bodies(task)) == 6
 

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from pa_ros.core.experience import Body
-from pa_ros.wire.simulator import EntityFilter, ResultCode, Spawning
+from pa_ros.language import ProgramError
+from pa_ros.wire.program import ProgramRequest
+from pa_ros.wire.simulator import Category, EntityFilter, ResultCode, Spawning
 from sim_node.config import SimConfig
-from sim_node.entities import Entities
+from sim_node.entities import Entities, solids
 from sim_node.session import Session, SimulatorError
 
 FLAT = np.array([0.0, 0.0, 0.0, 1.0])
@@ -83,3 +85,24 @@ def test_a_block_thrown_off_the_table_hinders_no_other(
     entities.delete("other")
     entities.put("thrown", Body.at_rest(np.array([-0.5, -0.5, 0.0]), FLAT))
     assert entities.named("thrown").body.position[0] == -0.5
+
+
+def test_places_are_entities_that_are_added_moved_shown_and_named_by_programs() -> None:
+    session = Session(SimConfig(design="push-2", preset="push", seed=2), "x")
+    session.begin()
+    entities = Entities(session)
+    found = {entity.name: entity for entity in entities.matching()}
+    assert found["red_place"].category == Category.STATIC_OBJECT
+    assert found["red_cube"].category == Category.DYNAMIC_OBJECT
+    shown = {one.name: one for one in solids(session.task.simulation.model, [*found.values()][1:])}
+    assert shown["red_place"].body.position[2] < 0.01 < shown["red_cube"].body.position[2]
+    body = Body.at_rest(np.array([0.4, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+    entities.put("red_place", body)
+    assert entities.named("red_place").body.position == pytest.approx([0.4, 0.0, 0.03])
+    entities.delete("red_place")
+    with pytest.raises(ProgramError, match="no such object"):
+        session.submit(ProgramRequest("a", "NEAR(AND(RED, CUBE), AND(RED, PLACE))"))
+    entities.spawn(Spawning("here", False, "block:red_place", body))
+    assert session.submit(ProgramRequest("b", "NEAR(AND(RED, CUBE), AND(RED, PLACE))"))
+    with pytest.raises(ProgramError, match="nothing to move"):
+        session.submit(ProgramRequest("c", "NEAR(PLACE, RED)"))

@@ -121,7 +121,8 @@ class Actor:
         phi = degrees(self.network, self._tensors, observation.objects, arm, self.logic)
         rows = self.network.vocabulary.row
         hand = observation.hand_index
-        return tuple(relevance(program, phi.tolist(), rows, hand, self.logic))
+        bodiless = self.network.vocabulary.bodiless
+        return tuple(relevance(program, phi.tolist(), rows, hand, self.logic, bodiless))
 
     def _arm(self, observation: Observation) -> Float32:
         """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""

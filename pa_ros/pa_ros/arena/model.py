@@ -87,7 +87,7 @@ def _arm_contact(config: ArenaConfig) -> str:
 def _block(config: ArenaConfig, index: int, look: Look) -> str:
     if not look.has_body:
         return f"""
-<body name="block{index}">
+<body name="block{index}" mocap="true">
   <geom name="block{index}" {look.geometry} contype="0" conaffinity="0" mass="0"/>
 </body>"""
     mass = config.block_mass_kg * look.density

@@ -26,7 +26,7 @@ def draw(task: ReachTask, width: int, rendered: bool) -> NDArray[np.uint8]:
     (RenderError without OpenGL), or from above, [width, width, 3]."""
     if not rendered:
         return top_view(task, width)
-    return render(task.simulation, width, width * 3 // 4, task.verifier.targets, CLOSE)
+    return render(task.simulation, width, width * 3 // 4, task.verifier.named, CLOSE)
 
 
 def render(
@@ -56,7 +56,7 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
     for i, block in enumerate(task.episode.blocks, start=1):
         x, y = positions[i, :2]
         look = look_of(block.kind)
-        edge = "black" if i in (*task.verifier.moved, *task.verifier.targets) else "none"
+        edge = "black" if i in task.verifier.named else "none"
         side = look.scale * size / 3
         if not task.design.schema.has_body(block.kind):  # a ring under the blocks
             side, edge = 2 * side, "black" if edge != "none" else "white"

@@ -111,6 +111,17 @@ class Simulation:
             self.data.qvel[joints + 6 * i : joints + 6 * (i + 1)] = *twists[i, :3], *spin
         mujoco.mj_forward(self.model, self.data)
 
+    def put(self, index: int, position: Float64, quaternion: Float64) -> None:
+        """Put block or place `index` (from 0) at a pose in the table's frame (m, wxyz), at rest."""
+        body = self.model.body(f"block{index}")
+        if body.jntnum[0]:
+            start = self.model.jnt_qposadr[body.jntadr[0]]
+            pose = self.data.qpos[start : start + 7]
+            pose[:3], pose[3:] = position, quaternion
+        else:
+            self.data.mocap_pos[body.mocapid[0]] = position
+            self.data.mocap_quat[body.mocapid[0]] = quaternion
+
     def advance(self, joint_velocity: Float64) -> None:
         """Command joint velocities, rad/s [J], for one control period.
 

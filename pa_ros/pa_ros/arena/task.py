@@ -60,6 +60,11 @@ class Verifier:
         """Objects that are to be moved, and those that they are to be related to."""
         self._scoring = scoring
 
+    @property
+    def named(self) -> tuple[int, ...]:
+        """The objects of both sets, without the hand."""
+        return tuple(sorted({*self.moved, *self.targets} - {HAND_INDEX}))
+
     def score(self, objects: Float32, hand_pose: Float64) -> Score:
         """Score one state: object features [N, F], and the hand's pose [7] in the base's frame."""
         moved = None if self.program.moves_hand else self.moved
@@ -148,6 +153,10 @@ class ReachTask:
         self._programs += 1
         self.program_id = program_id or f"{episode.index}.{self._programs}"
         return self._observe()
+
+    def check(self, program: Program, episode: Episode) -> None:
+        """Raise ProgramError unless the program can hold in an episode."""
+        self._verifier(episode, program)
 
     def rearrange(self, episode: Episode, poses: Float64, twists: Float64) -> None:
         """Continue the episode with other blocks (see `Simulation.rearrange`). Program, step and

@@ -117,7 +117,8 @@ def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode
 
 def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
     open_: dict[str, RecordedEpisode] = {}  # by agent
-    decode = partial(decode_trajectory, world=recorded_world(bag, namespace))
+    world = recorded_world(bag, namespace)
+    decode = partial(decode_trajectory, world=world)
     for trajectory in bag.decoded([bag.topic_of(TRAJECTORIES, namespace)], decode):
         episode = open_.get(trajectory.agent_id)
         continues = (
@@ -128,20 +129,22 @@ def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpiso
         if episode is None or not continues:
             if episode is not None:
                 yield episode
-            episode = RecordedEpisode(trajectory.episode, False, [_row(trajectory, 0)])
+            episode = RecordedEpisode(
+                trajectory.episode, False, [_row(trajectory, 0, world.joints)]
+            )
             open_[trajectory.agent_id] = episode
         for t in range(len(trajectory)):
             before = episode.rows[-1]
             before.action, before.policy_version = trajectory.actions[t], trajectory.policy_version
-            following = _row(trajectory, t + 1)
+            following = _row(trajectory, t + 1, world.joints)
             following.reward = float(trajectory.rewards[t])
             episode.rows.append(following)
     yield from open_.values()
 
 
-def _row(trajectory: Trajectory, t: int) -> Row:
-    joints = trajectory.arm[t][: 3 * trajectory.actions.shape[1]].astype(np.float64)
-    sine, cosine, velocity = np.split(joints, 3)
+def _row(trajectory: Trajectory, t: int, joints: int) -> Row:
+    arm = trajectory.arm[t][: 3 * joints].astype(np.float64)
+    sine, cosine, velocity = np.split(arm, 3)
     return Row(
         trajectory.first_step + t,
         -1,

@@ -62,16 +62,16 @@ class Stage:
         rotation, origin = data.xmat[hand].reshape(3, 3), data.xpos[hand]
         blocks = np.delete(row.objects.astype(np.float64), row.hand_index, axis=0)
         for i, block in enumerate(blocks):
-            pose = data.qpos[joints + 7 * i : joints + 7 * (i + 1)]
-            pose[:3] = origin + rotation @ block[:3]
-            mujoco.mju_mulQuat(pose[3:], data.xquat[hand], np.roll(block[3:7], 1))
+            turn = np.zeros(4)
+            mujoco.mju_mulQuat(turn, data.xquat[hand], np.roll(block[3:7], 1))
+            self.task.simulation.put(i, origin + rotation @ block[:3], turn)
         mujoco.mj_kinematics(model, data)
         if row.program != self._shown:
             self._shown = row.program
             try:
                 self.task.set_program(parse(row.program, self._vocabulary))
             except ProgramError:  # no program is in force, or its text is not recorded
-                self.task.verifier.targets = ()
+                self.task.verifier.moved = self.task.verifier.targets = ()
 
 
 def film(

@@ -198,12 +198,13 @@ class ArenaReplay:
             episode_steps=arena.episode_steps, thresholds=arena.thresholds
         )
         design = design_named(arena.design).with_relations(*arena.world.relations)
-        count = arena.block_count if blocks is None else blocks or design.n_blocks
+        described = arena.block_count - design.n_places
+        count = described if blocks is None else blocks or design.n_blocks
         design = replace(design, n_blocks=count)
         self.checked = 0  # transitions
         self.skipped = 0  # transitions whose episode's beginning is missing or altered
         self._task = ReachTask(preset, design, arena.seed, reward=reward_from(arena.reward))
-        self._condition = condition
+        self._condition, self._world = condition, self._task.world
         self._speeds = np.array(arena.speed_limits)
         self._at: tuple[int, int] | None = None  # episode and step; None: not as recorded
         self._observed: tuple[Observation, Verdict]
@@ -224,9 +225,8 @@ class ArenaReplay:
         if cause is not None:
             return _named(trajectory, 0, cause)
         for t in range(len(trajectory)):
-            observation, verdict = self._task.step(
-                trajectory.actions[t].astype(np.float64) * self._speeds
-            )
+            command = self._world.joint_action(trajectory.actions[t], observation.joint_position)
+            observation, verdict = self._task.step(command.astype(np.float64) * self._speeds)
             self.checked += 1
             cause = self._difference(trajectory, t + 1, observation, verdict)
             if cause is not None:

@@ -7,6 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
@@ -29,9 +31,11 @@ from pa_ros.evaluation.generalization import (
     summarize,
 )
 from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.language import MIN_MAX, logic_named
+from pa_ros.language import MIN_MAX, Vocabulary, Word, logic_named, parse
+from pa_ros.language.syntax import walk
 
 ALL = "all"
+CLOSE_M = 0.07  # blocks closer than this to where they are to be are counted, too
 ITS_OWN = "the design's"
 
 
@@ -90,9 +94,33 @@ def _report(
               f"{row.success_rate:.0%} near at the end")  # fmt: skip
     return {
         **figures(evaluation),
+        **_ends(evaluation, design.vocabulary),
         "eval.condition": options.condition,
         **_setting(options, design, arena),
     }
+
+
+def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
+    """How episodes ended in which blocks were to be moved; spheres apart, since they roll on."""
+    if not vocabulary.moves_objects:
+        return {}
+    spheres = [
+        score
+        for score in evaluation.scores
+        if Word("SPHERE") in walk(parse(score.program, vocabulary).moved)
+    ]
+    others = [score for score in evaluation.scores if score not in spheres]
+    report: dict[str, float | int | str] = {}
+    for name, scores in (("", others), ("spheres.", spheres)):
+        if scores:
+            report |= {
+                f"eval.{name}success": float(np.mean([score.success for score in scores])),
+                f"eval.{name}ever": float(np.mean([score.ever for score in scores])),
+                f"eval.{name}within_{CLOSE_M}": float(
+                    np.mean([score.distance <= CLOSE_M for score in scores])
+                ),
+            }
+    return report
 
 
 def _setting(

@@ -13,6 +13,7 @@ from pa_ros.bags.episodes import Row
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
 from pa_ros.language import (
+    HAND,
     MIN_MAX,
     PRODUCT,
     And,
@@ -111,9 +112,12 @@ class Insight:
         words, row = self._vocabulary.words, self._vocabulary.row
         if program is None:
             return Explanation(self._version, words, phi, np.zeros(0), ())
-        p = relevance(program, phi.tolist(), row, observation.hand_index, self._logic)
+        hand, bodiless = observation.hand_index, self._vocabulary.bodiless
+        p = relevance(program, phi.tolist(), row, hand, self._logic, bodiless)
         values = {word: phi[row[word]].astype(np.float64) for word in program.words}
-        tree = tuple(_nodes(program.target, values.__getitem__, self._logic))
+        values[HAND.name] = (np.arange(phi.shape[1]) == hand).astype(np.float64)
+        sets = [program.target] if program.moves_hand else [program.moved, program.target]
+        tree = tuple(node for one in sets for node in _nodes(one, values.__getitem__, self._logic))
         return Explanation(self._version, words, phi, np.array(p), tree)
 
 

@@ -127,8 +127,8 @@ class ArenaScene:
                 block.outline.opacity = p or 0.0
                 block.label.position = geom.xpos + np.array((0.0, 0.0, heights[i]))
                 block.label.text = block.name if p is None else f"{block.name}  p {p:.2f}"
-                named = objects[i] in stage.task.verifier.targets
-                block.circle.visible = named and bool(moment.program)
+                named = objects[i] in stage.task.verifier.targets and stage.task.verifier.moved
+                block.circle.visible = bool(named and moment.program)
                 if block.circle.visible:
                     block.circle.points = _outline(stage, data.geom(f"block{i}").xpos)
         self._server.flush()
@@ -173,8 +173,8 @@ def _mesh(geom: Any, factor: float) -> Any:
 def _outline(stage: Stage, block: Any) -> Any:
     """Return where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
     program = stage.task.program
-    threshold = stage.task.scoring.threshold(program.relation)
-    hand = stage.task.simulation.positions[0]
-    line = RELATIONS[program.relation].outline(hand, np.array(block), threshold)
+    threshold = stage.task.scoring.threshold(program.relation, not program.moves_hand)
+    moved = stage.task.simulation.positions[stage.task.verifier.moved[0]]
+    line = RELATIONS[program.relation].outline(moved, np.array(block), threshold)
     points = np.column_stack([line, np.full(len(line), LINE_HEIGHT_M)])
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)

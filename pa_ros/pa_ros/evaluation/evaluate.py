@@ -83,12 +83,12 @@ def run_episodes(
     for index in range(episodes):
         # The verdict of the reset is left out: it rewards no action of the policy.
         observation, verdict = task.reset(index, condition)
-        total, steps = 0.0, 0
+        total, steps, ever = 0.0, 0, False
         while not verdict.truncated:
             observation, verdict = task.step(act(observation))
-            total, steps = total + verdict.reward, steps + 1
-        program = str(task.program)
-        yield EpisodeScore(index, program, total / steps, verdict.satisfied, verdict.distance)
+            total, steps, ever = total + verdict.reward, steps + 1, ever or verdict.satisfied
+        program, end = str(task.program), (verdict.satisfied, verdict.distance)
+        yield EpisodeScore(index, program, total / steps, *end, ever)
 
 
 def reference_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:

@@ -26,7 +26,8 @@ class EpisodeScore:
     program: str
     reward_per_step: float  # mean of the ±1 rewards, in [-1, 1]
     success: bool  # the program was satisfied when the episode ended
-    distance: float  # metres, hand to the nearest object the program names, at the end
+    distance: float  # metres, between the nearest two objects to be related, at the end
+    ever: bool = False  # the program was satisfied at some step
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ def describe(
         arm=arena.arm,
         preset=arena.preset,
         seed=seed,
-        block_count=design.n_blocks,
+        block_count=design.n_blocks + design.n_places,
         world=world_of(arena, design),
         training_programs=tuple(training_programs),
         joint_names=ARMS[arena.arm].joint_names,

@@ -143,7 +143,7 @@ def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[s
     found: dict[str, None] = {}
     for text in texts:
         try:
-            require_target(parse(text, vocabulary), blocks, None)
+            require_target(parse(text, vocabulary), blocks, None, vocabulary.bodiless)
         except PaError:
             continue
         found[text] = None

@@ -50,7 +50,7 @@ class ArenaDescription:
     arm: str
     preset: str
     seed: int
-    block_count: int
+    block_count: int  # places included
     world: World
     training_programs: tuple[Program, ...]
     joint_names: tuple[str, ...]

@@ -76,6 +76,7 @@ class Category(IntEnum):
 
     ROBOT = msg.EntityCategory.CATEGORY_ROBOT
     DYNAMIC_OBJECT = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT
+    STATIC_OBJECT = msg.EntityCategory.CATEGORY_STATIC_OBJECT
 
 
 @dataclass(frozen=True, slots=True)
