@@ -256,12 +256,14 @@ class LearnerNode(ManagedNode):
         if worker is None or not worker.metrics["frames"]:
             return ""
         metrics, rates = worker.metrics, self._rates
+        warmup = f"the first after {self.config.learner.replay.warmup_frames:,} frames"
+        pace = f"{rates.updates_per_s:.0f}/s" if metrics["updates"] else warmup
         reward = metrics.get("reward_per_step")
         seen = "" if reward is None else f", reward/step {reward:+.3f}"
         loss = f", critic loss {metrics['critic_loss']:.5f}" if "critic_loss" in metrics else ""
         return (
             f"frames {metrics['frames']:,.0f} ({rates.frames_per_s:.0f}/s), "
-            f"updates {metrics['updates']:,.0f} ({rates.updates_per_s:.0f}/s), "
+            f"updates {metrics['updates']:,.0f} ({pace}), "
             f"weights version {metrics['version']:.0f}{seen}{loss}"
         )
 

@@ -82,7 +82,7 @@ def test_the_film_of_the_shipped_agent_shows_that_it_reaches_all_targets(
     ("arguments", "refused"),
     [
         (["--out", "x.avi"], "ends in .webp, .gif, .mp4"),
-        (["--out", "x.gif", "--width", "9"], "expected 64 to 2000 pixels, got 9"),
+        (["--out", "x.gif", "--width", "9"], "--width: expected an integer in [64, 2000], got 9"),
         (["--out", "x.gif", "--checkpoint", "nowhere"], "nowhere"),
     ],
 )

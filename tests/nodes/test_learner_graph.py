@@ -58,6 +58,7 @@ def test_a_learner_takes_the_next_arena_after_one_that_it_cannot_learn_about() -
         assert "weights version 1" in learner.progress()
         reward = trajectory(0).rewards.mean()
         assert f"reward/step {reward:+.3f}" in learner.progress()
+        assert "updates 0 (the first after 5,000 frames)" in learner.progress()
         assert probe.value("learner_node", "reward_per_step") == f"{reward:.6g}"
 
 

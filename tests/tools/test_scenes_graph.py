@@ -41,7 +41,10 @@ def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
         vocabulary = arena.world.vocabulary
         for text in found:
             require_target(parse(text, vocabulary), kinds, None)
-        assert len(found) > 4 and any("AND" in text for text in found)
+        assert len(found) > 4
+        both = [name.split() for name in scene.names if {*name.split()} <= {*vocabulary.words}]
+        named = [f"NEAR(HAND, AND({color}, {shape}))" for color, shape in both]
+        assert list(found[: len(both)]) == named, "in the order of the blocks"
 
         speaker = probe.speaker(topics.PROGRAM)
         speaker.publish(encode_program(ProgramRequest("a", found[0])))

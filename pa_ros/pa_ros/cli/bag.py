@@ -8,7 +8,7 @@ from pathlib import Path
 from pa_ros.bags.errors import BagError, ProvenanceError
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.reader import Bag
-from pa_ros.cli.film import add_look, check_look
+from pa_ros.cli.film import add_look
 from pa_ros.cli.options import add_extension, file_to_write
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import printable_lines
@@ -84,7 +84,6 @@ def _film(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.film import film
 
-    check_look(options)
     arenas = arenas_of(bag, options.namespace)
     if not arenas:
         raise ProvenanceError(f"bag: {bag.path}: no arena_info in it: which arena is unknown")

@@ -5,10 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pa_ros.cli.options import file_to_write
-from pa_ros.core.errors import ConfigError
+from pydantic import Field
 
-SMALLEST_PX, LARGEST_PX = 64, 2000
+from pa_ros.cli.options import add_setting, file_to_write
+from pa_ros.core.settings import Settings
+
+
+class FilmOptions(Settings):
+    """What a film shows, and how large."""
+
+    seed: int = Field(0, ge=0, description="of scenes")
+    width: int = Field(640, ge=64, le=2000, description="px")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,29 +26,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=file_to_write, required=True, metavar="FILE.webp|FILE.gif|FILE.mp4"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of scenes (%(default)s)")
+    add_setting(parser, FilmOptions, "seed")
     add_look(parser)
 
 
 def add_look(parser: argparse.ArgumentParser) -> None:
     """Declare the options of how films look."""
     parser.add_argument("--rendered", action="store_true", help="in perspective; needs OpenGL")
-    parser.add_argument("--width", type=int, default=640, metavar="PIXELS", help="(%(default)s)")
-
-
-def check_look(options: argparse.Namespace) -> None:
-    """ConfigError for a size that no film has."""
-    if not SMALLEST_PX <= options.width <= LARGEST_PX:
-        raise ConfigError(
-            f"--width: expected {SMALLEST_PX} to {LARGEST_PX} pixels, got {options.width}"
-        )
+    add_setting(parser, FilmOptions, "width", metavar="PIXELS")
 
 
 def run(options: argparse.Namespace) -> int:
     """Execute, draw, and say how many pictures there are."""
-    check_look(options)
-    if options.seed < 0:
-        raise ConfigError(f"--seed: expected an integer of at least 0, got {options.seed}")
     from pa_ros.evaluation.agents import load_agent
     from pa_ros.tools.film import film_execution
 

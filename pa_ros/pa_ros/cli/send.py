@@ -170,12 +170,17 @@ def result_text(program: str, result: GoalResult) -> str:
 
 
 def print_answers(answers: Answers) -> None:
-    """Acceptance on standard output, refusals with their caret on standard error."""
+    """Acceptance on standard output, rejections with their caret on standard error.
+
+    Nodes that give the same answer share a line.
+    """
+    nodes: dict[tuple[bool, str], list[str]] = {}
     for name, status in sorted(answers.statuses.items()):
-        if status.accepted:
-            print(f"{printable(name)}: accepted {printable_lines(status.canonical)}")
-        else:
-            print(f"{printable(name)}: {_refused(status.code, status.reason)}", file=sys.stderr)
+        accepted = f"accepted {printable_lines(status.canonical)}"
+        text = accepted if status.accepted else _refused(status.code, status.reason)
+        nodes.setdefault((status.accepted, text), []).append(printable(name))
+    for (is_accepted, text), names in nodes.items():
+        print(f"{', '.join(names)}: {text}", file=sys.stdout if is_accepted else sys.stderr)
 
 
 def _refused(code: str, reason: str) -> str:

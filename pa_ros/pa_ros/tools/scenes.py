@@ -131,17 +131,17 @@ def _ignoring_errors(receive: Callable[[Message], None], message: Message) -> No
 def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[str, ...]:
     """Up to MAX_SUGGESTIONS programs that name one of the blocks with these names."""
     vocabulary, blocks = arena.world.vocabulary, [set(name.split()) for name in names]
-    texts = [str(program) for program in arena.training_programs]
+    whole, parts = [], []
     groups, near = vocabulary.by_group.values(), vocabulary.relations[0]
     for block in blocks:
         words = [next((w for w in group if w in block), "") for group in groups]
         known = [word for word in words if word]
         if len(known) == len(words) > 1:
-            texts.insert(0, f"{near}(HAND, AND({', '.join(reversed(known))}))")
-        texts += [f"{near}(HAND, {word})" for word in known]
-        texts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
+            whole.append(f"{near}(HAND, AND({', '.join(reversed(known))}))")
+        parts += [f"{near}(HAND, {word})" for word in known]
+        parts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
     found: dict[str, None] = {}
-    for text in texts:
+    for text in (*whole, *map(str, arena.training_programs), *parts):
         try:
             require_target(parse(text, vocabulary), blocks, None, vocabulary.bodiless)
         except PaError:
