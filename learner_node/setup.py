@@ -14,7 +14,6 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", glob("config/*.yaml")),
-        (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     entry_points={"console_scripts": ["learner_node = learner_node.main:main"]},
 )
