@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from helpers.worlds import PROGRAMS, WORLD, PointWorld, random_batch
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.td3.builder import make_engine
@@ -103,6 +104,11 @@ def moved(before: dict, after: dict) -> set[str]:
     """Networks of which any weight differs."""
     weights = [name for name in before if not name.startswith("adam.")]
     return {n.partition(".")[0] for n in weights if not np.array_equal(before[n], after[n])}
+
+
+def test_the_fused_engine_is_rejected() -> None:
+    with pytest.raises(ConfigError, match="got 'fused': td3 is computed by torch alone"):
+        made(CONFIG.changed(**{"engine.name": "fused"}))
 
 
 def run(out: Path, frames: int, config: LearnerConfig = LEARNS, resume: bool = False) -> Learner:

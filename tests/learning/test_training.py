@@ -10,7 +10,17 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from helpers.worlds import NETWORK, PROGRAMS, SCORING, SETTINGS, WORLD, PointWorld, dpg, run
+from helpers.worlds import (
+    NETWORK,
+    PROGRAMS,
+    SCORING,
+    SETTINGS,
+    SPEED,
+    WORLD,
+    PointWorld,
+    dpg,
+    run,
+)
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
@@ -22,6 +32,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import Learner
+from pa_ros.learning.loop import train
 from pa_ros.learning.progress import Progress
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory
@@ -175,6 +186,16 @@ def test_a_folder_that_holds_a_run_is_resumed_or_refused(tmp_path) -> None:
         run(tmp_path, 40, resume=True)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
     assert run(tmp_path, 80, resume=True).counters.frames == 80
+
+
+def test_a_watcher_receives_each_episodes_mean_reward_and_each_row(tmp_path) -> None:
+    asked, watcher = TrainConfig(out=tmp_path, frames=40, evaluate_every_frames=40), Mock()
+    train(asked, NETWORK, SETTINGS, PointWorld(0), SPEED, PROGRAMS, watcher=watcher)
+    (first, second), ((row,), _) = watcher.episode.call_args_list, watcher.row.call_args
+    assert [call.args[:2] for call in (first, second)] == [(20, 20), (40, 20)]
+    means = [call.args[2] for call in (first, second)]
+    assert row["frames"] == 40.0 and -1.0 <= min(means)
+    assert row["behaviour.reward_per_step"] == pytest.approx(sum(means) / 2)
 
 
 def test_checkpoints_are_written_on_the_way(tmp_path, monkeypatch) -> None:

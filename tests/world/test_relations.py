@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.world import Scoring
-from pa_ros.world.poses import in_base
+from pa_ros.world.poses import IDENTITY, in_base
 from pa_ros.world.relation import RELATIONS, Relation, circle
 
 BLOCK = np.array([0.3, 0.3, 0.03])  # 45° to the left of the x axis, as the base sees it
@@ -63,6 +63,35 @@ def test_the_relation_holds_where_the_script_goes(name: str, angle: float, radiu
     assert line.ndim == 2 and line.shape[1] == 2 and np.isfinite(line).all()
 
 
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        ("NEAR", 0.12 * UP),
+        ("ABOVE", 0.20 * UP),
+        *((name, 0.14 * way + 0.12 * UP) for name, way in SIDES.items()),
+    ],
+)
+def test_published_scores_depend_on_the_scripts_places(name: str, way: Float64) -> None:
+    relation = RELATIONS[name]
+    np.testing.assert_allclose(relation.goal(BLOCK, BLOCK, relation.threshold), BLOCK + way)
+
+
+@pytest.mark.parametrize("name", SIDES)
+def test_the_outline_of_a_side_is_where_it_begins_to_hold(name: str) -> None:
+    relation = RELATIONS[name]
+    start, *bow, end = relation.outline(BLOCK, BLOCK, relation.threshold)
+    assert start.tolist() == end.tolist() == BLOCK[:2].tolist()
+    around = [measured(name, np.array([x, y, BLOCK[2]])) for x, y in bow]
+    np.testing.assert_allclose(around, relation.threshold)
+
+
+def test_the_outline_of_above_is_at_the_height_of_the_hand() -> None:
+    relation, hand = RELATIONS["ABOVE"], BLOCK + [0.3, 0.1, 0.2]
+    line = relation.outline(hand, BLOCK, relation.threshold)
+    around = [measured("ABOVE", np.array([x, y, hand[2]])) for x, y in line]
+    np.testing.assert_allclose(around, relation.threshold)
+
+
 POSES = arrays(np.float64, (4, 3, 7), elements=st.floats(-2, 2))
 
 
@@ -92,6 +121,7 @@ def test_poses_are_brought_to_the_base_as_mujoco_does(poses: Float64) -> None:
     if np.linalg.norm(hand[3:]) > 0.5:
         np.testing.assert_allclose(found[:3], hand[:3] + expected_place, atol=1e-12)
     np.testing.assert_allclose(found[[6, 3, 4, 5]], expected_turn, atol=1e-12)
+    np.testing.assert_array_equal(in_base(IDENTITY, pose), pose)
 
 
 @pytest.mark.parametrize("threshold", [0.0, nan])

@@ -25,12 +25,23 @@ def test_a_schema_can_have_a_group_of_numbers() -> None:
 def test_words_are_true_within_the_tolerance() -> None:
     row = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "SMALL"})
     scene = np.stack([row, row, np.zeros_like(row)])
-    scene[1, 16] = 0.06  # between the two sizes
+    scene[:2, 16] = 0.049, 0.06  # within the tolerance of 0.01, and between the two sizes
     words = Vocabulary.of(shape=("CUBE", "C"), color=("RED", "BLUE"), size=("SMALL", "LARGE", "X"))
     truth = World(SIZED, words, joints=6).truth(scene[None])
     assert truth.shape == (1, 3, 7) and truth.dtype == np.float32
     named = [{w for w, true in zip(words.words, one, strict=True) if true} for one in truth[0]]
     assert named == [{"CUBE", "BLUE", "SMALL"}, {"CUBE", "BLUE"}, set()]
+
+
+def test_networks_get_numbers_times_their_scale_and_all_else_as_it_is() -> None:
+    assert SIZED.scales.tolist() == [1.0] * 16 + [50.0]
+    assert Real(("m",), {"SMALL": (0.04,)}, 0.01).scale == 1.0
+
+
+def test_objects_are_labelled_by_their_values_or_their_numbers() -> None:
+    cube = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "SMALL"})
+    objects = np.stack([np.zeros_like(cube), cube, np.zeros_like(cube)])
+    assert PAPER.labels(objects[:, :16], 0) == ("hand", "BLUE CUBE", "block 2")
 
 
 @pytest.mark.parametrize(
@@ -108,6 +119,8 @@ def test_a_world_is_read_back_from_its_json_and_identified_by_its_digest() -> No
 def test_wrong_json_is_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match="world: expected"):
         World.from_json(text)
+    with pytest.raises(ConfigError, match="object schema: expected groups"):
+        World.from_data(WORLD.to_data() | {"objects": 3})
 
 
 @pytest.mark.parametrize(
