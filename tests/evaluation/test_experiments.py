@@ -115,12 +115,15 @@ def test_a_table_says_on_what_machine_each_seed_was_trained(
 ) -> None:
     monkeypatch.setattr("pa_ros.evaluation.seeds.final_scores", lambda *_: (0.95, 0.97))
     shutil.copytree(unbroken["2-L"], tmp_path / "seed-0")
-    made = tabulate(SMALL, [0, 1], tmp_path, tmp_path / "tables", tmp_path / "scores")
+    shutil.copytree(unbroken["2-L"], tmp_path / "seed-2")
+    shutil.rmtree(tmp_path / "seed-2" / "checkpoint")  # interrupted before its first one
+    made = tabulate(SMALL, [0, 1, 2], tmp_path, tmp_path / "tables", tmp_path / "scores")
     assert made is not None
-    table, (summary,) = made
-    assert summary.final_train == 0.97
+    table, (summary, begun) = made
+    assert (summary.seed, summary.final_train) == (0, 0.97)
+    assert begun.seed == 2 and math.isnan(begun.final_train)
     setting = json.loads(table.with_suffix(".json").read_text())
-    assert setting["seeds"] == [0] and setting["made_on"]["0"]
+    assert setting["seeds"] == [0, 2] and list(setting["made_on"]) == ["0"]
     assert setting["device"] == device()
     assert setting["learner"]["relabeling"]["rule"] == "all-goals"
     assert [row["frames"] for row in read_curves(table)[0]] == [300.0, 600.0]

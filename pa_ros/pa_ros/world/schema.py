@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
-from pa_ros.core.settings import canonical_json
 from pa_ros.language.vocabulary import Vocabulary, WordGroup
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -263,11 +261,6 @@ class ObjectSchema:
                 f"object schema: expected groups of properties as JSON: {error!r}, "
                 f"got {str(data)[:200]}"
             ) from error
-
-    @cached_property
-    def digest(self) -> str:
-        """16 hexadecimal digits, the same for equal schemas only."""
-        return hashlib.sha256(canonical_json(self.to_data()).encode()).hexdigest()[:16]
 
 
 def within(features: Any, prototypes: Any, tolerance: float) -> Any:
