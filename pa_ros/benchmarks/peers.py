@@ -55,7 +55,7 @@ EXPERIMENT = "programmable-2L"
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
+class PeerScore:
     """One evaluation of one contender."""
 
     contender: str
@@ -95,28 +95,28 @@ def run(options: argparse.Namespace) -> Report:
     for seed in range(options.seeds):
         for name in options.contenders:
             path = options.runs / f"{name}-{seed}.csv"
-            if not path.exists() or read_rows(path, Score)[-1].frames < options.frames:
+            if not path.exists() or read_rows(path, PeerScore)[-1].frames < options.frames:
                 _require(name)
                 _in_process(name, seed, options.frames, path)
-            last = read_rows(path, Score)[-1]
+            last = read_rows(path, PeerScore)[-1]
             print(
                 f"{name}, seed {seed}: {last.frames:.0f} frames in {last.seconds:.0f} s, "
                 f"success {last.train_success:.0%}, held out {last.held_out_success:.0%}",
                 flush=True,
             )
     return report(
-        [row for path in sorted(options.runs.glob("*.csv")) for row in read_rows(path, Score)]
+        [row for path in sorted(options.runs.glob("*.csv")) for row in read_rows(path, PeerScore)]
     )
 
 
-def report(scores: Sequence[Score]) -> Report:
+def report(scores: Sequence[PeerScore]) -> Report:
     """Means over seeds of each contender's scores.
 
     `peers.NAME.…` are those of the last evaluation, `…at_N.…` those after EQUAL_FRAMES, and
     `….in_time.…` the last within the time in which `ours` made EQUAL_FRAMES.
     """
     found: dict[str, float | int | str] = {}
-    by_name: dict[str, dict[int, list[Score]]] = {}
+    by_name: dict[str, dict[int, list[PeerScore]]] = {}
     for row in scores:
         by_name.setdefault(row.contender, {}).setdefault(row.seed, []).append(row)
     ours = [row for row in scores if row.contender == OURS and row.frames == EQUAL_FRAMES]
@@ -134,7 +134,7 @@ def report(scores: Sequence[Score]) -> Report:
     return found
 
 
-def _means(name: str, rows: Sequence[Score]) -> dict[str, float | int | str]:
+def _means(name: str, rows: Sequence[PeerScore]) -> dict[str, float | int | str]:
     fields = ("frames", "seconds", "train_success", "held_out_success")
     return {
         f"{name}.{f}": float(np.mean([getattr(row, f) for row in rows])) for f in fields if rows
@@ -184,7 +184,7 @@ class _Contender:
         arena, design = preset_named(experiment.preset), design_named(experiment.design)
         self._scores = TrainingScores(arena, design, experiment.evaluation_episodes)
         self._not_training_s = time.process_time()
-        self._rows: list[Score] = []
+        self._rows: list[PeerScore] = []
 
     def train_ours(self) -> None:
         """`ours`, as `pa_ros experiment` trains it."""
@@ -228,7 +228,9 @@ class _Contender:
             for figure in ("success_rate", "normalized")
         ]
         seconds = started - self._not_training_s
-        self._rows.append(Score(self._name, self._library, self._seed, frames, seconds, *figures))
+        self._rows.append(
+            PeerScore(self._name, self._library, self._seed, frames, seconds, *figures)
+        )
         write_rows(self._path, self._rows)
         self._not_training_s += time.process_time() - started
         return dict(row)

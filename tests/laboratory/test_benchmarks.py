@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import peers
 from benchmarks.latency import Latencies
-from benchmarks.peers import OURS, Score, run_contender
+from benchmarks.peers import OURS, PeerScore, run_contender
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.tables import read_rows, write_rows
 
@@ -40,13 +40,13 @@ def test_latencies_are_reported_as_percentiles_in_milliseconds():
     assert found["program_p999_ms"] == 500 and found["steps"] == 1001 and found["programs"] == 1
 
 
-def score(name: str, frames: float, seconds: float, train: float) -> Score:
-    return Score(name, "a-library 1.2", 0, frames, seconds, train, train, train / 2, train / 2)
+def score(name: str, frames: float, seconds: float, train: float) -> PeerScore:
+    return PeerScore(name, "a-library 1.2", 0, frames, seconds, train, train, train / 2, train / 2)
 
 
 def test_our_scores_do_not_count_the_time_that_scoring_takes(tmp_path: Path) -> None:
     run_contender(OURS, 0, 400, tmp_path / "run.csv", every=200, episodes=1)
-    rows = read_rows(tmp_path / "run.csv", Score)
+    rows = read_rows(tmp_path / "run.csv", PeerScore)
     assert [row.frames for row in rows] == [200, 400]
     assert 0 < rows[0].seconds < rows[1].seconds
     assert all(0 <= row.train_success <= 1 for row in rows)

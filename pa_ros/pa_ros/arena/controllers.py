@@ -12,7 +12,7 @@ from pa_ros.arena.arms import ARMS
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.model import build
 from pa_ros.core.errors import ConfigError
-from pa_ros.world.controller import HandController, Link
+from pa_ros.world.controller import Frame, HandController
 
 POSE_TRIES = 200  # steps of the search for a pose
 DIGITS = 12  # of the numbers in the controller's data, which are the same on every machine
@@ -22,7 +22,7 @@ DIGITS = 12  # of the numbers in the controller's data, which are the same on ev
 def hand_controller(config: ArenaConfig) -> HandController:
     """The controller of the arena's arm; ConfigError if a joint is not at its body's origin."""
     model, joints = build(config, ()), ARMS[config.arm].joints
-    links: list[Link] = []
+    links: list[Frame] = []
     body = model.body("hand").id
     while body:
         turn = np.zeros(9)
@@ -30,14 +30,14 @@ def hand_controller(config: ArenaConfig) -> HandController:
         frame = model.body_pos[body].round(DIGITS).tolist(), turn.round(DIGITS).tolist()
         position, rotation = map(tuple, frame)
         if (index := int(model.body_jntadr[body])) < 0:
-            links.append(Link(position, rotation, None))
+            links.append(Frame(position, rotation, None))
         else:
             joint, speed = joints[index], config.joint_speed_limits[index]
             if model.jnt_pos[index].any() or model.jnt_axis[index].tolist() != [0.0, 0.0, 1.0]:
                 raise ConfigError(f"arm {config.arm}: {joint.name}: expected its body's z axis")
             zero, free = float(model.qpos0[index]), joint.limits is None
             links.append(
-                Link(position, rotation, zero, joint.lower, joint.upper, free, float(speed))
+                Frame(position, rotation, zero, joint.lower, joint.upper, free, float(speed))
             )
         body = int(model.body_parentid[body])
     return HandController(tuple(links[::-1]), config.hand_speed, config.control_period_s)

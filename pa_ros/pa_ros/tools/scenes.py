@@ -139,6 +139,7 @@ def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[s
         if len(known) == len(words) > 1:
             whole.append(f"{near}(HAND, AND({', '.join(reversed(known))}))")
         parts += [f"{near}(HAND, {word})" for word in known]
+        # One negation of each block is enough to show that there are such programs.
         parts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
     found: dict[str, None] = {}
     for text in (*whole, *map(str, arena.training_programs), *parts):

@@ -21,7 +21,7 @@ AXES = 3  # of an action: outward, to the left and up, seen from the base
 
 
 @dataclass(frozen=True)
-class Link:
+class Frame:
     """A frame in its parent's frame, which a joint then turns about its own z axis."""
 
     position: tuple[float, ...]  # m
@@ -58,7 +58,7 @@ class HandController:
     left) and up, as parts of `hand_speed`.
     """
 
-    links: tuple[Link, ...]  # from the base to the hand
+    links: tuple[Frame, ...]  # from the base to the hand
     hand_speed: float  # m/s
     period_s: float  # of a command
 
@@ -72,7 +72,7 @@ class HandController:
     SLACK_RAD: ClassVar[float] = 0.02  # a joint this close to its limit is not moved further
 
     @cached_property
-    def joints(self) -> tuple[Link, ...]:
+    def joints(self) -> tuple[Frame, ...]:
         """The links that joints turn."""
         return tuple(link for link in self.links if link.zero is not None)
 
@@ -111,6 +111,7 @@ class HandController:
     def joint_action(self, action: Float32, joint_position: Float64) -> Float32:
         """Joint velocities, as parts of the speed limits, that move the hand as `action` says."""
         place, axis, jacobian = self.hand(joint_position)
+        # On the base's axis the hand has no azimuth, so close to it all motions become smaller.
         radius = max(hypot(place[0], place[1]), 0.05)
         c, s = place[0] / radius, place[1] / radius
         out, left, up = np.clip(action.astype(np.float64), -1.0, 1.0) * self.hand_speed
@@ -119,6 +120,7 @@ class HandController:
         up = min(max(up, (low - place[2]) / period), (high - place[2]) / period)
         moving = np.array([c * out - s * left, s * out + c * left, up])
         velocity = self.solve(moving, axis, jacobian, joint_position)
+        # All joints are slowed alike, so that the hand keeps its direction.
         excess = max(1.0, float(np.max(np.abs(velocity) / self.speed_limits)))
         return (velocity / excess / self.speed_limits).astype(np.float32)
 
@@ -147,7 +149,7 @@ class HandController:
     def from_data(cls, data: dict[str, Any]) -> HandController:
         """The inverse of `to_data`."""
         links = tuple(
-            Link(**{**one, "position": tuple(one["position"]), "rotation": tuple(one["rotation"])})
+            Frame(**{**one, "position": tuple(one["position"]), "rotation": tuple(one["rotation"])})
             for one in data["links"]
         )
         return cls(links, float(data["hand_speed"]), float(data["period_s"]))

@@ -106,6 +106,7 @@ class TorchEngine(ABC):
 
     def goals(self, program: NDArray[np.int32]) -> Any:
         """Rows [B, K] of the table, as the networks take programs."""
+        # Tasks add programs while a run learns; only then are the rows copied to the device again.
         if self._known != len(self._table):
             codes = map(torch.from_numpy, family_of(self._network).codes(self._table))
             self._rows = [
@@ -142,6 +143,7 @@ class TorchEngine(ABC):
         This is the proximal step of the minimax concave penalty (Zhang 2010), after Adam's.
         """
         config = self._config.detectors
+        # The first group is all parameters but the detectors.
         for group in adam.param_groups[1:]:
             weight = group["params"][0]
             size = weight.abs()

@@ -107,6 +107,7 @@ class Relabeler:
         keys = rng.random(present.shape)
         order = np.argsort(np.where(present, keys, 2.0), axis=1)  # those present come first
         count = present.sum(1, keepdims=True)
+        # Fewer than K are repeated in turn. Without any, the column is replaced below.
         column = np.arange(k) % np.maximum(count, 1)  # [B, K]
         other = np.take_along_axis(order, column, 1).astype(np.int32)
         if self._values is None:

@@ -20,6 +20,7 @@ class Kinds:
         values = {group.name: group.features.values for group in world.schema}
         rows = [world.schema.features(dict(zip(values, k, strict=True)))
                 for k in product(*values.values())]  # fmt: skip
+        # The hand is a kind of its own, the last one: it has no properties.
         hand = np.zeros(world.object_features, np.float32)
         self._truth = world.truth(np.stack([*rows, hand])).T  # [V, kinds + 1]
         self._sizes = [len(names) for names in values.values()]

@@ -35,6 +35,8 @@ class TorchDPG(TorchEngine):
         q = critic.head(h, x.action)  # [B, K]
         loss = F.mse_loss(q, target)
         action = self.act(actor, x.now)  # [B, K, J]
+        # The action as a leaf: ∂Q/∂a is all that the actor needs of the critic, and taking it so
+        # adds nothing to the critic's own gradients.
         given = action.detach().requires_grad_()
         ascent = self._ascent(critic.head(h.detach(), given), given)
         self.descend("critic", loss)
