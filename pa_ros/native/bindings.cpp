@@ -99,10 +99,11 @@ Network make_network(int arm_features, int actions, const std::vector<float>& sc
 Network make_trunk(int hidden, int attention, int arm_features, int actions,
                    const std::vector<float>& scale, const std::vector<int>& group_sizes,
                    const std::vector<Value>& words, bool detectors, bool hide_properties,
-                   bool critic, float self_weight, int relations, bool min_max) {
+                   bool critic, float self_weight, int relations, bool min_max, bool roles,
+                   int upper_layers) {
     Network n = make_network(arm_features, actions, scale, group_sizes, words);
     n.hidden = hidden, n.attention = attention, n.self_weight = self_weight;
-    n.relations = relations, n.min_max = min_max;
+    n.relations = relations, n.min_max = min_max, n.roles = roles, n.upper = upper_layers;
     n.detectors = detectors, n.hide_properties = hide_properties, n.critic = critic;
     check(n);
     return n;
@@ -151,12 +152,13 @@ Batch make_batch(const Network& network, const Array& objects, const Array& arm,
 }
 
 Programs make_programs(const Network& network, const Array& op, const Array& a, const Array& b,
-                       const Array& relation) {
+                       const Array& relation, const Array& roles) {
     const Shape shape = shape_of(op);
     if (shape.size() != 2) throw Error("op: expected [P, L], got " + text_of(shape));
     return {shape[0], shape[1], read<int32_t>("op", op, shape), read<int32_t>("a", a, shape),
             read<int32_t>("b", b, shape),
-            read<int32_t>("relation", relation, {network.relations ? shape[0] : 0})};
+            read<int32_t>("relation", relation, {network.relations ? shape[0] : 0}),
+            read<int32_t>("roles", roles, {network.roles ? shape[0] : 0, 2})};
 }
 
 Targets make_targets(const Network& network, const Array& words) {
@@ -204,11 +206,12 @@ void bind_network(nb::module_& m) {
         .def_static("trunk", make_trunk, nb::kw_only(), "hidden"_a, "attention"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "detectors"_a,
                     "hide_properties"_a, "critic"_a, "self_weight"_a, "relations"_a = 0,
-                    "min_max"_a = false,
+                    "min_max"_a = false, "roles"_a = false, "upper_layers"_a = 0,
                     "A programmable one. `scale`: of each feature of an object. `words`: the first "
                     "feature of each one's value, its numbers as scaled, and how near is near; no "
                     "numbers: true of nothing. `relations`: 0 where programs ask for one alone. "
-                    "`min_max`: what AND and OR of degrees are, of an actor that doesn't learn.")
+                    "`min_max`: what AND and OR of degrees are, of an actor that doesn't learn. `roles`: "
+                    "programs say what is moved and where to.")
         .def_static("canonical", make_canonical, nb::kw_only(), "hidden"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "slots"_a, "critic"_a,
                     "An MLP. `slots`: the words, one of each group, of the block that fills each.")
@@ -216,6 +219,7 @@ void bind_network(nb::module_& m) {
         .def_ro("attention", &Network::attention)
         .def_ro("words", &Network::words)
         .def_ro("relations", &Network::relations)
+        .def_ro("upper_layers", &Network::upper)
         .def_ro("object_features", &Network::object_features)
         .def_ro("actions", &Network::actions)
         .def_prop_ro("detectors", [](const Network& n) { return n.detectors != 0; })
@@ -236,6 +240,7 @@ void bind_network(nb::module_& m) {
         .def_ro("relation", &Layout::relation)
         .def_ro("second", &Layout::second)
         .def_ro("second_bias", &Layout::second_bias)
+        .def_ro("upper", &Layout::upper)
         .def_ro("action", &Layout::action)
         .def_ro("output", &Layout::output)
         .def_ro("output_bias", &Layout::output_bias)
@@ -283,12 +288,13 @@ void bind_engine(nb::module_& m) {
         .def(
             "set_programs",
             [](Engine& engine, const Array& op, const Array& a, const Array& b,
-               const Array& relation) {
-                engine.set_programs(make_programs(engine.actor().shape, op, a, b, relation));
+               const Array& relation, const Array& roles) {
+                engine.set_programs(make_programs(engine.actor().shape, op, a, b, relation, roles));
             },
-            "op"_a, "a"_a, "b"_a, "relation"_a,
-            "What rows of batches mean: flat programs, each [P, L] int32, and the relation that "
-            "each asks for, [P], where there are several, else [0].")
+            "op"_a, "a"_a, "b"_a, "relation"_a, "roles"_a,
+            "What rows of batches mean: flat programs, each [P, L] int32, the relation that each "
+            "asks for, [P], where there are several, else [0], and the registers of what it moves "
+            "and of its target, [P, 2], where there are roles, else [0, 2].")
         .def(
             "set_targets",
             [](Engine& engine, const Array& words) { engine.set_targets(make_targets(engine.actor().shape, words)); },
@@ -321,14 +327,14 @@ void bind_actor(nb::module_& m) {
             "act_on_program",
             [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
                const Array& op, const Array& a, const Array& b, const Array& relation,
-               const Writable& out) {
+               const Array& roles, const Writable& out) {
                 act(actor, make_observation(actor.shape(), objects, arm, hand_index),
-                    make_programs(actor.shape(), op, a, b, relation), out);
+                    make_programs(actor.shape(), op, a, b, relation, roles), out);
             },
-            "objects"_a, "arm"_a, "hand_index"_a, "op"_a, "a"_a, "b"_a, "relation"_a,
+            "objects"_a, "arm"_a, "hand_index"_a, "op"_a, "a"_a, "b"_a, "relation"_a, "roles"_a,
             "out"_a,
-            "Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0]; writes "
-            "the action, [J].")
+            "Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0], its "
+            "roles [1, 2] or [0, 2]; writes the action, [J].")
         .def(
             "act_on_target",
             [](Actor& actor, const Array& objects, const Array& arm, int hand_index,

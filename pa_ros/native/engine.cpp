@@ -25,6 +25,8 @@ void check_pair(const Network& actor, const Network& critic) {
     check_range("critic's hidden", critic.hidden, actor.hidden, actor.hidden);
     check_range("critic's attention", critic.attention, actor.attention, actor.attention);
     check_range("critic's relations", critic.relations, actor.relations, actor.relations);
+    check_range("critic's roles", critic.roles, actor.roles, actor.roles);
+    check_range("critic's upper layers", critic.upper, actor.upper, actor.upper);
     check_range("critic's words", critic.words, actor.words, actor.words);
     check_range("critic's groups", critic.groups, actor.groups, actor.groups);
     check_range("critic's actions", critic.actions, actor.actions, actor.actions);
@@ -64,6 +66,8 @@ void check(const Programs& p, const Network& network) {
         }
     for (int64_t row = 0; network.relations && row < p.rows; row++)
         check_range("relation of a program", p.relation[row], 0, network.relations - 1);
+    for (int64_t i = 0; network.roles && i < 2 * p.rows; i++)
+        check_range("register of a role", p.roles[i], 0, network.words + p.length);
 }
 
 void check(const Targets& t, const Network& network) {
@@ -97,6 +101,7 @@ void Engine::set_programs(const Programs& p) {
     const int64_t size = p.rows * p.length;
     op_.assign(p.op, p.op + size), a_.assign(p.a, p.a + size), b_.assign(p.b, p.b + size);
     relation_.assign(p.relation, p.relation + (actor_.shape.relations ? p.rows : 0));
+    roles_.assign(p.roles, p.roles + (actor_.shape.roles ? 2 * p.rows : 0));
     rows_ = p.rows, length_ = p.length;
 }
 
@@ -112,7 +117,7 @@ Metrics Engine::update(Batch batch) {
     check(batch);
     fit(batch);
     batch.table = {(int32_t)length_, op_.data(), a_.data(), b_.data(), target_.data(),
-                   relation_.data()};
+                   relation_.data(), roles_.data()};
     auto gradients = [&](int part) { learner_->gradients(batch, part); };
     auto apply = [&](int part) { learner_->apply(batch, part); };
     team_.run(gradients);
@@ -153,13 +158,13 @@ void Actor::act(const Observation& seen, const Programs& program, float* action)
     check_range("programs to act on", program.rows, 1, 1);
     check(program, shape_);
     act(seen, Table{(int32_t)program.length, program.op, program.a, program.b, nullptr,
-                    program.relation}, action);
+                    program.relation, program.roles}, action);
 }
 
 void Actor::act(const Observation& seen, const Targets& target, float* action) {
     check_range("targets to act on", target.rows, 1, 1);
     check(target, shape_);
-    act(seen, Table{1, nullptr, nullptr, nullptr, target.words, nullptr}, action);
+    act(seen, Table{1, nullptr, nullptr, nullptr, target.words, nullptr, nullptr}, action);
 }
 
 void Actor::act(const Observation& seen, const Table& table, float* action) {

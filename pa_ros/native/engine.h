@@ -24,10 +24,10 @@ struct Trained {
 };
 
 // Programs as the caller has them: `op`, `a` and `b` are [rows, length], `relation` is [rows] where
-// the network knows several.
+// the network knows several, `roles` [rows, 2] where it has roles.
 struct Programs {
     int64_t rows, length;
-    const int32_t *op, *a, *b, *relation;
+    const int32_t *op, *a, *b, *relation, *roles;
 };
 
 struct Targets {  // a word of each group, [rows, groups]
@@ -61,7 +61,7 @@ class Engine {
     Trained actor_, critic_;
     const Settings settings_;
     const Kernel* kernel_;
-    std::vector<int32_t> op_, a_, b_, target_, relation_;
+    std::vector<int32_t> op_, a_, b_, target_, relation_, roles_;
     int64_t rows_ = 0, length_ = 1;
     Sizes sizes_{};
     std::unique_ptr<LearnerKernel> learner_;

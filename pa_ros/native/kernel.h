@@ -24,6 +24,7 @@ struct Table {
     const int32_t *op, *a, *b;
     const int32_t* target;
     const int32_t* relation;  // of each program, where a network knows several
+    const int32_t* roles;     // two registers of each program, where a network has roles
 };
 
 // B transitions of N objects × K programs, which are rows of the table (see docs/DESIGN.md).

@@ -38,7 +38,8 @@ Layout layout_of(const Network& n) {
     l.relation = l.attention_weight + a;
     l.second = l.relation + n.relations * h;
     l.second_bias = l.second + 2 * h * h;
-    lay_out_heads(l, n, l.second_bias + 2 * h);
+    l.upper = l.second_bias + 2 * h;
+    lay_out_heads(l, n, l.upper + n.upper * (h + 1) * h);
     return l;
 }
 
@@ -56,6 +57,8 @@ void check(const Network& n) {
         check_range("numbers of all words", word.numbers, 0, kMaxNumbers - word.width);
     }
     check_range("relations", n.relations, 0, n.canonical ? 0 : kMaxRelations);
+    check_range("roles", n.roles, 0, n.canonical ? 0 : 1);
+    check_range("upper layers", n.upper, 0, n.canonical ? 0 : kMaxUpper);
     if (n.canonical) {
         check_range("slots", n.slots, 1, kMaxSlots);
         for (int i = 0; i < n.slots * n.groups; i++)

@@ -19,6 +19,7 @@ constexpr int kMaxObjects = 64;
 constexpr int kMaxPrograms = 64;                                   // per transition
 constexpr int kMaxThreads = 64;
 constexpr int kMaxRelations = 16;
+constexpr int kMaxUpper = 4;                                       // layers between h and output
 constexpr int kMaxLength = 1024;                                   // instructions of a program
 constexpr int kMaxTransitions = 1 << 20;                           // of a batch
 constexpr float kLargestPart = 43.6f;                              // see simd.h
@@ -47,6 +48,8 @@ struct Network {
     float number[kMaxNumbers];
     float scale[kMaxFeatures];
     float self_weight;  // multiplies exp α̃_ii
+    int32_t roles;  // 1: programs say what is moved and where to (docs/DESIGN.md, "Roles")
+    int32_t upper;  // layers between h and the output
     int32_t relations;  // that programs may ask for; 0 where there is one alone, which adds nothing
     int32_t canonical;  // 1: an MLP of the flattened Ω; attention and detectors are 0
     int32_t slots;      // of that: slot i is of the objects of which these words are true
@@ -61,6 +64,7 @@ struct Network {
 //   relation     [R][H]          what each adds to message.0, where there are several
 //   second       [2H][H]         local.1, then message.1
 //   second_bias  [2][H]          local.1, then message.1
+//   upper        [U][H + 1][H]   each layer between h and the output, then its bias
 //   action       [J + 1][H]      critic: J inputs, then the bias
 //   output       [1 or J][H]     as torch's
 //   output_bias  [16]
@@ -72,7 +76,7 @@ struct Network {
 struct Layout {
     int64_t hidden, attention, columns, rows;
     int64_t local, receiver, sender, query, context, detectors;  // first columns within `first`
-    int64_t first, attention_weight, relation, second, second_bias, action, output, output_bias, size;
+    int64_t first, attention_weight, relation, second, second_bias, upper, action, output, output_bias, size;
     int64_t inputs;  // canonical: of the flattened Ω without the target
 };
 

@@ -17,6 +17,7 @@ inline constexpr int kBlockRows = 80;
 struct Thread {
     Work w;
     float *actor_second_t, *critic_second_t;    // `second` transposed
+    float *actor_upper_t, *critic_upper_t;      // likewise
     float *actor_gradient, *critic_gradient;    // of this thread's chunks
     float *target_q, *critic_h, *chunk_action;  // [B·K], [B·K, H], [S, 6]
     double squared_error, sum_q, squared_gradient;
@@ -58,6 +59,7 @@ inline int64_t carve_learner(Learner& g, float* base) {
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     WorkSize size{g.chunk, g.block, g.objects, g.programs, g.length, g.actor_shape.words,
                   g.actor_shape.object_features, g.actor_shape.arm_features, g.actor_shape.relations,
+                  g.actor_shape.roles, g.actor_shape.upper,
                   actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden,
                   actor.inputs};
     const int64_t square = second_rows(actor) * actor.hidden, rows = (int64_t)g.batch * g.programs;
@@ -65,6 +67,8 @@ inline int64_t carve_learner(Learner& g, float* base) {
         Thread scratch, &x = base ? g.thread[t] : scratch;
         carve(x.w, arena, size);
         x.actor_second_t = arena.take(square), x.critic_second_t = arena.take(square);
+        const int64_t upper = g.actor_shape.upper * actor.hidden * actor.hidden;
+        x.actor_upper_t = arena.take(upper), x.critic_upper_t = arena.take(upper);
         x.actor_gradient = t ? arena.take(actor.size) : g.actor.gradient;
         x.critic_gradient = t ? arena.take(critic.size) : g.critic.gradient;
         x.target_q = arena.take(rows), x.critic_h = arena.take(rows * critic.hidden);
@@ -113,7 +117,7 @@ inline void critic_step(const Learner& g, Thread& x, const Batch& b, int64_t fro
         x.sum_q += w.q[r], x.squared_error += (double)error * error;
         w.q[r] = scale * error;
     }
-    critic_head_backward(critic, w, action, g.programs, rows, x.critic_gradient);
+    critic_head_backward(critic, w, action, g.programs, rows, x.critic_upper_t, x.critic_gradient);
     backward(critic, w, b.program + base, count, x.critic_second_t, x.critic_gradient);
 }
 
@@ -126,13 +130,14 @@ inline void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     forward(actor, w, b.program + base, count, true);
     actor_head(actor, w, rows);
     const int64_t h = actor.l.hidden;
-    float* actor_z = w.z;
+    float *actor_z = w.z, *actor_upper = w.upper;
     w.z = w.dh;  // the critic's tanh is needed only until ∂Q/∂a is known
+    w.upper = w.other_upper;
     critic_head(critic, w, x.critic_h + base * h, w.action, kActionColumns, 1, rows);
     const float scale = -1.0f / ((float)b.transitions * b.programs);
-    action_gradient(critic, w, rows, (float)g.settings.clip, scale);
-    w.z = actor_z;
-    actor_head_backward(actor, w, rows, x.actor_gradient);
+    action_gradient(critic, w, rows, x.critic_upper_t, (float)g.settings.clip, scale);
+    w.z = actor_z, w.upper = actor_upper;
+    actor_head_backward(actor, w, rows, x.actor_upper_t, x.actor_gradient);
     backward(actor, w, b.program + base, count, x.actor_second_t, x.actor_gradient);
 }
 
@@ -145,6 +150,8 @@ inline void gradients(Learner& g, const Batch& b, int index) {
     __builtin_memset(x.critic_gradient, 0, critic.size * sizeof(float));
     transpose(g.actor.parameters + actor.second, second_rows(actor), h, x.actor_second_t);
     transpose(g.critic.parameters + critic.second, second_rows(critic), h, x.critic_second_t);
+    transpose_upper(net_of(g.actor_shape, g.actor.parameters), x.actor_upper_t);
+    transpose_upper(net_of(g.critic_shape, g.critic.parameters), x.critic_upper_t);
     set_objects(x.w, b.hand_index);
     set_table(x.w, b.table);
     for (int i = 0; i < W; i++) x.w.largest[i] = 0.0f;

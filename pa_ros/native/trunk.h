@@ -6,6 +6,7 @@
 #include "gemm.h"
 #include "program.h"
 #include "relations.h"
+#include "roles.h"
 #include "work.h"
 
 namespace pa::PA_LEVEL {
@@ -78,17 +79,18 @@ inline void attend(const Net& net, Work& w, int64_t s) {
 inline void weigh(Work& w, int64_t s, int64_t sk) {
     const int n = w.objects;
     const float *p = w.relevant + sk * w.lanes, *e = w.attend + s * n * w.lanes;
+    const float* senders = w.senders + sk * w.lanes;
     float *share = w.share + sk * n * w.lanes, *weight = w.weight + sk * n * w.lanes;
     for (int o = 0; o < w.lanes; o += W) {
         vf total{};
-        for (int j = 0; j < n; j++) total += p[j] * load(e + j * w.lanes + o);
+        for (int j = 0; j < n; j++) total += senders[j] * load(e + j * w.lanes + o);
         total = total > kNothing ? total : vf{} + kNothing;
         const vf inverse = load(w.mask + o) > 0.0f ? 1.0f / total : vf{};
         const vf receiver = load(p + o);
         for (int j = 0; j < n; j++) {
             const vf part = load(e + j * w.lanes + o) * inverse;
             store(share + j * w.lanes + o, part);
-            store(weight + j * w.lanes + o, p[j] * part * receiver);
+            store(weight + j * w.lanes + o, senders[j] * part * receiver);
         }
     }
 }
@@ -151,6 +153,7 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
         attend(net, w, s);
         for (int64_t sk = s * w.programs; sk < (s + 1) * w.programs; sk++) {
             run_program(net, w, s, sk, programs[sk]);
+            if (net.shape->roles) assign_roles(net, w, s, sk, programs[sk]);
             weigh(w, s, sk);
         }
         if (net.shape->relations) pool_relations(net, w, programs, s);

@@ -35,6 +35,8 @@ struct Work {
     float* registers;        // [S·K, L, lanes]: results of the program's instructions
     float* relevant;         // [S·K, lanes]: p
     float* mass;             // [S·K]: Σ p
+    float* senders;          // [S·K, lanes]: p, or where there are roles the target's shares
+    float *inverse, *drole;  // roles: [S·K, 2]: 1 / Σ of a set; [2, lanes]: ∂/∂ their shares
     float* attend;           // [S, N(j), lanes(i)]: exp α̃_ij
     float* share;            // [S·K, N(j), lanes(i)]: exp α̃_ij / Σ_k p_k exp α̃_ik
     float* weight;           // [S·K, N(j), lanes(i)]: p_i α_ij
@@ -42,6 +44,8 @@ struct Work {
     float *h, *dh, *z;       // [S·K, H]
     float *action, *daction; // [S·K, 16]
     float* q;                // [S·K]
+    float *upper, *other_upper;   // [U, S·K, H]: tanh of each upper layer, of actor and critic
+    float *dlift, *dlift_before;  // [S·K, H]: gradients on the way down these layers
     float *sums, *dregister, *dscore, *row;  // of one sample
     vf* dots;                // [K, N² + N + 1] or [N²]
     float *hand, *mask;      // [lanes]: HAND; 1 for the objects there are
@@ -52,6 +56,7 @@ struct Work {
     const int32_t *op, *a, *b;  // the program table, rows of `length`
     const int32_t* target;      // of canonical networks instead: rows of two words
     const int32_t* relation;    // of each program
+    const int32_t* roles;       // two registers of each program
     int64_t length, capacity;   // instructions a program has now, and at most
 
     float* first_of(int64_t s, int64_t columns) const {
@@ -61,7 +66,7 @@ struct Work {
 };
 
 struct WorkSize {
-    int samples, block, objects, programs, length, words, object_features, arm_features, relations;
+    int samples, block, objects, programs, length, words, object_features, arm_features, relations, roles, upper;
     int64_t columns, hidden, inputs;  // inputs: 0 unless canonical
 };
 
@@ -73,6 +78,9 @@ inline void carve_heads(Work& w, Arena& arena, const WorkSize& z) {
     w.h = arena.take(sk * z.hidden), w.dh = arena.take(sk * z.hidden), w.z = arena.take(sk * z.hidden);
     w.action = arena.take(sk * kActionColumns), w.daction = arena.take(sk * kActionColumns);
     w.q = arena.take(sk);
+    const int64_t lifted = z.upper ? sk * z.hidden : 0;
+    w.upper = arena.take(z.upper * lifted), w.other_upper = arena.take(z.upper * lifted);
+    w.dlift = arena.take(lifted), w.dlift_before = arena.take(lifted);
     w.hand = arena.take(lanes), w.mask = arena.take(lanes), w.largest = arena.take(W);
 }
 
@@ -94,6 +102,8 @@ inline void carve(Work& w, Arena& arena, const WorkSize& z) {
     w.phi = arena.take(z.words * w.phi_stride);
     w.registers = arena.take(sk * z.length * lanes);
     w.relevant = arena.take(sk * lanes), w.mass = arena.take(sk);
+    w.senders = z.roles ? arena.take(sk * lanes) : w.relevant;
+    w.inverse = arena.take(z.roles * sk * 2), w.drole = arena.take(z.roles * 2 * lanes);
     w.attend = arena.take(s * n * lanes);
     w.share = arena.take(sk * n * lanes), w.weight = arena.take(sk * n * lanes);
     w.pooled = arena.take(sk * 2 * z.hidden), w.dpooled = arena.take(sk * 2 * z.hidden);
@@ -111,7 +121,7 @@ inline void set_objects(Work& w, int hand_index) {
 
 inline void set_table(Work& w, const Table& table) {
     w.op = table.op, w.a = table.a, w.b = table.b, w.length = table.length;
-    w.target = table.target, w.relation = table.relation;
+    w.target = table.target, w.relation = table.relation, w.roles = table.roles;
 }
 
 // Whether a word is true of an object whose features, scaled, are x.

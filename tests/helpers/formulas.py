@@ -101,7 +101,8 @@ def roles(network: NetworkConfig, named: Named, seen: Scenes) -> tuple[Tensor, T
     phi = properties(network, named, seen)
     hand = torch.zeros_like(seen.objects[..., 0])
     hand[:, seen.hand_index] = 1.0
-    body = torch.stack([1.0 - phi[word] for word in network.vocabulary.bodiless]).prod(0)
+    free = [1.0 - phi[word] for word in network.vocabulary.bodiless]
+    body = torch.stack([torch.ones_like(hand), *free]).prod(0)
 
     def share(e: Expression, of: Tensor | float = 1.0) -> Tensor:
         degrees = hand if e == HAND else degree(e, phi.__getitem__, seen.logic) * of * (1.0 - hand)

@@ -44,11 +44,13 @@ def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fu
 
 
 def program(
-    *rows: tuple[int, int, int], relation: tuple[int, ...] = ()
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """`op`, `a`, `b`, [1, L], of instructions, and the relation, [1] or [0]."""
+    *rows: tuple[int, int, int],
+    relation: tuple[int, ...] = (),
+    roles: tuple[tuple[int, int], ...] = (),
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`op`, `a`, `b`, [1, L], of instructions, the relation, [1] or [0], the roles, [1 or 0, 2]."""
     op, a, b = (np.array([column], np.int32) for column in zip(*rows, strict=True))
-    return op, a, b, np.array(relation, np.int32)
+    return op, a, b, np.array(relation, np.int32), np.array(roles, np.int32).reshape(-1, 2)
 
 
 def batch(transitions: int = 4, objects: int = 3, programs: int = 2) -> dict[str, object]:
@@ -135,6 +137,21 @@ def test_relations_out_of_range(relation: tuple[int, ...], message: str) -> None
         _fused.Actor(several()).act_on_program(*seen, *code, out)
     with pytest.raises(FusedError, match="relations: expected 0 … 16, got 17"):
         trunk(relations=17)
+
+
+@pytest.mark.parametrize(
+    ("roles", "message"),
+    [
+        (((0, 5),), "register of a role: expected 0 … 4, got 5"),
+        (((-1, 0),), "register of a role: expected 0 … 4, got -1"),
+        ((), r"roles: expected contiguous int32 \(1, 2\), got int32 \(0, 2\)"),
+    ],
+)
+def test_roles_out_of_range(roles: tuple[tuple[int, int], ...], message: str) -> None:
+    with pytest.raises(FusedError, match=message):
+        engine(partial(trunk, roles=True)).set_programs(*program((3, 0, 0), roles=roles))
+    with pytest.raises(FusedError, match="upper layers: expected 0 … 4, got 5"):
+        trunk(upper_layers=5)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import torch
 
 from helpers import formulas
 from pa_ros.language import Vocabulary, parse
-from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.modules import goals_of
@@ -64,6 +63,4 @@ def test_a_world_whose_programs_move_the_hand_has_no_roles() -> None:
     hand, moving = network(WORDS), network(WORDS.moving("PLACE"))
     assert len(family_of(hand).codes(table_of(hand, TEXTS[0]))) == 3
     assert len(family_of(moving).codes(table_of(moving, TEXTS[0]))) == 4
-    assert "upper layers" in why_not_network(hand) and "move objects" in why_not_network(moving)
-    assert why_not_network(hand.changed(upper_layers=0)) == ""
     assert actor_shapes(hand).keys() == actor_shapes(moving).keys()

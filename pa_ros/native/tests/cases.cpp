@@ -63,13 +63,16 @@ std::vector<Case> cases(int hidden, int attention, int actions) {
     const auto both = of(true, true, false), hides = of(true, true, true);
     auto several = hides;
     several.first.relations = several.second.relations = 3;
+    auto moving = both;
+    moving.first.roles = moving.second.roles = 1, moving.first.upper = moving.second.upper = 2;
     const auto distilled = of(true, false, false), truth = of(false, false, false);
     return {{"programmable", both.first, both.second},
             {"hidden properties", hides.first, hides.second},
             {"distilled critic", distilled.first, distilled.second},
             {"true properties", truth.first, truth.second},
             {"canonical", canonical(hidden, actions, false), canonical(hidden, actions, true)},
-            {"several relations", several.first, several.second}};
+            {"several relations", several.first, several.second},
+            {"roles and upper layers", moving.first, moving.second}};
 }
 
 std::vector<bool> weights_of(const Network& n) {
@@ -92,6 +95,8 @@ std::vector<bool> weights_of(const Network& n) {
         for (int64_t at : {l.second, l.second + l.hidden * l.hidden})
             mark(at, n.hidden, n.hidden, l.hidden);
         mark(l.second_bias, 2, n.hidden, l.hidden);
+        for (int64_t at = l.upper; at < l.action; at += (l.hidden + 1) * l.hidden)
+            mark(at, n.hidden, n.hidden, l.hidden), mark(at + l.hidden * l.hidden, 1, n.hidden, l.hidden);
     }
     if (n.critic) mark(l.action, n.actions + 1, n.hidden, l.hidden);
     mark(l.output, n.critic ? 1 : n.actions, n.hidden, l.hidden);
@@ -113,6 +118,7 @@ void fill(Trained& trained, std::mt19937& rng) {
 Codes::Codes(const Network& network, int length) : rows(3), length(length) {
     canonical = network.canonical;
     target = {0, 4, 1, 8, 3, 5}, relation = {2, 0, 2};
+    roles = {kWords, 0, kWords + length, 4, 2, kWords};
     for (int i = 0; i < rows * length; i++) {
         const int k = i % length, last = kWords + k;  // registers: words, the hand, results
         op.push_back((i + i / length) % 4);

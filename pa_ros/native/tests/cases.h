@@ -10,7 +10,8 @@ struct Case {
     pa::Network actor, critic;
 };
 
-// Programmable (also with hidden properties, or several relations), true properties in critic or both, canonical.
+// Programmable (also with hidden properties, several relations, or roles and upper layers), true
+// properties in critic or both, canonical.
 std::vector<Case> cases(int hidden, int attention, int actions = 6);
 
 // Which floats of a buffer hold weights; the rest is padding and 0.
@@ -24,10 +25,10 @@ struct Codes {  // three programs of the longest there is, or targets
     Codes(const pa::Network& network, int length);
     void tell(pa::Engine& engine) const;
 
-    std::vector<int32_t> op, a, b, target, relation;
+    std::vector<int32_t> op, a, b, target, relation, roles;
     int rows, length;
     bool canonical;
-    pa::Programs programs() const { return {rows, length, op.data(), a.data(), b.data(), relation.data()}; }
+    pa::Programs programs() const { return {rows, length, op.data(), a.data(), b.data(), relation.data(), roles.data()}; }
     pa::Targets targets() const { return {rows, target.data()}; }
 };
 

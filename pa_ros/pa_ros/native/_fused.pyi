@@ -30,9 +30,9 @@ class Network:
     """What the engine is told of an actor or a critic."""
 
     @staticmethod
-    def trunk(*, hidden: int, attention: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], detectors: bool, hide_properties: bool, critic: bool, self_weight: float, relations: int = 0, min_max: bool = False) -> Network:
+    def trunk(*, hidden: int, attention: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], detectors: bool, hide_properties: bool, critic: bool, self_weight: float, relations: int = 0, min_max: bool = False, roles: bool = False, upper_layers: int = 0) -> Network:
         """
-        A programmable one. `scale`: of each feature of an object. `words`: the first feature of each one's value, its numbers as scaled, and how near is near; no numbers: true of nothing. `relations`: 0 where programs ask for one alone. `min_max`: what AND and OR of degrees are, of an actor that doesn't learn.
+        A programmable one. `scale`: of each feature of an object. `words`: the first feature of each one's value, its numbers as scaled, and how near is near; no numbers: true of nothing. `relations`: 0 where programs ask for one alone. `min_max`: what AND and OR of degrees are, of an actor that doesn't learn. `roles`: programs say what is moved and where to.
         """
 
     @staticmethod
@@ -52,6 +52,9 @@ class Network:
 
     @property
     def relations(self) -> int: ...
+
+    @property
+    def upper_layers(self) -> int: ...
 
     @property
     def object_features(self) -> int: ...
@@ -114,6 +117,9 @@ class Layout:
     def second_bias(self) -> int: ...
 
     @property
+    def upper(self) -> int: ...
+
+    @property
     def action(self) -> int: ...
 
     @property
@@ -171,9 +177,9 @@ class Engine:
     @property
     def critic(self) -> Trained: ...
 
-    def set_programs(self, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
+    def set_programs(self, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], roles: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
         """
-        What rows of batches mean: flat programs, each [P, L] int32, and the relation that each asks for, [P], where there are several, else [0].
+        What rows of batches mean: flat programs, each [P, L] int32, the relation that each asks for, [P], where there are several, else [0], and the registers of what it moves and of its target, [P, 2], where there are roles, else [0, 2].
         """
 
     def set_targets(self, words: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
@@ -192,9 +198,9 @@ class Actor:
     @property
     def parameters(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
 
-    def act_on_program(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
+    def act_on_program(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], roles: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
         """
-        Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0]; writes the action, [J].
+        Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0], its roles [1, 2] or [0, 2]; writes the action, [J].
         """
 
     def act_on_target(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, words: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:

@@ -59,6 +59,8 @@ class FusedTrunk:
             self_weight=network.self_weight,
             relations=network.vocabulary.relation_inputs,
             min_max=logic == MIN_MAX,
+            roles=network.vocabulary.moves_objects,
+            upper_layers=network.upper_layers,
             **_world(network),
         )
 
@@ -66,19 +68,19 @@ class FusedTrunk:
         self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
     ) -> None:
         """Pass a table's programs."""
-        engine.set_programs(*_with_relation(family_of(network).codes(table)))
+        engine.set_programs(*_codes(network, family_of(network).codes(table)))
 
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        """A program as `act` takes it: `op`, `a` and `b`, each [1, L], and the relation."""
-        return _with_relation(codes_of(program, network))
+        """A program as `act` takes it: `op`, `a` and `b`, each [1, L], the relation and roles."""
+        return _codes(network, codes_of(program, network))
 
     def act(
         self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
         codes: tuple[Int32, ...], action: Float32,
     ) -> None:  # fmt: skip
         """Write the action for objects, arm and hand index, under a program's codes."""
-        op, a, b, relation = codes
-        actor.act_on_program(*seen, op, a, b, relation, action)
+        op, a, b, relation, roles = codes
+        actor.act_on_program(*seen, op, a, b, relation, roles, action)
 
 
 class Mlp:
@@ -125,10 +127,12 @@ class Mlp:
 FUSED: dict[type[Family], FusedTrunk | Mlp] = {Programmable: FusedTrunk(), Canonical: Mlp()}
 
 
-def _with_relation(codes: Codes) -> tuple[Int32, Int32, Int32, Int32]:
-    """`op`, `a`, `b` and the programs' relations, empty if the world has one relation only."""
-    op, a, b, *relation = (code.astype(np.int32, copy=False) for code in codes)
-    return op, a, b, relation[0] if relation else np.zeros(0, np.int32)
+def _codes(network: NetworkConfig, codes: Codes) -> tuple[Int32, Int32, Int32, Int32, Int32]:
+    """`op`, `a`, `b`, the programs' relations, empty if the world has one relation only, and their
+    roles, empty if programs move nothing but the hand."""
+    op, a, b, *more = (code.astype(np.int32, copy=False) for code in codes)
+    roles = more.pop() if network.vocabulary.moves_objects else np.zeros((0, 2), np.int32)
+    return op, a, b, more[0] if more else np.zeros(0, np.int32), roles
 
 
 def _words(one_hots: NDArray[np.generic]) -> Int32:

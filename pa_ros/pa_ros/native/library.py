@@ -37,10 +37,8 @@ def why_not_network(network: NetworkConfig) -> str:
     except FusedError as error:
         return str(error)
     level()
-    if network.vocabulary.moves_objects:
-        return "it does not compute programs that move objects"
     if not isinstance(family_of(network), Canonical):
-        return "it has no upper layers" if network.upper_layers else ""
+        return ""
     if network.vocabulary.relation_inputs:
         return "it does not distinguish relations in canonical networks"
     slots = len(slot_values(network.world))

@@ -54,6 +54,10 @@ class FlatTensors:
         if n.relations:
             added = _rows(buffer, at.relation, at)[: n.relations, : n.hidden]
             views["relation.weight"] = [added.T]
+        for layer in range(n.upper_layers):
+            rows = _rows(buffer, at.upper + layer * (at.hidden + 1) * at.hidden, at)
+            views[f"upper.{layer}.weight"] = [rows[: n.hidden, : n.hidden].T]
+            views[f"upper.{layer}.bias"] = [rows[at.hidden, : n.hidden]]
         return views | self._head(buffer)
 
     def _first(
