@@ -175,7 +175,15 @@ class AgentNode(ManagedNode):
         if self.agent.prepare() is not None or self.seen is None:
             return
         observation, _ = self.seen
-        self._choose_action(observation.program_id)
+        try:
+            if observation.program_id == self.given_up:
+                self.agent.hold()
+            else:
+                self.agent.act()
+        except (NetworkError, ProgramError) as error:
+            self.refusals.refuse("program", error)
+            self._status.warn(f"holds the arm, and learns nothing: {error}")
+            self.agent.hold()
         self._core_s += time.perf_counter() - started
         sent = self.agent.last_command
         assert sent is not None
@@ -188,18 +196,6 @@ class AgentNode(ManagedNode):
         self._status.commanded_at = time.monotonic()
         if self._controller is not None:
             self._controller.send(sent.action, observation.joint_position)
-
-    def _choose_action(self, program_id: str) -> None:
-        """Let the agent act; or hold the arm, if the program was given up or can't be acted on."""
-        if program_id == self.given_up:
-            self.agent.hold()
-            return
-        try:
-            self.agent.act()
-        except (NetworkError, ProgramError) as error:
-            self.refusals.refuse("program", error)
-            self._status.warn(f"holds the arm, and learns nothing: {error}")
-            self.agent.hold()
 
     def _answer_again(self) -> None:
         """Answer a step that the arena repeats: the command was lost, or there was none."""

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.pingpong import measure_round_trips
+from benchmarks.pingpong import WORK, arena_and_policy, measure_round_trips, nothing
 from pa_ros.core.errors import PaError
 from pa_ros.core.text import Report
 from pa_ros.tools.client import client_node
@@ -40,9 +40,9 @@ def run(options: argparse.Namespace) -> Report:
     """Medians over rounds; graphs and bare ping-pongs of the same messages take turns.
 
     `graph.step_us`, the time of a step, is made up of `arena_us` and `policy_us`, by the nodes' own
-    clocks; `transport_us`, a bare round trip; `waking_us`, what a round trip costs more when as
-    much is computed in it (colder caches, sleeping threads and cores); and `nodes_us`, the rest:
-    encoding, matching, bookkeeping. `composed_steps_per_s` is the rate of both nodes in one
+    clocks; `transport_us`, a bare round trip; `waking_us`, what a round trip costs more when arena
+    and policy are computed in it (colder caches, sleeping threads and cores); and `nodes_us`, the
+    rest: encoding, checks, bookkeeping. `composed_steps_per_s` is the rate of both nodes in one
     process; `with_key_of_without` the rate with signed messages as a share of the rate without.
     """
     use_free_domain()
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> Report:
                       for name, values in PARAMETERS.items()}  # fmt: skip
             found["graph.with_key_steps_per_s"] = lockstep(signed)[RATE]
         found["graph.bare_pingpong_per_s"] = _pingpong()
-        found["graph.working_pingpong_per_s"] = _pingpong(found[ARENA] + found[POLICY])
+        found["graph.working_pingpong_per_s"] = _pingpong(work=True)
         for name, value in found.items():
             figures.setdefault(name, []).append(value)
     middle = {name: statistics.median(values) for name, values in figures.items()}
@@ -97,11 +97,13 @@ def lockstep(parameters: Parameters, compose: bool = False) -> dict[str, float]:
     return {name: statistics.median(s[name] for s in samples[2:]) for name in SOURCES}
 
 
-def _pingpong(work_us: float = 0.0) -> float:
+def _pingpong(work: bool = False) -> float:
+    command = [sys.executable, "-m", "benchmarks.pingpong", *([WORK] if work else [])]
+    advance = arena_and_policy()[0] if work else nothing
     with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
-        supervisor.start("pingpong", [sys.executable, "-m", "benchmarks.pingpong"])
+        supervisor.start("pingpong", command)
         with client_node("bench") as node:
-            rate = measure_round_trips(node, SECONDS, TIMEOUT_S, work_us)
+            rate = measure_round_trips(node, SECONDS, TIMEOUT_S, advance)
         supervisor.check()
     if rate == 0.0:
         raise PaError(f"ping-pong: expected answers within {TIMEOUT_S:g} s, got none")

@@ -13,7 +13,8 @@ from sim_node.session import Session, SimError
 
 def check_answer(session: Session, command: Command) -> None:
     """Raise SimError unless a command answers the current step (lockstep)."""
-    _check_program(session)
+    if session.program is None:
+        raise _no_program()
     current = session.current.observation
     expected = (current.episode, current.step, current.stamp_ns)
     received = (command.episode, command.step, command.stamp_ns)
@@ -42,7 +43,8 @@ class Watchdog:
         Raises SimError for another episode, and for a command that is too old, or older than the
         last accepted one.
         """
-        _check_program(self._session)
+        if self._session.program is None:
+            raise _no_program()
         current = self._session.current.observation
         oldest = self._oldest_ns()
         if self._command is not None:
@@ -80,8 +82,6 @@ class Watchdog:
         return current.stamp_ns - min(self._timeout_ns, since_reset)
 
 
-def _check_program(session: Session) -> None:
-    if session.program is None:
-        raise SimError(
-            "joint_commands: expected a program first, got none", code="arena.no_program"
-        )
+def _no_program() -> SimError:
+    text = "joint_commands: expected a program first, got none"
+    return SimError(text, code="arena.no_program")

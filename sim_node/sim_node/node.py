@@ -10,6 +10,7 @@ import math
 import time
 import uuid
 from collections.abc import Callable
+from typing import Any
 
 from pa_ros.arena import PhysicsError
 from pa_ros.core.experience import AgentKey, Step
@@ -94,6 +95,7 @@ class SimNode(ManagedNode):
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._info = self.advertise(topics.ARENA_INFO)
         about = self.session.describe()
+        self._joints = len(about.joint_names)
         self._step_views = StepViews(self, about.joint_names)
         self._info.publish(encode_arena_info(about))
         self._provenance = topics.PROVENANCE.publisher(self)
@@ -117,7 +119,7 @@ class SimNode(ManagedNode):
     # One control step
 
     def _on_command(self, message: Message) -> None:
-        command = decode_command(message, self.session.arena.joints)
+        command = decode_command(message, self._joints)
         agent = AgentKey(command.agent_id, command.incarnation)
         if not self._agents.received(agent, agent):
             return  # the diagnostics name this second agent
@@ -129,17 +131,17 @@ class SimNode(ManagedNode):
             self.watchdog.offer(command)
         else:
             check_answer(self.session, command)
-            self._step(lambda: self.session.apply(command))
+            self._step(self.session.apply, command)
 
     def _tick(self) -> None:
         if self.active and not self.paused:
             self._step(self.watchdog.tick)
 
-    def _step(self, advance: Callable[[], Step]) -> None:
+    def _step(self, advance: Callable[..., Step], *given: Any) -> None:
         """Advance the arena by one control period and publish the step that it led to."""
         started = time.perf_counter()
         try:
-            step = advance()
+            step = advance(*given)
         except PhysicsError as error:
             self.refusals.refuse("physics", error)
             self._publish(self.session.begin())
@@ -153,7 +155,8 @@ class SimNode(ManagedNode):
             self._publish(self.session.current)
 
     def _publish(self, step: Step) -> None:
-        self._announce()
+        if self.session.program is not self._announced:
+            self._announce()
         # The agent decides on this message, so the others come after it.
         self._features.publish(encode_step(step, self._features_message))
         self._step_views.publish(step)
@@ -178,11 +181,8 @@ class SimNode(ManagedNode):
     # Programs
 
     def _announce(self) -> None:
-        """Publish the active program if the arena drew it and has not published it yet."""
-        program = self.session.program
-        if program is self._announced:
-            return
-        self._announced = program
+        """Publish the active program if the arena drew it."""
+        program = self._announced = self.session.program
         if program is not None and self.session.program_ids.is_own(program.program_id):
             name = self.get_fully_qualified_name()
             stamp_ns = self.session.current.observation.stamp_ns
@@ -195,7 +195,8 @@ class SimNode(ManagedNode):
         request = decode_program(message)
         self.check_active()
         self._program_rate.check()
-        self._announce()  # the program of the current step, before it is replaced
+        if self.session.program is not self._announced:
+            self._announce()  # the program of the current step, before it is replaced
         waiting = self.session.program is None
         stamp_ns = self.session.current.observation.stamp_ns
         name = self.get_fully_qualified_name()
@@ -216,7 +217,7 @@ class SimNode(ManagedNode):
             text = "step: expected a paused arena, got a running one"
             raise SimError(text, code="arena.not_paused")
         for _ in range(steps):
-            self._step(lambda: self.session.advance(self.session.hold))
+            self._step(self.session.advance, self.session.hold)
 
     def pause(self, paused: bool) -> None:
         """Stop or resume simulation time."""

@@ -12,7 +12,7 @@ import numpy as np
 from pa_ros import provenance
 from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Executed, Float64, Observation, Step, Verdict
+from pa_ros.core.experience import CommandKey, Executed, Float64, Observation, Step, Verdict
 from pa_ros.language import Program, parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire import WireError
@@ -96,7 +96,8 @@ class Session:
         # command may be held over from an earlier step, and then no command counts as executed.
         chosen_here = command.stamp_ns == self.current.observation.stamp_ns
         unaltered = largest <= 1.0 and bool(command.agent_id) and chosen_here
-        executed = Executed(command.key, action) if unaltered else None
+        key = CommandKey(command.agent_id, command.incarnation, command.number)
+        executed = Executed(key, action) if unaltered else None
         return self.advance(action.astype(np.float64) * self.speed_limits, executed)
 
     def advance(self, velocity: Float64, executed: Executed | None = None) -> Step:

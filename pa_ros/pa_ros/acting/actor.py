@@ -49,6 +49,8 @@ class Actor:
         self.network, self.logic = network, logic
         self._noise = noise
         self._shapes = actor_shapes(network)
+        world = network.world
+        self._world, self._features = world, (world.object_features, world.arm_features)
         self._make_inference = inference_for(network, inference)
         self.backend = "torch" if _why_torch(network, inference) else "fused"
         self._inference: Inference | None = None
@@ -126,13 +128,13 @@ class Actor:
 
     def _arm(self, observation: Observation) -> Float32:
         """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""
-        world = self.network.world
-        arm = world.arm(observation)
+        arm = self._world.arm(observation)
         features = observation.objects.shape[-1], arm.size
-        if features != (world.object_features, world.arm_features):
+        if features != self._features:
             raise ActingError(
-                f"policy: expected {world.object_features} features of an object and "
-                f"{world.arm_features} of the arm, got {features[0]} and {features[1]}",
+                "policy: expected {} features of an object and {} of the arm, got {} and {}".format(
+                    *self._features, *features
+                )
             )
         return arm
 

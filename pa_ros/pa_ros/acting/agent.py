@@ -10,7 +10,7 @@ import numpy as np
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import ActingError
-from pa_ros.acting.send_window import NewestPolicy, SendWindow, Wait
+from pa_ros.acting.send_window import Wait
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import (
     AgentKey,
@@ -54,8 +54,8 @@ class Agent:
         self._learner: LearnerInfo | None = None  # only its weights are used; None: anyone's
         self._kept: deque[PublishedPolicy] = deque(maxlen=KEPT_POLICIES)
         self._numbers = count(1)
-        self._rule: NewestPolicy | SendWindow = NewestPolicy()
         self._actor: Actor | None = None
+        self._newest: PublishedPolicy | None = None  # of those that fit
         self._loaded: PublishedPolicy | None = None
         self._step: tuple[Step, Program] | None = None  # still to be acted on
         self._ready = False  # `prepare` loaded the weights that must act on this step
@@ -68,14 +68,14 @@ class Agent:
     @property
     def has_weights(self) -> bool:
         """Whether weights are in use or, before the first step, ready for it."""
-        return not isinstance(self._first_weights(), Wait)
+        return self._loaded is not None or self._newest is not None
 
     @property
     def version(self) -> int:
         """Version of those weights. ActingError if there are none."""
-        policy = self._first_weights()
-        if isinstance(policy, Wait):
-            raise ActingError(f"version: expected weights before it is asked, got {policy}")
+        policy = self._loaded or self._newest
+        if policy is None:
+            raise ActingError("version: expected weights before it is asked, got none")
         return policy.snapshot.version
 
     @property
@@ -123,7 +123,7 @@ class Agent:
         actor.check(policy.snapshot)
         if actor is not self._actor:
             self._actor, self._loaded = actor, None
-        self._rule.receive(policy)
+        self._newest = policy
 
     def _offer_kept(self, learner: LearnerInfo) -> None:
         wanted = [one for one in self._kept if one.learner_id == learner.learner_id]
@@ -164,7 +164,9 @@ class Agent:
 
     def required(self) -> PublishedPolicy | Wait:
         """The weights that must act on the current step, or what to wait for."""
-        return Wait("a step to act on") if self._step is None else self._rule.required(0)
+        if self._step is None:
+            return Wait("a step to act on")
+        return self._newest or Wait("weights: none have arrived")
 
     def prepare(self) -> Wait | None:
         """Load the weights that must act on the current step.
@@ -176,10 +178,7 @@ class Agent:
             return policy
         loaded = self._loaded
         if loaded is not policy and (loaded is None or loaded.name != policy.name):
-            assert self._actor is not None  # `offer` made one before the rule got the weights
-            self._actor.load(policy.snapshot)
-            self._loaded = policy
-            self._rule.use(policy)
+            self._load(policy)
         self._ready = True
         return None
 
@@ -191,9 +190,11 @@ class Agent:
                 f"action: expected prepare() to return None before it, got {self.required()}",
                 code="learning.step",
             )
-        action, position = self._action(actor, *step), step[0].observation.joint_position
-        self._step, world = None, actor.network.world
-        return self._command(world.joint_action(action, position))
+        chosen, position = self._action(actor, *step), step[0].observation.joint_position
+        action = actor.network.world.joint_action(chosen, position)
+        self._step = None
+        self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
+        return action
 
     def hold(self) -> Float32:
         """Instead of `act`: the command that keeps the arm where it is, [J]. It is no experience.
@@ -206,19 +207,18 @@ class Agent:
             )
         joints = len(self._step[0].observation.joint_position)
         self._step = None
-        return self._command(np.zeros(joints, np.float32))
+        action = np.zeros(joints, np.float32)
+        self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
+        return action
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p of each object under the weights in use; empty if their networks have no degrees."""
         return self._actor.relevance(observation, program) if self._actor is not None else ()
 
-    def _command(self, action: Float32) -> Float32:
-        """Number a command, and remember it."""
-        self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
-        return action
-
-    def _first_weights(self) -> PublishedPolicy | Wait:
-        return self._loaded or self._rule.required(0)
+    def _load(self, policy: PublishedPolicy) -> None:
+        assert self._actor is not None  # `offer` made one before it kept the weights
+        self._actor.load(policy.snapshot)
+        self._loaded = policy
 
     def _action(self, actor: Actor, step: Step, program: Program) -> Float32:
         return actor.act(step.observation, program)

@@ -114,7 +114,18 @@ class LearningAgent(Agent):
             return Wait("a step to act on")
         if not self._builder.at_boundary and self._loaded is not None:
             return self._loaded  # weights change only between trajectories
-        return self._rule.required(self._builder.sequence)
+        assert self._window is not None
+        return self._window.required(self._builder.sequence)
+
+    def _receive(self, policy: PublishedPolicy) -> None:
+        super()._receive(policy)
+        assert self._window is not None  # `offer` keeps weights that arrive before
+        self._window.receive(policy)
+
+    def _load(self, policy: PublishedPolicy) -> None:
+        super()._load(policy)
+        assert self._window is not None
+        self._window.use(policy)
 
     def _action(self, actor: Actor, step: Step, program: Program) -> Float32:
         if step.evaluation or self._builder is None:
@@ -130,9 +141,10 @@ class LearningAgent(Agent):
             _exploration_of(learner), period, self._seed, network.world.actions
         )
         self._actor, self._loaded = Actor(network, learner.inference, noise, self.logic), None
+        self._newest = None
         builder = self._new_builder(learner)
         window = FreeSendWindow if learner.free else SendWindow
-        self._window = self._rule = window(self.key, builder.sequence, learner)
+        self._window = window(self.key, builder.sequence, learner)
         if self._step is not None:
             step, program = self._step
             if step.verdict is not None and not step.evaluation:

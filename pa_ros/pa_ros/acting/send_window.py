@@ -21,24 +21,6 @@ class Wait:
     reason: str  # what it waits for
 
 
-class NewestPolicy:
-    """The rule of a greedy agent: the newest weights act, from any publisher."""
-
-    def __init__(self) -> None:
-        self._policy: PublishedPolicy | None = None
-
-    def receive(self, policy: PublishedPolicy) -> None:
-        """Take in newly published weights."""
-        self._policy = policy
-
-    def required(self, sequence: int) -> PublishedPolicy | Wait:
-        """The weights that must act now, or what to wait for."""
-        return self._policy or Wait("weights: none have arrived")
-
-    def use(self, policy: PublishedPolicy) -> None:
-        """These weights act from now on."""
-
-
 class SendWindow:
     """The rule of a learning agent, for one learner's run.
 

@@ -79,7 +79,7 @@ class Executed:
         return (
             isinstance(other, Executed)
             and self.command == other.command
-            and np.array_equal(self.action, other.action)
+            and self.action.tobytes() == other.action.tobytes()
         )
 
 

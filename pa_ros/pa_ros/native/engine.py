@@ -190,6 +190,8 @@ class FusedActor:
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
         self._flat = FlatTensors(described, self._actor.parameters)
+        self._run = self._family.runner(self._actor)
+        self._actions = config.world.actions
         self._newest: tuple[Program, tuple[Int32, ...]] | None = None  # a program and its codes
         self.load(tensors)
 
@@ -199,10 +201,11 @@ class FusedActor:
 
     def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
-        objects, arm = (np.ascontiguousarray(x, np.float32) for x in (objects, arm))
-        action = np.empty(self._config.world.actions, np.float32)
+        action = np.empty(self._actions, np.float32)
         # Compiling takes longer than acting, and an agent acts on one program for many steps.
         if self._newest is None or self._newest[0] is not program:
             self._newest = program, self._family.codes(program, self._config)
-        self._family.act(self._actor, (objects, arm, hand_index), self._newest[1], action)
+        objects = np.ascontiguousarray(objects, np.float32)
+        arm = np.ascontiguousarray(arm, np.float32)
+        self._run(objects, arm, hand_index, *self._newest[1], action)
         return action

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.experience import Float32
 from pa_ros.language import MIN_MAX, PRODUCT, Logic, Program
 from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
@@ -71,16 +71,12 @@ class FusedTrunk:
         engine.set_programs(*_codes(network, family_of(network).codes(table)))
 
     def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        """A program as `act` takes it: `op`, `a` and `b`, each [1, L], the relation and roles."""
+        """A program for `runner`: `op`, `a` and `b`, each [1, L], the relation and the roles."""
         return _codes(network, codes_of(program, network))
 
-    def act(
-        self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
-        codes: tuple[Int32, ...], action: Float32,
-    ) -> None:  # fmt: skip
-        """Write the action for objects, arm and hand index, under a program's codes."""
-        op, a, b, relation, roles = codes
-        actor.act_on_program(*seen, op, a, b, relation, roles, action)
+    def runner(self, actor: _fused.Actor) -> Callable[..., None]:
+        """What writes an action, given objects, arm, hand index, a program's codes and an array."""
+        return actor.act_on_program
 
 
 class Mlp:
@@ -115,13 +111,9 @@ class Mlp:
         (one_hots,) = codes_of(program, network)
         return (_words(one_hots),)
 
-    def act(
-        self, actor: _fused.Actor, seen: tuple[Float32, Float32, int],
-        codes: tuple[Int32, ...], action: Float32,
-    ) -> None:  # fmt: skip
-        """Write the action for objects, arm and hand index, for a program's target."""
-        (target,) = codes
-        actor.act_on_target(*seen, target, action)
+    def runner(self, actor: _fused.Actor) -> Callable[..., None]:
+        """What writes an action, given objects, arm, hand index, a program's codes and an array."""
+        return actor.act_on_target
 
 
 FUSED: dict[type[Family], FusedTrunk | Mlp] = {Programmable: FusedTrunk(), Canonical: Mlp()}

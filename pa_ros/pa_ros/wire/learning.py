@@ -26,7 +26,7 @@ from pa_ros.wire.fields import (
     fields_of,
     float32_field,
     float64_field,
-    read_float32,
+    read_array,
     read_stamp,
     write_stamp,
 )
@@ -91,10 +91,10 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
     actions = (length, world.actions)
     return Trajectory(
         program=parse(message.program, world.vocabulary),
-        objects=read_float32("trajectory.objects", message.objects, objects),
-        arm=read_float32("trajectory.arm", message.arm, (rows, world.arm_features)),
-        actions=read_float32("trajectory.actions", message.actions, actions, largest=1.0),
-        rewards=read_float32("trajectory.rewards", message.rewards, (length,)),
+        objects=read_array("trajectory.objects", message.objects, np.float32, objects),
+        arm=read_array("trajectory.arm", message.arm, np.float32, (rows, world.arm_features)),
+        actions=read_array("trajectory.actions", message.actions, np.float32, actions, largest=1.0),
+        rewards=read_array("trajectory.rewards", message.rewards, np.float32, (length,)),
         stamp_ns=read_stamp(message.stamp),
         **fields_of(message, SAME_OF_TRAJECTORY),
     )

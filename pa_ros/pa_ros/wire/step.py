@@ -25,11 +25,10 @@ from pa_ros.core.experience import (
 )
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import (
+    NS,
     float32_field,
     float64_field,
-    header_stamp,
-    read_float32,
-    read_float64,
+    read_array,
     read_stamp,
     write_stamp,
 )
@@ -67,7 +66,9 @@ def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.Objec
     """Return one control step."""
     message = into or msg.ObjectFeatures()
     observation, executed = step.observation, step.executed or NO_COMMAND
-    write_stamp(message.header.stamp, observation.stamp_ns)
+    verdict = step.verdict or NOT_JUDGED
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(observation.stamp_ns, NS)
     message.header.frame_id = HAND_FRAME
     message.arena_id, message.evaluation = step.arena_id, step.evaluation
     message.episode, message.step = observation.episode, observation.step
@@ -81,7 +82,8 @@ def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.Objec
     message.joint_velocity = float64_field(observation.joint_velocity)
     message.hand_pose = float64_field(observation.hand_pose)
     message.judged = step.verdict is not None
-    _write_verdict(message, step.verdict or NOT_JUDGED)
+    message.reward, message.satisfied = verdict.reward, verdict.satisfied
+    message.distance, message.truncated = verdict.distance, verdict.truncated
     return message
 
 
@@ -93,26 +95,33 @@ def decode_step(
     :param joints: J, joints of the arena's arm; None: any.
     :param width: F, features of an object in the receiver's world; None: any.
     """
-    objects, hand_index = _read_objects(message, width)
-    arm = (len(message.joint_position) if joints is None else joints,)
+    count, hand_index = objects_and_hand("object_features", message)
+    received, rest = divmod(len(message.features), count)
+    if width not in (None, received) and not rest:
+        name, expected = "object_features.features", f"{width} of each of {count} objects"
+        raise WireError(name, expected, received, code="wire.feature_names")
+    objects = (count, width or received)
     position, velocity = message.joint_position, message.joint_velocity
+    arm = (len(position) if joints is None else joints,)
+    stamp = message.header.stamp
     observation = Observation(
-        episode=message.episode,
-        step=message.step,
-        stamp_ns=header_stamp(message),
-        objects=objects,
-        joint_position=read_float64("object_features.joint_position", position, arm, LARGEST),
-        joint_velocity=read_float64("object_features.joint_velocity", velocity, arm, LARGEST),
-        hand_index=hand_index,
-        program_id=message.program_id,
-        hand_pose=read_float64("object_features.hand_pose", message.hand_pose, (7,), LARGEST),
+        message.episode,
+        message.step,
+        stamp.sec * NS + stamp.nanosec,
+        read_array("object_features.features", message.features, np.float32, objects, LARGEST),
+        read_array("object_features.joint_position", position, np.float64, arm, LARGEST),
+        read_array("object_features.joint_velocity", velocity, np.float64, arm, LARGEST),
+        hand_index,
+        message.program_id,
+        read_array("object_features.hand_pose", message.hand_pose, np.float64, (7,), LARGEST),
     )
-    executed = None
+    executed = verdict = None
     if message.commanded_by:
         command = message.commanded_by, message.commanded_incarnation, message.command_id
-        action = read_float32("object_features.applied", message.applied, arm)
-        executed = Executed(CommandKey(*command), action)
-    verdict = _read_verdict(message) if message.judged else None
+        applied = read_array("object_features.applied", message.applied, np.float32, arm)
+        executed = Executed(CommandKey(*command), applied)
+    if message.judged:
+        verdict = _read_verdict(message)
     known = message.program, message.evaluation, executed, message.arena_id
     return Step(observation, verdict, *known)
 
@@ -129,13 +138,10 @@ def encode_verdict(step: Step, into: msg.Verdict | None = None) -> msg.Verdict:
     write_stamp(message.stamp, observation.stamp_ns)
     message.episode, message.step = observation.episode, observation.step
     message.evaluation, message.program_id = step.evaluation, observation.program_id
-    _write_verdict(message, step.verdict or NOT_JUDGED)
-    return message
-
-
-def _write_verdict(message: msg.ObjectFeatures | msg.Verdict, verdict: Verdict) -> None:
+    verdict = step.verdict or NOT_JUDGED
     message.reward, message.satisfied = verdict.reward, verdict.satisfied
     message.distance, message.truncated = verdict.distance, verdict.truncated
+    return message
 
 
 def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
@@ -147,17 +153,6 @@ def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
         expected = "at least 0, or inf"
         raise WireError("object_features.distance", expected, distance, code="wire.range")
     return Verdict(reward, message.satisfied, distance, message.truncated)
-
-
-def _read_objects(message: msg.ObjectFeatures, width: int | None) -> tuple[Float32, int]:
-    """Return features [N, F] and the hand's row."""
-    count, hand_index = objects_and_hand("object_features", message)
-    received, rest = divmod(len(message.features), count)
-    if width not in (None, received) and not rest:
-        field, expected = "object_features.features", f"{width} of each of {count} objects"
-        raise WireError(field, expected, received, code="wire.feature_names")
-    shape = (count, width or received)
-    return read_float32("object_features.features", message.features, shape, LARGEST), hand_index
 
 
 def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -> tuple[int, int]:
@@ -192,8 +187,8 @@ def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, 
     if received != names and not set(names) <= set(received):
         raise WireError("joint_states.name", names, received, code="wire.joint_names")
     shape = (len(received),)
-    position = read_float64("joint_states.position", joints.position, shape, LARGEST)
-    velocity = read_float64("joint_states.velocity", joints.velocity, shape, LARGEST)
+    position = read_array("joint_states.position", joints.position, np.float64, shape, LARGEST)
+    velocity = read_array("joint_states.velocity", joints.velocity, np.float64, shape, LARGEST)
     if not names or received == names:
         return position, velocity
     order = [received.index(name) for name in names]
@@ -203,7 +198,7 @@ def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, 
 def encode_command(command: Command, into: msg.JointCommand | None = None) -> msg.JointCommand:
     """Return an agent's answer to one observation."""
     message = into or msg.JointCommand()
-    write_stamp(message.stamp, command.stamp_ns)
+    message.stamp.sec, message.stamp.nanosec = divmod(command.stamp_ns, NS)
     message.episode = command.episode
     message.step = command.step
     message.agent_id, message.incarnation = command.agent_id, command.incarnation
@@ -220,14 +215,14 @@ def decode_command(message: msg.JointCommand, joints: int | None = None) -> Comm
     """
     shape = (len(message.action) if joints is None else joints,)
     return Command(
-        episode=message.episode,
-        step=message.step,
-        stamp_ns=read_stamp(message.stamp),
-        agent_id=message.agent_id,
-        policy_version=message.policy_version,
-        action=read_float32("joint_commands.action", message.action, shape),
-        incarnation=message.incarnation,
-        number=message.command_id,
+        message.episode,
+        message.step,
+        message.stamp.sec * NS + message.stamp.nanosec,
+        message.agent_id,
+        message.policy_version,
+        read_array("joint_commands.action", message.action, np.float32, shape),
+        message.incarnation,
+        message.command_id,
     )
 
 

@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Body, Float64
 from pa_ros.wire import WireError
-from pa_ros.wire.fields import read_float64, read_vector, write_stamp, write_vector
+from pa_ros.wire.fields import read_array, read_vector, write_stamp, write_vector
 from pa_ros.wire.simulator import WORLD
 from pa_ros.wire.step import LARGEST
 
@@ -143,7 +143,7 @@ def decode_pose(message: PoseStamped) -> tuple[str, Float64]:
     """Return the frame and the pose [7]: position (m), unit quaternion xyzw. Raises WireError."""
     position, orientation = message.pose.position, message.pose.orientation
     numbers = [*read_vector(position), *read_vector(orientation, "xyzw")]
-    pose = read_float64("pose", numbers, (7,), LARGEST)
+    pose = read_array("pose", numbers, np.float64, (7,), LARGEST)
     length = float(np.linalg.norm(pose[3:]))
     if not UNIT[0] <= length <= UNIT[1]:
         expected = "a quaternion of length 1"
