@@ -184,7 +184,7 @@ def test_a_world_with_a_controller_is_data_and_reaching_has_none() -> None:
 def test_the_preset_follows_the_design_and_must_touch_blocks() -> None:
     assert ArenaChoice(design="push-2").arena_config().preset == "push"
     assert ArenaChoice(design="push-2", preset="push-slow").arena_config().hand_speed == 0.25
-    assert ArenaChoice(design="2-L").arena_config().preset == ArenaChoice().preset == "fast"
+    assert ArenaChoice(design="2-L").arena_config().preset == "fast"
     with pytest.raises(ConfigError, match="push-2: expected a preset whose arm touches blocks"):
         ReachTask(preset_named("fast"), PUSH_2, seed=0)
 

@@ -148,18 +148,10 @@ class ArenaChoice(Settings):
     )
     preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
         "fast",
-        description="the arm's speed, whether it touches blocks, and what actions are; the default "
-        "of designs that move blocks is push",
+        description="the arm's speed, whether it touches blocks, and what actions are; fast is "
+        "push for designs that move blocks",
     )
     reward: str = Field("sparse", description="a name, or JSON of name and parameters")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _use_design_default(cls, values: Any) -> Any:
-        """A preset that is not given is the design's."""
-        if isinstance(values, Mapping) and (name := str(values.get("design"))) in DESIGNS:
-            return {"preset": DESIGNS[name].preset, **values}
-        return values
 
     def design_of(self) -> Design:
         """The design, with the chosen relations."""
@@ -168,4 +160,5 @@ class ArenaChoice(Settings):
 
     def arena_config(self) -> ArenaConfig:
         """The preset of the arm; ConfigError if the arm has no such preset."""
-        return preset_named(self.preset, self.arm)
+        own = design_named(self.design).preset if self.preset == "fast" else self.preset
+        return preset_named(own, self.arm)
