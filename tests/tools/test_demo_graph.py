@@ -30,25 +30,33 @@ def test_one_program_was_trained_and_five_were_not(name):
 
 @pytest.mark.parametrize(
     "design",
-    [TWO_L, design_named("3-D"), TWO_L.with_relations("BEHIND")],
+    [
+        TWO_L,
+        design_named("3-D"),
+        TWO_L.with_relations("BEHIND"),
+        design_named("push-2"),
+        design_named("push-3D"),
+    ],
     ids=lambda design: f"{design.name} {design.vocabulary.relations[0]}",
 )
 def test_scenes_have_the_right_number_of_targets_out_of_reach(design):
+    arena = preset_named(design.preset)
     for program in demo_programs(design):
-        scene = find_scene(ARENA, design, 5, program)
-        task = ReachTask(ARENA, design, 5)
+        scene = find_scene(arena, design, 5, program)
+        task = ReachTask(arena, design, 5)
         task.reset(scene.episode.index, scene.condition)
         asked = parse(program.text, design.vocabulary)
         _, verdict = task.set_program(asked)
-        assert len(task.verifier.targets) == program.targets
+        assert len(task.verifier.named) == program.targets
         assert verdict.distance == scene.distance
-        assert scene.distance >= FARTHER * task.scoring.threshold(asked.relation)
+        threshold = task.scoring.threshold(asked.relation, between=not asked.moves_hand)
+        assert scene.distance >= FARTHER * threshold
 
 
 def test_without_a_fitting_design_or_scene_there_is_an_error():
     with pytest.raises(ConfigError, match="2-C"):
         demo_programs(design_named("2-C"))
-    with pytest.raises(ConfigError, match="names 4 block"):
+    with pytest.raises(ConfigError, match="names 4 object"):
         find_scene(ARENA, TWO_L, 5, DemoProgram("none", "NEAR(HAND, RED)", targets=4))
 
 

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
-from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask, condition_named, generate
+from pa_ros.arena import ArenaConfig, Design, Episode, Kind, ReachTask, condition_named, generate
 from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import TrainedAgent
-from pa_ros.language import parse, satisfying
+from pa_ros.language import ProgramError, parse, satisfying
 from pa_ros.world.relation import RELATIONS
 
 # Conditions of the scenes: as in training; and with fewer blocks, only one of each color.
 FULL, FEWER = "eval", "only-color"
+FULL_PUSHED, FEWER_PUSHED = "eval", "moved-only-color"  # where programs move blocks
+FARTHEST_M = 0.40  # that a block is moved
 SCENES_SEARCHED = 1000
 # The hand starts at least this many thresholds of the relation away, so that the arm must move.
 FARTHER = 2.0
 HELD = 5  # a program has succeeded after so many satisfied steps
 PAUSE = 8  # pictures for which a success is shown
-LONGEST = 60  # steps of a program
+LONGEST, LONGEST_PUSH = 60, 99  # steps of a program
 REACHED, AWAY = "#1a7f37", "#57606a"  # colors of the verdict
 
 
@@ -31,7 +34,7 @@ class DemoProgram:
 
     kind: str
     text: str
-    targets: int = 1  # blocks of the scene that it names
+    targets: int = 1  # objects of the scene that it names
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ def demo_programs(design: Design) -> list[DemoProgram]:
     other = next(kind for kind in design.train if kind[last] == known[last] and kind != known)
     trained, held_out = known.conjunction, new.conjunction
     relation = design.vocabulary.relations[0]
+    if design.vocabulary.moves_objects:
+        return _pushing(relation, known, new, other, design.places)
     without = f"AND({', '.join([f'NOT({known[first]})', *[*other.values()][1:]])})"
     return [
         DemoProgram("trained", f"{relation}(HAND, {trained})"),
@@ -63,6 +68,23 @@ def demo_programs(design: Design) -> list[DemoProgram]:
         DemoProgram(f"{last} alone", f"{relation}(HAND, {new[last]})"),
         DemoProgram("NOT", f"{relation}(HAND, {without})"),
         DemoProgram("OR of two", f"{relation}(HAND, OR({trained}, {held_out}))", targets=2),
+    ]
+
+
+def _pushing(
+    relation: str, known: Kind, new: Kind, other: Kind, places: Sequence[Kind]
+) -> list[DemoProgram]:
+    """Programs that move blocks, and one that reaches."""
+    trained, held_out, here = known.conjunction, new.conjunction, places[0].conjunction
+    first = [*known][0]
+    without = f"AND(NOT({known[first]}), {', '.join([*other.values()][1:])})"
+    return [
+        DemoProgram("trained", f"{relation}({trained}, {here})", targets=2),
+        DemoProgram("held out", f"{relation}({held_out}, {here})", targets=2),
+        DemoProgram("to a block", f"{relation}({trained}, {held_out})", targets=2),
+        DemoProgram(f"{first} alone", f"{relation}({new[first]}, {here})", targets=2),
+        DemoProgram("NOT", f"{relation}({without}, {here})", targets=2),
+        DemoProgram("reach", f"{relation}(HAND, {held_out})"),
     ]
 
 
@@ -75,21 +97,26 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
     """
     task = ReachTask(config, design, seed)
     parsed = parse(program.text, design.vocabulary)
-    farther = FARTHER * task.scoring.threshold(parsed.relation)
-    for condition in (FULL, FEWER):
+    pushes, bodiless = not parsed.moves_hand, design.vocabulary.bodiless
+    farther = FARTHER * task.scoring.threshold(parsed.relation, between=pushes)
+    pushed = design.vocabulary.moves_objects
+    for condition in (FULL_PUSHED, FEWER_PUSHED) if pushed else (FULL, FEWER):
         drawn_from = condition_named(condition, design)
         for index in range(SCENES_SEARCHED):
             episode = generate(config, design, drawn_from, seed, index)
             kinds = [block.kind.words for block in episode.blocks]
-            if sum(satisfying(parsed, kinds, None)) != program.targets:
+            if sum(satisfying(parsed, kinds, None, bodiless)) != program.targets:
                 continue
             task.reset_to(episode)
-            _, verdict = task.set_program(parsed)
-            if verdict.distance >= farther:
+            try:
+                _, verdict = task.set_program(parsed)
+            except ProgramError:  # all named objects are in one of its two sets
+                continue
+            if farther <= verdict.distance <= (FARTHEST_M if pushes else inf):
                 return DemoScene(condition, episode, verdict.distance)
     raise ConfigError(
         f"demo: no scene of design {design.name} in which {program.text} names "
-        f"{program.targets} block(s) at least {farther:g} {RELATIONS[parsed.relation].unit} away"
+        f"{program.targets} object(s) at least {farther:g} {RELATIONS[parsed.relation].unit} away"
     )
 
 
@@ -135,7 +162,7 @@ def _executed(
     parsed = parse(program.text, agent.design.vocabulary)
     observation, verdict = task.set_program(parsed)
     policy, held, unit = agent.policy, 0, RELATIONS[parsed.relation].unit
-    for step in range(LONGEST + 1):
+    for step in range((LONGEST if parsed.moves_hand else LONGEST_PUSH) + 1):
         held = held + 1 if verdict.satisfied else 0
         state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
         yield f"{program.kind}   step {step}   {state}", verdict.satisfied
