@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from itertools import combinations
 from math import hypot
+from pathlib import Path
 
 import gymnasium
 import mujoco
@@ -29,6 +31,7 @@ from pa_ros.arena.config import ArenaChoice
 from pa_ros.arena.controllers import hand_controller, joints_at
 from pa_ros.arena.rearranging import bodies, rearrange
 from pa_ros.arena.render import top_view
+from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse, roles
 from pa_ros.world.world import World
@@ -201,3 +204,12 @@ def test_gymnasium_and_five_lines_of_python_move_blocks() -> None:
         assert info["program"] == program and info["distance"] > 0.1
     arena = make_arena("push-2", seed=1)
     assert "RED PLACE" in arena.objects and arena.task.config.preset == "push"
+
+
+def test_eval_says_how_episodes_end_and_spheres_apart(tmp_path: Path) -> None:
+    of = ["--design", "push-3D", "--condition", "pairs", "--episodes", "4"]
+    assert main(["eval", "--policy", "scripted", *of, "--json", str(tmp_path / "eval.json")]) == 0
+    report = json.loads((tmp_path / "eval.json").read_text())
+    for name in ("success", "ever", "within_0.07"):
+        assert 0.0 <= report[f"eval.{name}"] <= 1.0 and f"eval.spheres.{name}" in report
+    assert report["eval.success"] <= report["eval.ever"] and report["eval.preset"] == "push"

@@ -31,7 +31,16 @@ from pa_ros.evaluation.generalization import (
     summarize,
 )
 from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.language import MIN_MAX, Vocabulary, Word, logic_named, parse
+from pa_ros.language import (
+    MIN_MAX,
+    Expression,
+    Not,
+    Program,
+    Vocabulary,
+    Word,
+    logic_named,
+    parse,
+)
 from pa_ros.language.syntax import walk
 
 ALL = "all"
@@ -104,11 +113,12 @@ def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
     """How episodes ended in which blocks were to be moved; spheres apart, since they roll on."""
     if not vocabulary.moves_objects:
         return {}
-    spheres = [
-        score
-        for score in evaluation.scores
-        if Word("SPHERE") in walk(parse(score.program, vocabulary).moved)
-    ]
+    spheres = []
+    for score in evaluation.scores:
+        program = parse(score.program, vocabulary)
+        excluded = {part for e in _sets(program) if isinstance(e, Not) for part in walk(e)}
+        if Word("SPHERE") in {*_sets(program)} - excluded:
+            spheres.append(score)
     others = [score for score in evaluation.scores if score not in spheres]
     report: dict[str, float | int | str] = {}
     for name, scores in (("", others), ("spheres.", spheres)):
@@ -121,6 +131,11 @@ def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
                 ),
             }
     return report
+
+
+def _sets(program: Program) -> list[Expression]:
+    """All parts of a program's two sets."""
+    return [*walk(program.moved), *walk(program.target)]
 
 
 def _setting(
