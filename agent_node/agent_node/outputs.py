@@ -116,5 +116,5 @@ class RelevanceMarkers:
         p = self._node.agent.relevance(observation, program)
         blocks = [degree for i, degree in enumerate(p) if i != observation.hand_index]
         outlines = encode_outlines(message, blocks)
-        if outlines.markers:  # none in an agent's own markers, which it receives, too
+        if outlines is not None:  # none in an agent's own markers, which it receives, too
             self._out.publish(outlines)

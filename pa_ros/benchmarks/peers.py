@@ -28,7 +28,7 @@ from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.signals import end_with_parent, interrupts_later
 from pa_ros.core.text import Report
 from pa_ros.evaluation.evaluate import Acts, TrainingScores
-from pa_ros.evaluation.experiments import Experiment, experiment_named, run_seed
+from pa_ros.evaluation.experiments import EXPERIMENTS, Experiment, run_seed
 from pa_ros.evaluation.tables import read_rows, write_rows
 from pa_ros.language import Program
 
@@ -165,7 +165,7 @@ def run_contender(
 ) -> None:
     """Train one contender and write its scores to `path` as they are made."""
     experiment = replace(
-        experiment_named(EXPERIMENT),
+        EXPERIMENTS[EXPERIMENT],
         frames=frames,
         evaluate_every_frames=every,
         evaluation_episodes=episodes,

@@ -25,8 +25,9 @@ def test_each_start_has_a_new_token(capsys):
         ConsoleServer(ConsoleSettings(port=0)) as one,
         ConsoleServer(ConsoleSettings(port=0)) as two,
     ):
-        assert one.token != two.token and one.control_address.endswith(one.token)
-        assert one.token not in one.view_address and one.pages == 0
+        control, view = one.addresses
+        assert one.token != two.token and control.endswith(one.token)
+        assert one.token not in view and one.pages == 0
         assert one.viser.get_host() == "127.0.0.1"
         assert one.viser.request_share_url() is None
     assert capsys.readouterr().out == ""

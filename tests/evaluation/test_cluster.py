@@ -15,14 +15,14 @@ from pa_ros.core.errors import PaError
 from pa_ros.evaluation import cluster
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.cluster import SeedJob, score_on
-from pa_ros.evaluation.experiments import experiment_named, run_seed
+from pa_ros.evaluation.experiments import EXPERIMENTS, run_seed
 from pa_ros.evaluation.generalization import generalize
 from pa_ros.evaluation.seeds import folder_of, train_seeds
 from pa_ros.evaluation.tables import CURVE, EvaluationError, frames_done
 from pa_ros.learning.folder import claim
 
 SMALL = replace(
-    experiment_named("programmable-2L"),
+    EXPERIMENTS["programmable-2L"],
     frames=400,
     evaluate_every_frames=200,
     evaluation_episodes=1,

@@ -17,7 +17,6 @@ from pa_ros.evaluation import experiments
 from pa_ros.evaluation.experiments import (
     EXPERIMENTS,
     check_run,
-    experiment_named,
     final_scores,
     run_seed,
     summarize,
@@ -35,7 +34,7 @@ from pa_ros.learning.loop import train
 NOTHING = {"train_greedy.normalized": 0.0, "eval_greedy.normalized": 0.0}
 LEARNS = {"learner.replay.warmup_frames": 100, "learner.replay.batch_size": 8}
 SMALL = replace(
-    experiment_named("programmable-2L"),
+    EXPERIMENTS["programmable-2L"],
     frames=600,
     evaluate_every_frames=300,
     evaluation_episodes=2,
@@ -72,14 +71,12 @@ def test_a_score_on_fresh_episodes_counts_more_than_the_curve():
 
 
 def test_labels_name_what_differs_from_the_defaults():
-    usual = experiment_named("programmable-2L")
+    usual = EXPERIMENTS["programmable-2L"]
     assert usual.label == "programmable-2L"
     paper = under_protocol(replace(usual, preset="paper", tag="k4"), "paper")
     assert paper.label == "programmable-2L.paper-protocol.paper-arm.k4"
     assert (paper.frames, under_protocol(usual, "ours")) == (2_000_000, usual)
-    assert under_protocol(experiment_named("forgetting"), "paper").switch_frames == 2_500_000
-    with pytest.raises(ConfigError, match="programmable-2L"):
-        experiment_named("programmable-9Z")
+    assert under_protocol(EXPERIMENTS["forgetting"], "paper").switch_frames == 2_500_000
     with pytest.raises(ConfigError, match="got 10"):
         replace(usual, frames=10)
 
@@ -157,7 +154,7 @@ def test_a_run_of_another_setting_is_rejected(tmp_path, unbroken) -> None:
 def test_the_command_rejects_a_run_of_another_setting(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     experiment = replace(
-        experiment_named("programmable-2L"), frames=2500, options={"learner.detectors.gain": 2}
+        EXPERIMENTS["programmable-2L"], frames=2500, options={"learner.detectors.gain": 2}
     )
     go(tmp_path / "runs/experiments/programmable-2L.a/seed-0", experiment)
     asked = ["experiment", "programmable-2L", "--seeds", "1", "--frames", "2500", "--tag", "a"]

@@ -9,7 +9,7 @@ import pytest
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.cli.main import main
 from pa_ros.evaluation.drawing import draw_detectors
-from pa_ros.evaluation.experiments import experiment_named, summarize, write_table
+from pa_ros.evaluation.experiments import EXPERIMENTS, summarize, write_table
 from pa_ros.evaluation.learning_figures import is_curves, learning_figure, short
 from pa_ros.evaluation.tables import EvaluationError
 
@@ -24,7 +24,7 @@ def rows(*scores):
 
 def curves_table(folder, curves, name="programmable-2L"):
     summaries = [summarize(seed, own) for seed, own in curves.items()]
-    return write_table(folder, experiment_named(name), curves, summaries)
+    return write_table(folder, EXPERIMENTS[name], curves, summaries)
 
 
 def test_detectors_are_drawn_beside_the_arena(tmp_path):

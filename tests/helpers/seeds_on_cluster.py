@@ -6,14 +6,14 @@ from pathlib import Path
 
 from helpers.waiting import wait_for
 from pa_ros.evaluation.cluster import Cluster, score_on, train_seeds_on
-from pa_ros.evaluation.experiments import experiment_named
+from pa_ros.evaluation.experiments import EXPERIMENTS
 from pa_ros.evaluation.seeds import folder_of
 
 EPISODES = 1
 CONDITIONS = ("eval", "random")
 SEEDS = (0, 1)
 SMALL = replace(
-    experiment_named("programmable-2L"),
+    EXPERIMENTS["programmable-2L"],
     frames=2000,
     evaluate_every_frames=500,
     evaluation_episodes=1,

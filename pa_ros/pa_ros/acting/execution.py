@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import inf
 
 from pa_ros.core.experience import Step
+from pa_ros.world.relation import measured
 
 WINDOW_S = 10.0  # simulation time that a program is given: an episode of the paper
 HOLD_S = 1.0  # simulation time for which NEAR must hold
@@ -20,6 +21,13 @@ class Execution:
     reached_s: float | None  # simulation time from its first step to NEAR for good; None: never
     watched_s: float  # simulation time from the program's first step to the last step watched
     ended: str  # by: "held", "window", "episode" or "replaced" (by another program)
+
+    def text(self, program: str) -> str:
+        """The result of a program in one line."""
+        where = f"at {measured(program, self.distance)}"
+        if self.satisfied and self.reached_s is not None:
+            return f"satisfied after {self.reached_s:.1f} s, {where}"
+        return f"not satisfied: {self.ended} after {self.watched_s:.1f} s, {where}"
 
 
 class ExecutionWatch:

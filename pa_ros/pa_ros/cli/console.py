@@ -59,7 +59,7 @@ def page_beside(node: Node, options: argparse.Namespace) -> Iterator[None]:
     from pa_ros.console.serve import beside
 
     with beside(node, ConsoleSettings(port=0), options.namespace) as server:
-        _announce(server.control_address, server.view_address)
+        _announce(*server.addresses)
         yield
 
 

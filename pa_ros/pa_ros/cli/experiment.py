@@ -125,13 +125,13 @@ def _train(options: argparse.Namespace, seeds: Sequence[int]) -> int:
 
 def _experiment(options: argparse.Namespace, name: str) -> Experiment:
     """The experiment with the settings that were given."""
-    from pa_ros.evaluation.experiments import experiment_named, under_protocol
+    from pa_ros.evaluation.experiments import EXPERIMENTS, under_protocol
     from pa_ros.learning.protocols import LearningSettings
 
     changes = learning_given(options, LearningSettings(algorithm=options.algorithm))
     if bool(changes) != bool(options.tag):
         raise ConfigError("--tag: expected together with changed settings of learning")
-    experiment = under_protocol(experiment_named(name), options.protocol)
+    experiment = under_protocol(EXPERIMENTS[name], options.protocol)
     experiment = replace(
         experiment,
         preset=options.preset,
@@ -178,7 +178,7 @@ REACHING = ("paper", "fast")  # presets
 
 def _compare(results: Path) -> int:
     """Write a table of variants for each programmable experiment that has any, on each arm."""
-    from pa_ros.evaluation.experiments import experiment_named
+    from pa_ros.evaluation.experiments import EXPERIMENTS
     from pa_ros.evaluation.results import write_variants
     from pa_ros.evaluation.tables import EvaluationError
     from pa_ros.evaluation.variants import NO_VARIANTS
@@ -186,7 +186,7 @@ def _compare(results: Path) -> int:
     written, missing = 0, []
     for name, preset in itertools.product(("programmable-2L", "programmable-3D"), REACHING):
         try:
-            label = replace(experiment_named(name), preset=preset).label
+            label = replace(EXPERIMENTS[name], preset=preset).label
             print(write_variants(label, results))
             written += 1
         except EvaluationError as error:

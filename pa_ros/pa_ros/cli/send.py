@@ -11,7 +11,7 @@ import sys
 import time
 from functools import partial
 
-from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution
+from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.cli.options import add_setting, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import printable, printable_lines
@@ -157,7 +157,7 @@ def _send(node: Node, text: str, how: SendOptions) -> int:
     if not how.wait:
         return 0
     execution = sender.wait(how.timeout_s)
-    print(execution_text(text, execution))
+    print(execution.text(text))
     return 0 if execution.satisfied else EXIT_NOT_SATISFIED
 
 
@@ -185,11 +185,3 @@ def print_answers(answers: Answers) -> None:
 
 def _refused(code: str, reason: str) -> str:
     return f"refused [{printable(code)}]\n{printable_lines(reason)}"
-
-
-def execution_text(program: str, execution: Execution) -> str:
-    """One line: the verdict, the distance, the time to reach."""
-    where = f"distance {measured(program, execution.distance)} after {execution.watched_s:.1f} s"
-    if execution.satisfied:
-        return f"satisfied: {where}, reached after {execution.reached_s:.1f} s"
-    return f"not satisfied: {where} (ended by: {execution.ended})"

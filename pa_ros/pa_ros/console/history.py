@@ -10,7 +10,6 @@ from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.console import markup
 from pa_ros.core.experience import Step
 from pa_ros.wire.program import ProgramStatus
-from pa_ros.world.relation import measured
 
 KEPT = 10
 
@@ -41,10 +40,7 @@ class Entry:
         if done is None:
             nodes = ", ".join(sorted(self.statuses))
             return f"accepted by {nodes}" if nodes else "sent, not answered yet"
-        where = f"at {measured(self.text, done.distance)}"
-        if done.satisfied and done.reached_s is not None:
-            return f"satisfied after {done.reached_s:.1f} s, {where}"
-        return f"not satisfied: {done.ended} after {done.watched_s:.1f} s, {where}"
+        return done.text(self.text)
 
 
 class History:

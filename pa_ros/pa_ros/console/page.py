@@ -16,11 +16,15 @@ from pa_ros.console.server import ConsoleServer
 from pa_ros.core.errors import PaError
 
 KEPT = 900  # points of a curve: a quarter of an hour
-CURVES = {
-    "reward per step": (("training", "#06c"), ("held out", "#c60")),
-    "losses": (("critic loss", "#06c"), ("mean Q", "#c60")),
-    "learner": (("updates/s", "#06c"), ("weights version", "#c60")),
-}
+COLORS = ("#06c", "#c60")
+CURVES = {  # plots, each with two curves: label, node, and key in its diagnostics
+    "reward per step": (("training", "sim_node", "train.reward_per_step"),
+                        ("held out", "sim_node", "eval.reward_per_step")),
+    "losses": (("critic loss", "learner_node", "critic_loss"),
+               ("mean Q", "learner_node", "mean_q")),
+    "learner": (("updates/s", "learner_node", "updates_per_s"),
+                ("weights version", "learner_node", "version")),
+}  # fmt: skip
 # Alarms come first: a person must not have to scroll to see them.
 ORDER = {"Alarms": 1, "Program": 2, "Arena": 3, "State": 4, "History": 5, "Why": 6, "Φ and p": 7,
          "Learning": 8}  # fmt: skip
@@ -65,19 +69,13 @@ class Page:
 class _Curves:
     """Three plots over time. A value that no node reports leaves a gap."""
 
-    SOURCES = (
-        ("sim_node", "train.reward_per_step"), ("sim_node", "eval.reward_per_step"),
-        ("learner_node", "critic_loss"), ("learner_node", "mean_q"),
-        ("learner_node", "updates_per_s"), ("learner_node", "version"),
-    )  # fmt: skip
-
     def __init__(self, server: viser.ViserServer) -> None:
         self._points: deque[tuple[float, ...]] = deque(maxlen=KEPT)
         with server.gui.add_folder("Learning", order=ORDER["Learning"], expand_by_default=False):
             self._plots = [self._plot(server, title, curves) for title, curves in CURVES.items()]
 
     def add(self, at_s: float, value: Callable[[str, str], float | None]) -> None:
-        reported = [value(node, key) for node, key in self.SOURCES]
+        reported = [value(node, key) for pair in CURVES.values() for _, node, key in pair]
         if all(found is None for found in reported):
             return
         self._points.append((at_s, *(np.nan if v is None else v for v in reported)))
@@ -90,7 +88,7 @@ class _Curves:
         # The two curves of a plot have different units, so each has its own axis.
         series = [
             {"label": label, "stroke": color, "scale": side, "width": 2}
-            for (label, color), side in zip(curves, ("y", "right"), strict=True)
+            for (label, *_), color, side in zip(curves, COLORS, ("y", "right"), strict=True)
         ]
         if title == "reward per step":
             series[1]["scale"] = "y"

@@ -99,7 +99,7 @@ def serve_graph(
 ) -> None:
     """Show a running graph until `finished`."""
     with client_node("console") as node, beside(node, settings, namespace) as server:
-        announce(server.control_address, server.view_address)
+        announce(*server.addresses)
         spin_until(node, finished, None)
 
 
@@ -115,7 +115,7 @@ def serve_bag(
         timeline = Timeline(Replay(bag, namespace), Page(server, learning=False))
         Visitors(server, timeline.add_controls)
         refusals = Refusals(partial(print, "pa_ros console:", file=sys.stderr, flush=True))
-        announce(server.control_address, server.view_address)
+        announce(*server.addresses)
         while not finished():
             attempt(refusals, "timeline", lambda: timeline.tick(server.pages))
             time.sleep(PERIOD_S)

@@ -45,14 +45,10 @@ class ConsoleServer:
         gui.main_panel.dock_right()
 
     @property
-    def view_address(self) -> str:
-        """Address of a page that takes no input."""
-        return view_address(self.viser.get_port())
-
-    @property
-    def control_address(self) -> str:
-        """Address of a page that can send programs."""
-        return control_address(self.viser.get_port(), self.token)
+    def addresses(self) -> tuple[str, str]:
+        """Address of a page that can send programs, and of one that takes no input."""
+        port = self.viser.get_port()
+        return control_address(port, self.token), view_address(port)
 
     @property
     def pages(self) -> int:

@@ -58,9 +58,6 @@ class Registry(Generic[T]):
     def __iter__(self) -> Iterator[str]:
         return iter(self._items)
 
-    def __len__(self) -> int:
-        return len(self._items)
-
 
 class NodeSettings(Settings):
     """Settings that all nodes have; their other values may be names that extensions register.

@@ -150,13 +150,6 @@ def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
     )
 
 
-def experiment_named(name: str) -> Experiment:
-    """The experiment of this name. Raises ConfigError, naming the known ones."""
-    if name not in EXPERIMENTS:
-        raise ConfigError(f"expected one of {', '.join(EXPERIMENTS)}, got {name!r}")
-    return EXPERIMENTS[name]
-
-
 def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = False) -> None:
     """Raise CheckpointError if a run in `folder` has another setting or seed, or is longer.
 

@@ -51,10 +51,9 @@ FIGURES = (
     Figure("weights version, learner", "learner_node", "version", short="version"),
     Figure("weights version, agent", "agent_node", "policy_version", over_arenas=min),
     Figure("critic loss", "learner_node", "critic_loss", "{:.5f}", "critic"),
-    Figure("actor loss (minus mean Q)", "learner_node", "mean_q", "{:+.4f}", "actor"),
+    Figure("mean Q", "learner_node", "mean_q", "{:+.4f}", "Q"),
     Figure("real-time factor", "sim_node", "real_time_factor", "{:.1f}", "x real time", sum),
 )
-NEGATED = {"mean_q"}  # the actor maximizes Q, so its loss is minus Q
 
 
 class GraphFigures:
@@ -105,7 +104,7 @@ class GraphFigures:
         for figure in FIGURES:
             value = self.value(figure.node, figure.key, figure.over_arenas)
             if value is not None:
-                yield figure, _written(figure, value)
+                yield figure, figure.form.format(value)
 
     def _arena_text(self, arena: Health) -> str:
         """The figures of one arena and its agent."""
@@ -116,7 +115,7 @@ class GraphFigures:
             numbers = [_number(entry, figure.key) for entry in entries[:1]]
             if numbers and numbers[0] is not None:
                 label = figure.short or figure.label.partition(",")[0]
-                parts.append(f"{label} {_written(figure, numbers[0])}")
+                parts.append(f"{label} {figure.form.format(numbers[0])}")
         return "  ".join(parts) or arena.message
 
     def _refusals(self) -> str:
@@ -153,10 +152,6 @@ def _number(entry: Health, key: str) -> float | None:
     except (KeyError, ValueError):
         return None
     return number if math.isfinite(number) else None
-
-
-def _written(figure: Figure, value: float) -> str:
-    return figure.form.format(-value if figure.key in NEGATED else value)
 
 
 def _namespace(node: str) -> str:

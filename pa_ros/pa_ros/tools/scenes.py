@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from pa_ros.core.experience import Verdict
 from pa_ros.core.text import printable
 from pa_ros.language import parse, require_target
 from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES
 from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
@@ -42,9 +42,10 @@ class Scene:
         self.verdict: Verdict | None = None
         self._node = node
         self._step_reader: Any = None
-        self._receive = partial(_ignoring_errors, self._on_step)
+        guard = Refusals(lambda _: None).guard  # the graph's nodes report what can't be decoded
+        self._receive = guard(OBJECT_FEATURES.name, self._on_step)
         self._samples = SAMPLES.within(namespace)
-        ARENA_INFO.within(namespace).subscribe(node, partial(_ignoring_errors, self._on_arena))
+        ARENA_INFO.within(namespace).subscribe(node, guard(ARENA_INFO.name, self._on_arena))
         self._samples.subscribe(node, self._receive)
         self._steps = replace(OBJECT_FEATURES.within(namespace), reader=qos_profile_sensor_data)
         steady_timer(node, POLL_S, self._choose_source)
@@ -118,14 +119,6 @@ class SceneFigures:
         """One plain line, with the scene of a single arena."""
         scene = self._scenes.get("")
         return "  ".join(filter(None, [self._figures.line(), scene.line() if scene else ""]))
-
-
-def _ignoring_errors(receive: Callable[[Message], None], message: Message) -> None:
-    """A tool that only shows ignores what it can't decode; the graph's nodes report it."""
-    try:
-        receive(message)
-    except PaError:
-        return
 
 
 def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[str, ...]:

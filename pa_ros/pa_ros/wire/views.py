@@ -81,8 +81,8 @@ def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> Ma
     return MarkerArray(markers=markers)
 
 
-def encode_outlines(markers: MarkerArray, relevance: Sequence[float]) -> MarkerArray:
-    """Return a shell around each block of an arena's markers; its opacity shows p.
+def encode_outlines(markers: MarkerArray, relevance: Sequence[float]) -> MarkerArray | None:
+    """Return a shell around each block of an arena's markers, as opaque as p; None without blocks.
 
     :param relevance: p of each block, in the order of the observation's rows.
     """
@@ -94,7 +94,7 @@ def encode_outlines(markers: MarkerArray, relevance: Sequence[float]) -> MarkerA
         for name in "xyz":
             setattr(marker.scale, name, getattr(marker.scale, name) * SHELL)
         _color(marker, (1.0, 1.0, 1.0, 0.5 * p))
-    return MarkerArray(markers=blocks)
+    return MarkerArray(markers=blocks) if blocks else None
 
 
 def encode_image(picture: NDArray[np.uint8], frame: str, stamp_ns: int) -> Image:

@@ -52,11 +52,6 @@ class ReplayBuffer:
         if n_objects is not None:
             self._allocate(n_objects)
 
-    @property
-    def transitions(self) -> int:
-        """Number of sampleable transitions."""
-        return int(np.count_nonzero(~self.arrays["last"][: self.rows])) if self.arrays else 0
-
     def reward_per_step(self, rows: int = 2000) -> float:
         """Mean reward of the transitions in the newest rows; the buffer must not be empty."""
         newest = (self.head - 1 - np.arange(min(rows, self.rows))) % self.capacity
