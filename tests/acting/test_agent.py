@@ -262,6 +262,18 @@ def test_an_agent_whose_numbers_someone_else_used_up_continues_as_another_start(
     assert arm.agent.interrupted == 1 and not arm.agent.waiting
 
 
+def test_in_another_arena_an_agent_keeps_the_weights_of_its_learner() -> None:
+    arm = Arm(following(LEARNER))
+    arm.reset(0)
+    arm.run(10)
+    arm.agent.offer(published(1, mine=1))
+    arm.run(10)
+    arm.agent.follow(LEARNER, FACTS)  # the arena has restarted
+    arm.reset(1)
+    arm.run(10)
+    assert len(arm.sent) == 3 and arm.agent.version == 1
+
+
 def test_another_run_gets_no_trajectories_of_the_one_before(arm) -> None:
     arm.reset(0)
     arm.run(14)

@@ -64,7 +64,7 @@ class LearningAgent(Agent):
             check_arena(learner, arena)
             if self._window is None or not _same_run(self._window.learner, learner):
                 self._begin(learner)
-            else:
+            elif other:
                 self._window.resume(learner)
         except PaError as error:
             if not other:
