@@ -35,12 +35,8 @@ def parts(given: Any) -> list[str | Substitution]:
     return found
 
 
-def texts(given: list[str | Substitution], context: Context) -> list[str]:
-    return [one if isinstance(one, str) else one.perform(context) for one in given]
-
-
 def text(given: list[str | Substitution], context: Context) -> str:
-    return "".join(texts(given, context))
+    return "".join(one if isinstance(one, str) else one.perform(context) for one in given)
 
 
 class LaunchConfiguration(Substitution):
@@ -49,14 +45,6 @@ class LaunchConfiguration(Substitution):
 
     def perform(self, context: Context) -> str:
         return context[text(self._name, context)]
-
-
-class PathJoinSubstitution(Substitution):
-    def __init__(self, substitutions: Any) -> None:
-        self._parts = parts(substitutions)
-
-    def perform(self, context: Context) -> str:
-        return str(Path(*texts(self._parts, context)))
 
 
 class FindPackageShare(Substitution):
@@ -179,7 +167,7 @@ MODULES: dict[str, list[type]] = {
     "launch": [LaunchDescription],
     "launch.actions": [DeclareLaunchArgument, Shutdown],
     "launch.conditions": [IfCondition],
-    "launch.substitutions": [EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution],
+    "launch.substitutions": [EqualsSubstitution, LaunchConfiguration],
     "launch_ros": [],
     "launch_ros.actions": [Node],
     "launch_ros.parameter_descriptions": [ParameterValue],

@@ -46,10 +46,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, ArenaChoice, "arm", "preset")
     add_setting(parser, EvaluationConfig, "logic")
     parser.add_argument(
-        "--conditions", nargs="+", default=(), metavar="NAME",
-        help="generalization: only these conditions (all)",
-    )  # fmt: skip
-    parser.add_argument(
         "--tag", default="", help="part of the tables' names, if settings of learning are changed"
     )
     add_learning(parser, with_network=False)
@@ -225,10 +221,8 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     else:
         if options.cluster is not None:  # the cluster computes the scores that are read below
             with Cluster(options.cluster, options.extension) as cluster:
-                score_on(cluster, runs, scores, conditions=options.conditions, logic=logic)
-        for row in results.generalization(
-            agents, options.results, scores, suffix=suffix, conditions=options.conditions
-        ):
+                score_on(cluster, runs, scores, logic=logic)
+        for row in results.generalization(agents, options.results, scores, suffix=suffix):
             print(f"{row.condition:16s} {row.normalized:5.2f} [{row.low:5.2f}, {row.high:5.2f}]  "
                   f"best blind {row.blind_normalized:5.2f}")  # fmt: skip
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pa_ros.cli.options import folder_to_write
+SCORES = Path("runs/experiments/scores")  # so that an interrupted call can continue
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -14,13 +14,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", help="shipped:NAME is what it will be called")
     parser.add_argument(
         "--replace", action="store_true", help="the policy of that name, if there is one"
-    )
-    parser.add_argument(
-        "--scores",
-        type=folder_to_write,
-        default=Path("runs/experiments/scores"),
-        metavar="DIR",
-        help="where what was scored is kept (%(default)s)",
     )
 
 
@@ -45,6 +38,6 @@ def run(options: argparse.Namespace) -> int:
     from pa_ros.learning.checkpoints import check_ship_name, ship
 
     check_ship_name(options.name, options.replace)  # before it is scored
-    card = run_card(options.run, options.scores)
+    card = run_card(options.run, SCORES)
     print(ship(trained(options.run), options.name, card, options.replace))
     return 0
