@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from chaos import faults, messages
+from chaos import faults, messages, services
 from chaos.cycles import Cycle, mis_joined, orphans, run_cycle, shared_memory
 from chaos.faults import Fault
 from chaos.stage import Stage, staged
@@ -59,7 +59,8 @@ def all_faults() -> list[Fault]:
     """Every fault, those of one kind together."""
     return [*faults.process_faults(), *faults.order_faults(), *faults.disk_faults(),
             *messages.stranger_faults(), *faults.launcher_faults(), *messages.relay_faults(),
-            *faults.executing_faults(), *faults.fleet_faults()]  # fmt: skip
+            *services.service_faults(), *faults.executing_faults(),
+            *faults.fleet_faults()]  # fmt: skip
 
 
 def chosen(only: Sequence[str] = (), short: bool = False) -> list[Fault]:

@@ -1,9 +1,11 @@
 """What arena, agent and learner do, and don't, in each state of the standard's lifecycle."""
 
+import gc
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.parameter import Parameter
 
 from agent_node.node import AgentNode
 from helpers.graph import (
@@ -35,6 +37,7 @@ from pa_ros.wire.step import Command, encode_command
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
+KINDS = ("task", "fd")  # threads and open files of this process
 STEPS = SMALL["learner.schedule.trajectory_steps"]
 LEARNING = {
     "sim_node__resend_period_s": 0.2,
@@ -224,3 +227,31 @@ def test_a_learner_resumes_its_run_after_cleanup(tmp_path: Path) -> None:
         learned(3)
         assert worker().run.info.run_id == run_id
     assert read_metadata(checkpoint_of(tmp_path / "run"))["counters"]["version"] == 4
+
+
+def test_going_through_all_states_again_and_again_leaves_nothing_behind(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with graph(SimNode, AgentNode, LearnerNode, **LEARNING, learner_node__out=out) as probe:
+
+        def cycle() -> None:
+            for node in probe.nodes:
+                for change in ("deactivate", "cleanup", "configure", "activate"):
+                    getattr(node, f"trigger_{change}")()
+                    probe.until(lambda: True, 0.0)
+                    if node.has_parameter("resume"):
+                        node.set_parameters([Parameter("resume", value=True)])
+                assert node.state == "active"
+            assert resumes(probe, topics.OBJECT_FEATURES)
+
+        def left() -> list[int]:
+            gc.collect()
+            groups = [len(node.default_callback_group.entities) for node in probe.nodes]
+            return [*groups, *(len(list(Path(f"/proc/self/{kind}").iterdir())) for kind in KINDS)]
+
+        assert resumes(probe, topics.POLICY_WEIGHTS)
+        cycle()
+        before = left()
+        for _ in range(5):
+            cycle()
+        # The agent makes and destroys some subscriptions as others come and go.
+        assert all(now < then + 20 for now, then in zip(left(), before, strict=True))

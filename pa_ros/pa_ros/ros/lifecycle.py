@@ -248,6 +248,9 @@ class ManagedNode(LifecycleNode, ABC):
             permanent = id(entity) in self._permanent or of_clock
             if not permanent and not is_poll_timer(entity):
                 destroy(entity)
+        # rclpy never removes what it destroys from its callback group.
+        group: Any = self.default_callback_group
+        group.entities = {entity for entity in group.entities if entity() is not None}
         for server in servers_of(self):
             server.rest()
         self._own_parameters.open()
