@@ -1,5 +1,6 @@
 """Bags as files: written as stock tools expect, split, and rejected in one clear line."""
 
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -104,6 +105,10 @@ NOT_BAGS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "metadata that is not YAML": (
         lambda path: folder_with(path, bag__mcap="", metadata__yaml="a: ["), "record --repair",
+    ),
+    "a pipe": (os.mkfifo, "expected a regular file"),
+    "counts that are not JSON": (
+        lambda path: written(path, 1, close=False).close({LOST: "["}), "expected a JSON object",
     ),
 }  # fmt: skip
 

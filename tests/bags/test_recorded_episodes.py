@@ -1,7 +1,9 @@
 """Episodes of a bag: described, exported and filmed as they were recorded."""
 
 import csv
+import errno
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -168,6 +170,18 @@ def test_a_wrong_export_is_rejected_and_leaves_nothing(
     given = [one.replace("OUT", str(tmp_path / "out")) for one in arguments]
     assert export(stepped, *given) == 2
     assert said in capsys.readouterr().err and not [*tmp_path.iterdir()]
+
+
+def test_an_export_that_fails_leaves_no_file_under_its_final_name(
+    stepped, tmp_path, capsys, monkeypatch
+):
+    def fail(path: Path, **_: object) -> None:
+        path.write_bytes(b"some")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(np, "savez_compressed", fail)
+    assert export(stepped, "--out", tmp_path / "out") == 2
+    assert "No space left" in capsys.readouterr().err and not [*(tmp_path / "out").iterdir()]
 
 
 def test_a_file_for_rerun_follows_blocks_that_come_and_go(changing, tmp_path):

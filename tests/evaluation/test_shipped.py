@@ -56,11 +56,11 @@ def test_a_policy_whose_replacing_was_interrupted_is_whole(tmp_path, monkeypatch
     out = ship(source, "again", {"note": 1}, folder=tmp_path)
     written = list[Path]()
 
-    def killed(path, content):
+    def killed(path, *content):
         if written:
             raise KeyboardInterrupt
         written.append(path)
-        write_synced(path, content)
+        write_synced(path, *content)
 
     with monkeypatch.context() as dying:
         dying.setattr(checkpoints, "write_synced", killed)

@@ -12,9 +12,9 @@ from helpers.damage import explore
 from helpers.learners import ARENA, NETWORK, WORLD, trajectory
 from helpers.recordings import train
 from pa_ros.bags.errors import BagError
-from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
+from pa_ros.bags.summary import describe
 from pa_ros.core.errors import PaError
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoint_files import LATEST
@@ -71,7 +71,7 @@ def read_bag(bag: Path) -> None:
                 except BagError:
                     continue
         with Bag(bag) as opened:
-            Experience(opened)
+            describe(opened)
     except PaError as error:
         assert str(error)
 

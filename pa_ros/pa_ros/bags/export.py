@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.errors import BagError
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.files import written_beside
 
 TABLE = "episodes.csv"
 KINDS = ("npz", "parquet")
@@ -49,11 +50,12 @@ def export(
         stem = f"{'eval' if episode.evaluation else 'episode'}-{episode.number:06d}"
         written[stem] = written.get(stem, 0) + 1
         name = f"{stem}{f'-{written[stem]}' if written[stem] > 1 else ''}.{kind}"
-        write(folder / name, episode.arrays())
+        with written_beside(folder / name) as beside:
+            write(beside, episode.arrays())
         rows.append(_line(name, episode))
         missing.discard(episode.number)
     if rows:
-        with (folder / TABLE).open("w", newline="") as file:
+        with written_beside(folder / TABLE) as beside, beside.open("w", newline="") as file:
             csv.writer(file).writerows([COLUMNS, *rows])
     if missing:
         raise BagError(

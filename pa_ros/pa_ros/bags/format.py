@@ -16,12 +16,13 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.errors import BagError
-from pa_ros.core.files import take_lock
+from pa_ros.core.files import read_regular, take_lock
 from pa_ros.core.text import read_yaml
 
 BAG_VERSION: Final = 9  # of rosbag2's metadata, as ROS 2 Jazzy writes it
 DISTRIBUTION: Final = "jazzy"
 METADATA: Final = "metadata.yaml"
+LARGEST_METADATA: Final = 1 << 26  # bytes
 RESERVE: Final = ".reserve"  # a file that keeps space free for closing the bag on a full disk
 UNLIMITED: Final = _QosTime(9223372036, 854775807)  # how rosbag2 writes an unlimited duration
 
@@ -140,11 +141,11 @@ def information(
 def read_metadata(folder: Path) -> dict[str, Any]:
     """Return `rosbag2_bagfile_information` of a folder's metadata.yaml; empty without one.
 
-    Raises ValueError if the file is not YAML.
+    Raises ValueError if the file is not YAML, OSError if it cannot be read.
     """
     try:
-        content = read_yaml((folder / METADATA).read_text())
-    except OSError:
+        content = read_yaml(read_regular(folder / METADATA, LARGEST_METADATA).decode())
+    except (FileNotFoundError, NotADirectoryError):
         return {}
     about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     return about if isinstance(about, dict) else {}

@@ -234,6 +234,10 @@ def _connections(reader: Reader) -> dict[str, list[Connection]]:
 def _check_finished(path: Path) -> None:
     if not path.exists():
         raise BagError(f"bag: {path}: expected a bag, found none")
+    # Reading a pipe or a device might never end.
+    for one in path.iterdir() if path.is_dir() else [path]:
+        if not (one.is_file() or one.is_dir()):
+            raise damaged(one, "expected a regular file, got a device or a pipe")
     if path.is_dir() and not (path / METADATA).exists():
         storage_files(path)
         FolderLock(path).release()  # raises if the bag is still being written

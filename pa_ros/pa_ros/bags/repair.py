@@ -56,7 +56,7 @@ def repair(folder: Path) -> Repaired:
     files = storage_files(folder)
     try:
         about = read_metadata(folder)
-    except ValueError:
+    except (OSError, ValueError):
         about = {}  # the damaged metadata.yaml is written anew
     if about.get("compression_mode"):
         raise BagError(f"bag: {folder}: a compressed bag can be read but not repaired")

@@ -12,7 +12,7 @@ import numpy as np
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import TRAJECTORIES, Experience
-from pa_ros.bags.format import BEFORE, LOST, REPAIRED
+from pa_ros.bags.format import BEFORE, LOST, METADATA, REPAIRED, damaged
 from pa_ros.bags.reader import Bag
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, TrajectoryKey
@@ -61,13 +61,25 @@ def describe(bag: Bag, namespace: str | None = None) -> tuple[list[str], bool]:
 
 
 def _topics(bag: Bag) -> list[str]:
-    lost, before = (json.loads(bag.custom.get(key, "{}")) for key in (LOST, BEFORE))
+    lost, before = _counts(bag, LOST), _counts(bag, BEFORE)
     lines = []
     for name, count in bag.counts.items():
         note = f", {lost[name]} lost while recording" if lost.get(name) else ""
         note += f", {before[name]} published before recording began" if before.get(name) else ""
         lines.append(f"  {name}  {bag.types[name]}  {count}{note}")
     return lines
+
+
+def _counts(bag: Bag, key: str) -> dict[str, object]:
+    """Return messages by topic, as metadata.yaml states them. Raises BagError."""
+    text = bag.custom.get(key, "{}")
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise damaged(bag.path, f"{METADATA}: {key}: expected a JSON object, got {text[:100]!r}")
+    return found
 
 
 def _learning(bag: Bag, namespace: str | None) -> list[str]:

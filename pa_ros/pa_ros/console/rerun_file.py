@@ -18,6 +18,7 @@ from pa_ros.console.insight import Moment
 from pa_ros.console.replay import Replay
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
+from pa_ros.core.files import written_beside
 from pa_ros.wire.arena import ArenaDescription
 
 VERDICTS = {True: "satisfied", False: "not yet", None: "not recorded"}
@@ -44,18 +45,17 @@ def write_rerun(replay: Replay, path: Path, numbers: Collection[int] | None = No
         for place, episode in enumerate(replay.episodes)
         if numbers is None or episode.number in numbers
     ]
-    try:
-        with rerun.RecordingStream("pa_ros", recording_id=path.stem) as stream:
-            stream.save(str(path))
-            stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            writer = _EpisodeWriter(rerun, stream, replay.arena)
-            for place, episode in chosen:
-                moments = [replay.moment(place, step) for step in range(len(episode.rows))]
-                writer.write(episode, moments)
-            stream.flush()
-    except BaseException:
-        path.unlink(missing_ok=True)  # nothing tells how much of a file is missing
-        raise
+    with (
+        written_beside(path) as beside,
+        rerun.RecordingStream("pa_ros", recording_id=path.stem) as stream,
+    ):
+        stream.save(str(beside))
+        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        writer = _EpisodeWriter(rerun, stream, replay.arena)
+        for place, episode in chosen:
+            moments = [replay.moment(place, step) for step in range(len(episode.rows))]
+            writer.write(episode, moments)
+        stream.flush()
     return len(chosen)
 
 

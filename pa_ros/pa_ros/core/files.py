@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import fcntl
+import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,8 +14,8 @@ from pathlib import Path
 def written_beside(path: Path) -> Iterator[Path]:
     """A path to write to, which replaces `path` at the end of the block.
 
-    If the block fails, `path` stays as it was. Missing folders are made. A symbolic link stays one.
-    Something that is no regular file (/dev/stdout) is written to directly.
+    If the block fails, `path` stays as it was, and an OSError names it. Missing folders are made. A
+    symbolic link stays one. What is no regular file (/dev/stdout) is written to directly.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     path = path.resolve()
@@ -25,20 +27,33 @@ def written_beside(path: Path) -> Iterator[Path]:
     try:
         yield beside
         beside.replace(path)
+    except OSError as error:
+        if error.errno is not None:
+            error.filename = error.filename or str(path)
+        raise
     finally:
         with suppress(OSError):
             beside.unlink()
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file by `written_beside`, with line ends as they are. An OSError names the file."""
-    try:
-        with written_beside(path) as beside, beside.open("w", newline="") as file:
-            file.write(text)
-            file.flush()
-    except OSError as error:
-        error.filename = error.filename or str(path)
-        raise
+    """Write a file by `written_beside`, with line ends as they are."""
+    with written_beside(path) as beside, beside.open("w", newline="") as file:
+        file.write(text)
+
+
+def read_regular(path: Path, most: int) -> bytes:
+    """Return the content of a file. Raises OSError if it is a device or a pipe, which may have no
+    end, or if it has more than `most` bytes."""
+    # Without O_NONBLOCK, opening a pipe would wait for somebody to write into it.
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    with open(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(f"{path}: expected a regular file, got a device or a pipe")
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise OSError(f"{path}: expected at most {most} bytes, got more")
+    return content
 
 
 def take_lock(descriptor: int) -> bool:

@@ -8,27 +8,32 @@ one and is replaced atomically. So a crash at any moment leaves a whole checkpoi
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import re
 import shutil
-from collections.abc import Collection, Mapping
+import struct
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save
+from safetensors.numpy import load_file
 
+from pa_ros.core.files import read_regular
 from pa_ros.learning.errors import CheckpointError
 
 LATEST = "LATEST"
 METADATA = "metadata.json"
+LARGEST_TEXT = 1 << 28  # bytes of metadata.json, which contains a ledger
 SUMS = "SHA256SUMS"  # as `sha256sum` writes it; `sha256sum --check` reads it
 SHIPPED = Path(__file__).parents[1] / "shipped"
 SHIPPED_PREFIX = "shipped:"
 
 Arrays = dict[str, NDArray[Any]]
+Pieces = Sequence[Any]  # of a file's content, in turn: bytes, or arrays of bytes
 
 
 def find_checkpoint(path: Path) -> Path:
@@ -56,7 +61,7 @@ def completed(root: Path) -> list[Path]:
     return sorted(path for path in names if path.is_dir())
 
 
-def write_checkpoint(root: Path, name: str, files: Mapping[str, bytes]) -> None:
+def write_checkpoint(root: Path, name: str, files: Mapping[str, Pieces]) -> None:
     """Write a checkpoint's files and checksums and make it the latest.
 
     The checkpoint before it is kept, older ones are removed. Raises CheckpointError if it cannot be
@@ -68,8 +73,8 @@ def write_checkpoint(root: Path, name: str, files: Mapping[str, bytes]) -> None:
         for leftover in (unfinished, finished):  # of a crash; LATEST names neither
             shutil.rmtree(leftover, ignore_errors=True)
         unfinished.mkdir()
-        for file_name, content in {**files, SUMS: _checksums(files)}.items():
-            write_synced(unfinished / file_name, content)
+        sums = (f"{write_synced(unfinished / one, *files[one])}  {one}\n" for one in files)
+        write_synced(unfinished / SUMS, "".join(sums).encode())
         # The content must be on the disk before the rename is, or a power cut could leave a
         # finished name with empty files.
         _sync_folder(unfinished)
@@ -152,11 +157,12 @@ def check_files(directory: Path, names: Collection[str] = ()) -> None:
     if not sums.exists():
         return
     try:
-        lines = [line.split("  ", 1) for line in sums.read_text("ascii").splitlines()]
+        text = read_regular(sums, LARGEST_TEXT).decode("ascii")
+        lines = [line.split("  ", 1) for line in text.splitlines()]
         stated = {name: digest for digest, name in lines}
         present = [path.name for path in directory.glob("*.*")]
         for name in names or {*present, *stated}:
-            found = hashlib.sha256((directory / name).read_bytes()).hexdigest()
+            found = _digest(directory / name)
             if found != stated.get(name):
                 raise CheckpointError(
                     f"checkpoint: {directory / name}: expected SHA-256 {stated.get(name)}, "
@@ -166,11 +172,22 @@ def check_files(directory: Path, names: Collection[str] = ()) -> None:
         raise CheckpointError(f"checkpoint: {directory}: {SUMS}: {error}") from error
 
 
-def packed(arrays: Arrays) -> bytes:
-    """Content of a safetensors file."""
-    # The library writes strided arrays wrongly without a word, so make them contiguous.
-    content: bytes = save({k: np.asarray(array, order="C") for k, array in arrays.items()})
-    return content
+def packed(arrays: Arrays) -> Pieces:
+    """Content of a safetensors file: a header, and views of the arrays."""
+    # The library would copy all arrays twice, so a full replay buffer would not fit in memory.
+    # The largest numbers come first, as there, so that each array is aligned.
+    content = {k: np.asarray(v, order="C") for k, v in arrays.items()}
+    names = sorted(content, key=lambda name: (-content[name].itemsize, name))
+    header, end = {}, 0
+    for name in names:
+        array = content[name]
+        kind = f"{array.dtype.kind.upper()}{8 * array.itemsize}".replace("B8", "BOOL")
+        offsets = [end, end := end + array.nbytes]
+        header[name] = {"dtype": kind, "shape": array.shape, "data_offsets": offsets}
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 8)
+    flat = (content[name].reshape(-1).view(np.uint8) for name in names)
+    return [struct.pack("<Q", len(text)), text, *flat]
 
 
 def load_arrays(path: Path) -> Arrays:
@@ -182,12 +199,23 @@ def load_arrays(path: Path) -> Arrays:
     return {name: np.array(array) for name, array in arrays.items()}
 
 
-def write_synced(path: Path, content: bytes) -> None:
-    """Write a file through to the disk."""
+def write_synced(path: Path, *pieces: Any) -> str:
+    """Write a file, bytes or arrays of bytes in turn, through to the disk; its SHA-256."""
+    digest = hashlib.sha256()
     with path.open("wb") as file:
-        file.write(content)
+        for piece in pieces:
+            file.write(piece)
+            digest.update(piece)
         file.flush()
         os.fsync(file.fileno())
+    return digest.hexdigest()
+
+
+def _digest(path: Path) -> str:
+    if not path.is_file():
+        raise OSError(f"{path}: expected a regular file")
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _sync_folder(path: Path) -> None:
@@ -198,14 +226,9 @@ def _sync_folder(path: Path) -> None:
         os.close(descriptor)
 
 
-def _checksums(files: Mapping[str, bytes]) -> bytes:
-    sums = (f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in files.items())
-    return "".join(sums).encode()
-
-
 def latest_name(root: Path) -> str:
     """Name of the checkpoint that LATEST names; empty: none."""
     try:
-        return (root / LATEST).read_text(encoding="ascii").strip()
+        return read_regular(root / LATEST, LARGEST_TEXT).decode("ascii").strip()
     except (OSError, UnicodeDecodeError):
         return ""

@@ -25,9 +25,11 @@ from numpy.typing import NDArray
 from pa_ros import __version__
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot
+from pa_ros.core.files import read_regular
 from pa_ros.core.settings import read_json
 from pa_ros.language import parse
 from pa_ros.learning.checkpoint_files import (
+    LARGEST_TEXT,
     METADATA,
     SHIPPED,
     check_files,
@@ -84,7 +86,7 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
         "extra": extra or {},
     }
     files = {
-        METADATA: json.dumps(values, indent=1).encode(),
+        METADATA: [json.dumps(values, indent=1).encode()],
         "engine.safetensors": packed(tensors),
         "replay.safetensors": packed(learner.replay.filled()),
         POLICIES: packed(policies),
@@ -98,7 +100,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
     directory = find_checkpoint(path)
     check_files(directory, (METADATA,))
     try:
-        values = read_json((directory / METADATA).read_text())
+        values = read_json(read_regular(directory / METADATA, LARGEST_TEXT).decode())
         found = values["format"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {METADATA}: {error!r}") from error
@@ -253,7 +255,7 @@ def ship(
         shutil.rmtree(leftover, ignore_errors=True)
     new.mkdir(parents=True)
     write_synced(new / METADATA, (json.dumps(values, indent=1) + "\n").encode())
-    write_synced(new / POLICIES, packed(tensors))
+    write_synced(new / POLICIES, *packed(tensors))
     if out.exists():
         # Only between these two renames is there no policy of this name.
         os.rename(out, old)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import array
 import hmac
-import os
 import stat
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,10 +22,12 @@ from typing import Any, Final
 
 from msgs_schema import msg
 from pa_ros.core.errors import PaError
+from pa_ros.core.files import read_regular
 from pa_ros.wire import Message
 
 SIGNED: Final = tuple(kind for kind in vars(msg).values() if hasattr(kind, "signature"))
 KEY_BYTES: Final = 32  # least length of a key
+MOST_KEY_BYTES: Final = 4096
 WINDOW: Final = 64  # how many counters a message may arrive late
 _FIELD: Final = "signature"
 
@@ -46,9 +47,8 @@ def read_key(path: Path) -> bytes:
     `head -c 32 /dev/urandom > FILE` makes one.
     """
     try:
-        with path.open("rb") as file:
-            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
-            key = file.read(4096)
+        mode = stat.S_IMODE(path.stat().st_mode)
+        key = read_regular(path, MOST_KEY_BYTES)
     except OSError as error:
         raise SigningError(f"auth_key_file: {error}", code="auth.key_file") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
